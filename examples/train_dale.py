@@ -1,0 +1,243 @@
+#!/usr/bin/env python
+"""Trains DALE, ratings to latents, level and friction coefficient, on latents of a frozen LCTG (paper section 2.3).
+
+    accelerate launch examples/train_dale.py --train_data_dir prepared.h5 \
+        --pretrained_model_name_or_path runs/lctg --output_dir runs/pipeline
+
+The output folder is the whole pipeline: TactileTexturePipeline.from_pretrained("runs/pipeline").
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+from tqdm.auto import tqdm
+
+from tactile_diffusers import DALEModel, TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.models.dale import NUM_SCALARS
+from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
+from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
+from tactile_diffusers.training.loop import Trainer, make_accelerator
+from tactile_diffusers.training.losses import rating_loss, velocity_loss
+from tactile_diffusers.training.rating_head import train_rating_head
+
+
+def parse_args(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_training_arguments(parser)
+    parser.set_defaults(train_batch_size=64)
+    parser.add_argument("--pretrained_model_name_or_path", required=True, help="pipeline folder with the trained LCTG")
+    parser.add_argument("--model_config_name_or_path", help="JSON with dale and dale_scheduler arguments")
+    parser.add_argument("--condition_dropout", type=float, default=0.25, help="probability of dropping each axis")
+    parser.add_argument("--unconditional", type=float, default=0.1, help="probability of dropping all axes")
+    parser.add_argument(
+        "--rating_jitter", type=float, default=1.0, help="spread of the ratings in units of their mean's standard error"
+    )
+    parser.add_argument("--scalar_weight", type=float, default=0.2, help="loss weight of level and log friction")
+    parser.add_argument("--conditioning_weight", type=float, default=0.05, help="of the auxiliary loss; 0 = off")
+    args = parser.parse_args(argv)
+    check_training_arguments(args)
+    for name in ("condition_dropout", "unconditional"):
+        if not 0 <= getattr(args, name) <= 1:
+            raise ValueError(f"--{name} must lie in [0, 1], got {getattr(args, name)}.")
+    return args
+
+
+class DALETrainingStep(nn.Module):
+    """The v-objective in latent space, with dropped ratings and the auxiliary conditioning loss."""
+
+    def __init__(self, model, scheduler, head, args):
+        super().__init__()
+        self.model, self.scheduler, self.args = model, scheduler, args
+        self.head = [head]  # in a list: frozen, so no part of what is trained, averaged or saved
+
+    def forward(self, batch, generator):
+        args, clean, device = self.args, batch["state"], batch["state"].device
+
+        def uniform(*shape):
+            return torch.rand(shape, generator=generator, device=device)
+
+        def normal(shape):
+            return torch.randn(shape, generator=generator, device=device)
+
+        ratings = batch["ratings"] + args.rating_jitter * batch["ratings_error"] * normal(batch["ratings"].shape)
+        dropped = (uniform(*ratings.shape) < args.condition_dropout) | (uniform(len(ratings), 1) < args.unconditional)
+        ratings = ratings.masked_fill(dropped, torch.nan)
+
+        noise = normal(clean.shape)
+        strata = (torch.arange(len(clean), device=device) + uniform(len(clean))) / len(clean)  # of the angle phi
+        timesteps = strata * self.scheduler.config.num_train_timesteps - 1
+        noisy = self.scheduler.add_noise(clean, noise, timesteps)
+        velocity = self.model(noisy, timesteps, ratings, return_dict=False)[0].float()
+        target = self.scheduler.get_velocity(clean, noise, timesteps)
+
+        latent_loss = velocity_loss(velocity[:, :-NUM_SCALARS], target[:, :-NUM_SCALARS]).mean()
+        # only the sum over frames is ever read of the two scalar channels; friction may be unknown
+        frames = clean.shape[-1] ** 0.5
+        difference = (velocity - target)[:, -NUM_SCALARS:].sum(-1) / frames
+        scalar_loss = (difference * batch["known_scalars"]).square().mean()
+        loss = latent_loss + args.scalar_weight * scalar_loss
+        scalars = {"velocity": latent_loss.detach(), "scalars": scalar_loss.detach()}
+        if args.conditioning_weight:
+            predicted = self.scheduler.get_original_sample(velocity, noisy, timesteps)
+            # far from the data x0 is hardly known: weight cos^2 phi
+            weight = self.scheduler.angle(timesteps).cos().square()
+            conditioning = (weight * rating_loss(self.head[0](predicted), ratings)).mean()
+            loss = loss + args.conditioning_weight * conditioning
+            scalars["conditioning"] = conditioning.detach()
+        return loss, scalars
+
+
+def encode_dataset(pipe, dataset, quiet, batch_size=64):
+    """Latents of all segments: (n, latent_channels, frames) float32. The encoder is frozen, so once is enough."""
+    latents = []
+    for start in tqdm(range(0, len(dataset), batch_size), disable=quiet, desc="latents"):
+        rows = dataset.textures(np.arange(start, min(start + batch_size, len(dataset))))
+        latents.append(pipe.encode(rows, dataset.sampling_rate).latents.float().cpu())
+    return torch.cat(latents)
+
+
+def statistics(values):
+    """Mean and standard deviation as floats; (0, 1) where nothing is known."""
+    values = np.asarray(values, dtype=np.float64)
+    values = values[np.isfinite(values)]
+    return (float(values.mean()), float(max(values.std(), 1e-3))) if len(values) else (0.0, 1.0)
+
+
+def build_dale(args, pipe, dataset, latents):
+    """A new DALE whose config holds the statistics of the training set."""
+    config = json.loads(Path(args.model_config_name_or_path).read_text()) if args.model_config_name_or_path else {}
+    level_mean, level_std = statistics(dataset.levels)
+    friction_mean, friction_std = statistics(np.log(np.maximum(dataset.friction_coefficients, 1e-3)))
+    ratings = dataset.surface_ratings[np.unique(dataset.surface_ids)]
+    settings = {
+        "in_channels": pipe.lctg.config.latent_channels + NUM_SCALARS,
+        "latent_frames": latents.shape[-1],
+        "latent_mean": latents.mean((0, 2)).tolist(),
+        "latent_std": latents.std((0, 2)).clamp_min(1e-3).tolist(),
+        "level_mean": level_mean,
+        "level_std": level_std,
+        "log_friction_mean": friction_mean,
+        "log_friction_std": friction_std,
+        "ratings_mean": [float(v) for v in dataset.ratings_mean],
+        "ratings_std": [float(v) for v in dataset.ratings_scale],
+        "ratings_range": [
+            [float(low), float(high)] for low, high in zip(*np.nanquantile(ratings, [0, 1], axis=0), strict=True)
+        ],
+        "reference_speed": statistics(dataset.speeds)[0],
+        **config.get("dale", {}),
+    }
+    return DALEModel(**settings), VDDIMScheduler(**config.get("dale_scheduler", {}))
+
+
+def make_states(dale, dataset, latents):
+    """Per segment: the clean state, its ratings with their standard error, and which scalars are known."""
+    friction = torch.from_numpy(np.asarray(dataset.friction_coefficients, dtype=np.float32))
+    level = torch.from_numpy(np.asarray(dataset.levels, dtype=np.float32))
+    surfaces = dataset.surface_ids
+    error = dataset.surface_ratings_std / np.sqrt(np.maximum(dataset.surface_ratings_count, 1))
+    return {
+        "state": torch.cat(
+            [dale.pack(*parts) for parts in zip(latents.split(512), level.split(512), friction.split(512), strict=True)]
+        ),
+        "ratings": torch.from_numpy(dataset.surface_ratings[surfaces].astype(np.float32)),
+        "ratings_error": torch.nan_to_num(torch.from_numpy(error[surfaces].astype(np.float32))),
+        "known_scalars": torch.stack([torch.ones_like(level), torch.isfinite(friction).float()], dim=1),
+    }
+
+
+class Rows(torch.utils.data.Dataset):
+    """Rows of equally long tensors, as dicts."""
+
+    def __init__(self, tensors):
+        self.tensors = tensors
+
+    def __len__(self):
+        return len(next(iter(self.tensors.values())))
+
+    def __getitem__(self, index):
+        return {name: values[index] for name, values in self.tensors.items()}
+
+
+def make_validation(args, pipe, held_out):
+    """Velocity error on unseen surfaces with and without their ratings, and one axis swept (picture)."""
+    count = min(args.validation_samples * 4, len(held_out["state"]))
+    rows = torch.randperm(len(held_out["state"]), generator=torch.Generator().manual_seed(0))[:count]
+    clean, ratings = held_out["state"][rows], held_out["ratings"][rows]
+    noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(1))
+    scheduler = VDDIMScheduler()
+    timesteps = torch.linspace(0, scheduler.config.num_train_timesteps - 1, count)
+    noisy, target = scheduler.add_noise(clean, noise, timesteps), scheduler.get_velocity(clean, noise, timesteps)
+
+    def validate(model, step):
+        device = next(model.parameters()).device
+        losses = {}
+        for name, condition in (("rated", ratings), ("unrated", torch.full_like(ratings, torch.nan))):
+            parts = zip(noisy.split(64), timesteps.split(64), condition.split(64), strict=True)
+            velocity = torch.cat([model(*(p.to(device) for p in part), return_dict=False)[0].cpu() for part in parts])
+            losses[f"velocity_{name}"] = velocity_loss(velocity[:, :-NUM_SCALARS], target[:, :-NUM_SCALARS]).mean()
+            difference = (velocity - target)[:, -NUM_SCALARS:].sum(-1) / clean.shape[-1] ** 0.5
+            losses[f"scalars_{name}"] = difference.square().mean()
+        whole = TactileTexturePipeline(
+            lctg=pipe.lctg,
+            feature_extractor=pipe.feature_extractor,
+            scheduler=pipe.scheduler,
+            dale=model,
+            dale_scheduler=VDDIMScheduler(),
+        )
+        whole.set_progress_bar_config(disable=True)
+        plot_axis_sweep(whole, Path(args.output_dir) / "validation.png", takes=8)
+        return losses
+
+    return validate
+
+
+def main(argv=None):
+    args = parse_args(argv)
+    pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
+    accelerator = make_accelerator(args)
+    pipe.to(accelerator.device)
+    pipe.lctg.requires_grad_(False)
+    rate = pipe.feature_extractor.sampling_rate
+    dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
+    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered", rate, max_samples=2000)
+    latents = encode_dataset(pipe, dataset, args.quiet)
+    dale, dale_scheduler = build_dale(args, pipe, dataset, latents)
+    states = make_states(dale, dataset, latents)
+    held_out_states = make_states(dale, held_out, encode_dataset(pipe, held_out, args.quiet))
+    del latents
+    head = None
+    if args.conditioning_weight:
+        head, scores = train_rating_head(
+            states["state"], states["ratings"], held_out_states["state"], held_out_states["ratings"], seed=args.seed
+        )
+        accelerator.print("rating head, R² on unseen surfaces:", [round(score, 3) for score in scores])
+        head.to(accelerator.device)
+    trainer = Trainer(
+        accelerator,
+        args,
+        DALETrainingStep(dale, dale_scheduler, head, args),
+        "dale",
+        Rows(states),
+        None,
+        make_validation(args, pipe, held_out_states),
+    )
+    dale = trainer.run()
+    if accelerator.is_main_process:
+        whole = TactileTexturePipeline(
+            lctg=pipe.lctg,
+            feature_extractor=pipe.feature_extractor,
+            scheduler=pipe.scheduler,
+            dale=dale,
+            dale_scheduler=dale_scheduler,
+        )
+        whole.save_pretrained(str(args.output_dir))
+        plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
+
+
+if __name__ == "__main__":
+    main()

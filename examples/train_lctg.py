@@ -1,0 +1,181 @@
+#!/usr/bin/env python
+"""Trains LCTG, the encoder and diffusion decoder of textures (paper sections 2.2 and 2.3).
+
+The paper's two phases are two runs: first on the full set, then, from its result, on the segments inside the limits.
+
+    accelerate launch examples/train_lctg.py --train_data_dir prepared.h5 --subset full --output_dir runs/lctg_full
+    accelerate launch examples/train_lctg.py --train_data_dir prepared.h5 --subset filtered \
+        --pretrained_model_name_or_path runs/lctg_full --output_dir runs/lctg
+
+The output folder is a pipeline that reconstructs: TactileTexturePipeline.from_pretrained("runs/lctg").
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from tactile_diffusers import LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.features import fit_preemphasis
+from tactile_diffusers.signal import nine_band_error_db, resample
+from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
+from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
+from tactile_diffusers.training.loop import Trainer, make_accelerator
+from tactile_diffusers.training.losses import multi_resolution_spectral_loss, velocity_loss
+
+
+def parse_args(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_training_arguments(parser)
+    parser.add_argument("--subset", choices=["full", "filtered"], default="filtered", help="segments to train on")
+    parser.add_argument("--pretrained_model_name_or_path", help="pipeline folder to go on from (second phase)")
+    parser.add_argument("--model_config_name_or_path", help="JSON with feature_extractor, lctg and scheduler arguments")
+    parser.add_argument("--spectral_loss_weight", type=float, default=0.0, help="of the frequency-aware loss; 0 = off")
+    parser.add_argument("--preemphasis_clip_db", type=float, default=30.0, help="largest whitening gain; 0 = none")
+    args = parser.parse_args(argv)
+    check_training_arguments(args)
+    if args.spectral_loss_weight < 0 or args.preemphasis_clip_db < 0:
+        raise ValueError("--spectral_loss_weight and --preemphasis_clip_db must not be negative.")
+    return args
+
+
+class LCTGTrainingStep(nn.Module):
+    """The v-objective on a batch, with noise on the latents and, if weighted, the frequency-aware loss."""
+
+    def __init__(self, model, scheduler, num_filters, spectral_loss_weight):
+        super().__init__()
+        self.model, self.scheduler = model, scheduler
+        self.num_filters, self.spectral_loss_weight = num_filters, spectral_loss_weight
+
+    def forward(self, batch, generator):
+        clean, features = batch["waveform"][:, None], batch["input_features"]
+
+        def draw(like):
+            return torch.randn(like.shape, generator=generator, device=like.device)
+
+        # a texture has no polarity: the waveform and its copy in the features change sign together
+        sign = draw(clean[:, :, :1]).sign()
+        clean = clean * sign
+        features = torch.cat([features[:, : self.num_filters], features[:, self.num_filters :] * sign], dim=1)
+        latents = self.model.encode(features)
+        latents = latents + self.model.config.latent_noise * draw(latents)
+        noise = draw(clean)
+        # phi is uniform and stratified over the batch: the loss is less noisy from step to step
+        strata = torch.arange(len(clean), device=clean.device) + torch.rand(
+            len(clean), generator=generator, device=clean.device
+        )
+        timesteps = strata / len(clean) * self.scheduler.config.num_train_timesteps - 1
+        noisy = self.scheduler.add_noise(clean, noise, timesteps)
+        velocity = self.model(noisy, timesteps, latents, return_dict=False)[0]
+        loss = velocity_loss(velocity, self.scheduler.get_velocity(clean, noise, timesteps)).mean()
+        scalars = {"velocity": loss.detach()}
+        if self.spectral_loss_weight:
+            predicted = self.scheduler.get_original_sample(velocity.float(), noisy, timesteps)
+            spectral = multi_resolution_spectral_loss(predicted[:, 0], clean[:, 0])
+            # far from the data the prediction is an average, which has no texture's spectrum: weight cos^2 phi
+            spectral = (spectral * self.scheduler.angle(timesteps).cos().square()).mean()
+            loss = loss + self.spectral_loss_weight * spectral
+            scalars["spectral"] = spectral.detach()
+        return loss, scalars
+
+
+def build_components(args):
+    """Feature extractor, model and scheduler: from a pipeline folder, or new from a config and the data's spectrum."""
+    if args.pretrained_model_name_or_path:
+        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
+        return pipe.feature_extractor, pipe.lctg, pipe.scheduler
+    config = json.loads(Path(args.model_config_name_or_path).read_text()) if args.model_config_name_or_path else {}
+    unknown = set(config) - {"feature_extractor", "lctg", "scheduler"}
+    if unknown:
+        raise ValueError(f"--model_config_name_or_path has unknown sections {sorted(unknown)}.")
+    native = PreparedDataset(args.train_data_dir, "train", "filtered")  # the spectrum of what will be generated
+    settings = {"band": tuple(native.band), **config.get("feature_extractor", {})}
+    if args.preemphasis_clip_db:
+        sample = np.random.default_rng(args.seed).permutation(len(native))[:500]
+        frequencies, gains = fit_preemphasis(
+            native.textures(np.sort(sample)), native.sampling_rate, settings["band"], clip_db=args.preemphasis_clip_db
+        )
+        settings |= {"preemphasis_frequencies": frequencies, "preemphasis_db": gains}
+    extractor = TactileFeatureExtractor(**settings)
+    model_settings = {
+        "feature_channels": extractor.feature_size,
+        "feature_hop": extractor.hop_length,
+        "latent_hop": extractor.hop_length * extractor.frame_multiple,
+        **config.get("lctg", {}),
+    }
+    return extractor, LCTGModel(**model_settings), VDDIMScheduler(**config.get("scheduler", {}))
+
+
+def make_collate(extractor, sampling_rate):
+    """Items -> whitened waveforms and features."""
+
+    def collate(items):
+        textures = torch.stack([item["texture"] for item in items])
+        waveform, _ = extractor.normalize(textures, sampling_rate)
+        return {
+            "waveform": torch.from_numpy(waveform),
+            "input_features": torch.from_numpy(extractor.features(waveform)),
+        }
+
+    return collate
+
+
+def make_validation(args, extractor, scheduler, dataset):
+    """Nine-band error and SNR of reconstructions of held-out segments, beside silence (0 dB) and another take."""
+    count = min(args.validation_samples, len(dataset))
+    chosen = np.sort(np.random.default_rng(0).permutation(len(dataset))[:count])
+    real = dataset.textures(chosen)
+
+    def validate(model, step):
+        pipe = TactileTexturePipeline(
+            lctg=model, scheduler=VDDIMScheduler.from_config(scheduler.config), feature_extractor=extractor
+        )
+        pipe.set_progress_bar_config(disable=True)
+        made = []
+        for start in range(0, count, args.eval_batch_size):
+            rows = real[start : start + args.eval_batch_size]
+            generator = torch.Generator("cpu").manual_seed(start)
+            out = pipe.reconstruct(rows, dataset.sampling_rate, num_inference_steps=10, generator=generator)
+            made.append(out.textures)
+        made, rate = np.concatenate(made), extractor.delivery_rate
+        reference = resample(real, dataset.sampling_rate, rate)[:, : made.shape[-1]]
+        error = np.square(made - reference).mean(-1)
+        plot_reconstructions(reference[:4], made[:4], rate, Path(args.output_dir) / "validation.png")
+        return {
+            "nine_band_db": nine_band_error_db(made, reference, rate).mean(),
+            "snr_db": (10 * np.log10(np.square(reference).mean(-1) / error)).mean(),
+        }
+
+    return validate
+
+
+def main(argv=None):
+    args = parse_args(argv)
+    accelerator = make_accelerator(args)
+    extractor, model, scheduler = build_components(args)
+    dataset = PreparedDataset(
+        args.train_data_dir, "train", args.subset, extractor.sampling_rate, max_samples=args.max_train_samples
+    )
+    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
+    trainer = Trainer(
+        accelerator,
+        args,
+        LCTGTrainingStep(model, scheduler, extractor.num_filters, args.spectral_loss_weight),
+        "lctg",
+        dataset,
+        make_collate(extractor, extractor.sampling_rate),
+        make_validation(args, extractor, scheduler, held_out),
+    )
+    model = trainer.run()
+    if accelerator.is_main_process:
+        pipe = TactileTexturePipeline(lctg=model, scheduler=scheduler, feature_extractor=extractor)
+        pipe.save_pretrained(str(args.output_dir))
+        plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,12 @@
+"""The checkpoint that comes with the package."""
+
+from pathlib import Path
+
+
+def bundled_checkpoint():
+    """Folder of the bundled checkpoint, trained on virtual surfaces; see its README.md for how.
+
+    Returns:
+        `str`: a path for `TactileTexturePipeline.from_pretrained`.
+    """
+    return str(Path(__file__).parent / "virtual-surfaces")

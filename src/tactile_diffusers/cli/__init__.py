@@ -1,0 +1,1 @@
+"""The command line. The scripts in `examples/` are thin over it."""

@@ -1,0 +1,52 @@
+"""Files that are either whole or absent."""
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+
+
+@contextmanager
+def whole_file(path):
+    """Yields an `h5py.File` under a temporary name beside `path`, renamed to `path` only if the block succeeds.
+
+    Args:
+        path (`str` or `Path`): the final name; an existing file is replaced at the end, in one step.
+
+    Raises:
+        FileNotFoundError: if the folder of `path` does not exist.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with h5py.File(temporary, "w") as file:
+            yield file
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def open_whole(path):
+    """Opens an HDF5 file for reading.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: if the file is truncated or not HDF5.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"There is no file {path}.")
+    try:
+        return h5py.File(path, "r")
+    except OSError as error:
+        raise ValueError(
+            f"{path} is truncated or no HDF5 file ({error}). Copy it again, or write it again from its source."
+        ) from error
+
+
+def as_strings(dataset):
+    """Strings of an HDF5 dataset, of variable length in UTF-8 or of fixed length: a tuple of `str`."""
+    return tuple(value.decode("utf-8") if isinstance(value, bytes) else str(value) for value in dataset[()])

@@ -1,0 +1,322 @@
+"""The store of recordings, `recordings.h5`: every source of data is converted to this one file.
+
+File attributes: `format`, `version`, `source`, `licence`. Group `/recordings/<surface>/<explorer>/<trial>` holds
+`force` (n, 3) [x, y along the surface, z normal] and `velocity` (m, 2), each with attributes `rate` (Hz) and `unit`
+("N", "mm/s"); both start at the same instant. A source without normal force has `lateral` (n,) instead of `force` and
+may lack `velocity`; `unit` "1" means uncalibrated. The optional group `/ratings` holds `values` (raters, surfaces,
+axes) on the 0-8 scale (8 = rougher, bumpier, more slippery; NaN = missing) and the names `raters`, `surfaces`, `axes`.
+"""
+
+from dataclasses import dataclass
+
+import h5py
+import numpy as np
+
+from ..signal import SEGMENT_SECONDS
+from .files import as_strings, open_whole, whole_file
+
+FORMAT = "tactile-recordings"
+VERSION = 1
+#: Units of the contact force: newtons, or "1" for uncalibrated sensor counts.
+FORCE_UNITS = ("N", "1")
+VELOCITY_UNIT = "mm/s"
+#: No fingertip presses with more; a larger "N" is nearly always mN.
+LARGEST_FORCE_N = 100.0
+#: The scale of the ratings in SENS3 (paper section 2.1).
+RATING_SCALE = (0.0, 8.0)
+
+
+@dataclass
+class Recording:
+    """One exploration of one surface by one explorer.
+
+    Attributes:
+        surface, explorer, trial (`str`): who and what.
+        force (`np.ndarray` or `None`): (n, 3) float32 [x, y along the surface, z normal]; NaN = not measured.
+        lateral (`np.ndarray` or `None`): (n,) float32, for sources without 3-D force.
+        rate (`int`): Hz, of `force` or `lateral`.
+        velocity (`np.ndarray` or `None`): (m, 2) float32, mm/s.
+        velocity_rate (`float` or `None`): Hz.
+        unit (`str`): "N", or "1" if uncalibrated.
+    """
+
+    surface: str
+    explorer: str
+    trial: str
+    force: np.ndarray | None
+    lateral: np.ndarray | None
+    rate: int
+    velocity: np.ndarray | None
+    velocity_rate: float | None
+    unit: str
+
+    @property
+    def name(self):
+        return f"{self.surface}/{self.explorer}/{self.trial}"
+
+    @property
+    def samples(self):
+        return len(self.force if self.force is not None else self.lateral)
+
+
+@dataclass
+class RaterScores:
+    """Answers of raters: `values` (raters, surfaces, axes) float32 on the 0-8 scale, NaN = missing, and the names."""
+
+    values: np.ndarray
+    raters: tuple[str, ...]
+    surfaces: tuple[str, ...]
+    axes: tuple[str, ...]
+
+
+class RecordingsWriter:
+    """Writes `recordings.h5`; the file appears under its name only when the `with` block ends without an exception.
+
+    Args:
+        path (`str` or `Path`): the final name.
+        source (`str`): where the data come from.
+        licence (`str`): under which licence.
+        **attributes: further attributes of the file (numbers or strings), for example a seed.
+    """
+
+    def __init__(self, path, source, licence, **attributes):
+        self._context = whole_file(path)
+        self._attributes = dict(format=FORMAT, version=VERSION, source=source, licence=licence, **attributes)
+
+    def __enter__(self):
+        self._file = self._context.__enter__()
+        self._file.attrs.update(self._attributes)
+        self._file.create_group("recordings")
+        return self
+
+    def __exit__(self, *exception):
+        return self._context.__exit__(*exception)
+
+    def add_recording(
+        self,
+        surface,
+        explorer,
+        trial,
+        force=None,
+        force_rate=None,
+        velocity=None,
+        velocity_rate=None,
+        lateral=None,
+        lateral_rate=None,
+        unit="N",
+    ):
+        """Adds one recording; all channels start at the same instant.
+
+        Args:
+            surface, explorer, trial (`str`): names without "/".
+            force (`np.ndarray`): (n, 3) [x, y along the surface, z normal] in `unit`, with `force_rate` in Hz.
+            velocity (`np.ndarray`, *optional*): (m, 2) mm/s, with `velocity_rate` in Hz.
+            lateral (`np.ndarray`): (n,) in `unit` instead of `force`, with `lateral_rate` in Hz.
+            unit (`str`): "N", or "1" if uncalibrated.
+
+        Raises:
+            ValueError: if not exactly one of `force` and `lateral` is given, or a rate, shape, name or unit is wrong.
+        """
+        if (force is None) == (lateral is None):
+            raise ValueError("Give exactly one of `force` (n, 3) and `lateral` (n,).")
+        if unit not in FORCE_UNITS:
+            raise ValueError(f"`unit` must be one of {FORCE_UNITS}, got {unit!r}: convert the force to newtons.")
+        channels = [("force", force, force_rate, (3,), unit), ("lateral", lateral, lateral_rate, (), unit)]
+        channels.append(("velocity", velocity, velocity_rate, (2,), VELOCITY_UNIT))
+        for name in (surface, explorer, trial):
+            if not str(name) or "/" in str(name):
+                raise ValueError(f"{name!r} cannot name a surface, explorer or trial: give a name without '/'.")
+        given = [channel for channel in channels if channel[1] is not None]
+        for name, values, rate, columns, _ in given:
+            if np.ndim(values) != 1 + len(columns) or np.shape(values)[1:] != columns:
+                raise ValueError(f"`{name}` must have shape (samples, *{columns}), got {np.shape(values)}.")
+            if rate is None or not rate > 0:
+                raise ValueError(f"`{name}_rate` must be a positive number of Hz, got {rate}.")
+        group = self._file["recordings"].create_group(f"{surface}/{explorer}/{trial}")
+        for name, values, rate, _, channel_unit in given:
+            dataset = group.create_dataset(name, data=np.asarray(values, dtype=np.float32))
+            dataset.attrs.update(rate=float(rate), unit=channel_unit)
+
+    def set_ratings(self, values, raters, surfaces, axes):
+        """Stores what raters answered.
+
+        Args:
+            values (`np.ndarray`): (raters, surfaces, axes) on the 0-8 scale, NaN = missing.
+            raters, surfaces, axes (`list[str]`): names; surfaces as in `add_recording`.
+
+        Raises:
+            ValueError: if the shape does not fit the names or a value lies outside the scale.
+        """
+        values = np.asarray(values, dtype=np.float32)
+        _check_ratings(values, (len(raters), len(surfaces), len(axes)), "`values`")
+        group = self._file.create_group("ratings")
+        group.create_dataset("values", data=values)
+        for name, strings in (("raters", raters), ("surfaces", surfaces), ("axes", axes)):
+            group.create_dataset(name, data=list(strings), dtype=h5py.string_dtype())
+
+
+class RecordingsFile:
+    """Reads `recordings.h5`; iterating yields one `Recording` after the other, so that one is in memory at a time.
+
+    The structure of the whole file is checked when it is opened, values when a recording is read. A NaN in a recording
+    is no error: preparation excludes it and says so.
+
+    Args:
+        path (`str` or `Path`): the file.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: naming file, group, problem and remedy, if the file is truncated or breaks the format.
+    """
+
+    def __init__(self, path):
+        self.path = path
+        self._file = open_whole(path)
+        try:
+            self._check_structure()
+        except Exception:
+            self._file.close()
+            raise
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exception):
+        self.close()
+
+    def close(self):
+        self._file.close()
+
+    def __len__(self):
+        return len(self.names)
+
+    def __iter__(self):
+        return (self.read(name) for name in self.names)
+
+    def _fail(self, group, problem, remedy):
+        raise ValueError(f"{self.path}, {group}: {problem}. {remedy}")
+
+    def _check_structure(self):
+        attributes = self._file.attrs
+        if attributes.get("format") != FORMAT or attributes.get("version") != VERSION:
+            found = f"format={attributes.get('format')!r}, version={attributes.get('version')!r}"
+            self._fail("/", f"{found} instead of {FORMAT!r}, {VERSION}", "Convert the source with RecordingsWriter.")
+        if not len(self._file.get("recordings", ())):
+            self._fail("/recordings", "there is no recording", "Add at least one with RecordingsWriter.")
+        self.names, self.lengths, units = [], [], set()
+        for surface in self._subgroups(self._file["recordings"]):
+            for explorer in self._subgroups(surface):
+                for trial in self._subgroups(explorer):
+                    dataset = self._check_recording(trial)
+                    self.names.append(trial.name.removeprefix("/recordings/"))
+                    self.lengths.append(len(dataset))
+                    units.add(str(dataset.attrs["unit"]))
+        if len(units) > 1:
+            self._fail("/recordings", f"units {sorted(units)} are mixed", "Keep one unit per file.")
+        self.unit = units.pop()
+        self.surfaces = tuple(self._file["recordings"])
+        self.attributes = dict(attributes)
+        self.ratings = self._read_ratings()
+
+    def _subgroups(self, group):
+        members = list(group.values())
+        if not members or not all(isinstance(member, h5py.Group) for member in members):
+            self._fail(group.name, "is no group of groups", "Arrange recordings as /recordings/surface/explorer/trial.")
+        return members
+
+    def _check_recording(self, group):
+        fields = [name for name in ("force", "lateral") if name in group]
+        if len(fields) != 1:
+            self._fail(group.name, f"has fields {sorted(group)}", "Store exactly one of `force` and `lateral`.")
+        for name, columns in ((fields[0], (3,) if fields[0] == "force" else ()), ("velocity", (2,))):
+            if name not in group:
+                continue
+            dataset = group[name]
+            units = FORCE_UNITS if name != "velocity" else (VELOCITY_UNIT,)
+            if "rate" not in dataset.attrs or not dataset.attrs["rate"] > 0:
+                self._fail(dataset.name, "has no positive attribute `rate`", "Add the sampling rate in Hz.")
+            if dataset.attrs.get("unit") not in units:
+                found = dataset.attrs.get("unit")
+                self._fail(dataset.name, f"attribute `unit` is {found!r}", f"Convert the data to one of {units}.")
+            if dataset.ndim != 1 + len(columns) or dataset.shape[1:] != columns:
+                self._fail(dataset.name, f"has shape {dataset.shape}", f"Store (samples, *{columns}).")
+            seconds = len(dataset) / dataset.attrs["rate"]
+            if seconds < SEGMENT_SECONDS:
+                problem = f"lasts {seconds:.3g} s, less than one segment of {SEGMENT_SECONDS} s"
+                self._fail(dataset.name, problem, "Leave it out, or check its `rate`.")
+        rate = float(group[fields[0]].attrs["rate"])
+        if rate != int(rate):
+            self._fail(f"{group.name}/{fields[0]}", f"`rate` is {rate}", "Resample to a whole number of Hz.")
+        return group[fields[0]]
+
+    def rate(self, name):
+        """Rate of the force of recording `name`, Hz."""
+        group = self._file[f"recordings/{name}"]
+        return int(group["force" if "force" in group else "lateral"].attrs["rate"])
+
+    def read(self, name):
+        """Reads one recording.
+
+        Args:
+            name (`str`): "surface/explorer/trial", one of `names`.
+
+        Returns:
+            `Recording`.
+
+        Raises:
+            ValueError: if a force in N exceeds 100 N, or every sample is NaN.
+        """
+        group = self._file[f"recordings/{name}"]
+        surface, explorer, trial = name.split("/")
+        field = "force" if "force" in group else "lateral"
+        values = group[field][()].astype(np.float32, copy=False)
+        unit = str(group[field].attrs["unit"])
+        if np.isnan(values).any(axis=-1 if values.ndim == 2 else None).all():
+            self._fail(group[field].name, "holds only NaN", "Leave this recording out.")
+        largest = np.nanmax(np.abs(values))
+        if unit == "N" and not largest <= LARGEST_FORCE_N:
+            problem = f"reaches {largest:.4g} N, more than {LARGEST_FORCE_N:.0f} N"
+            self._fail(group[field].name, problem, "The values are probably in mN: divide by 1000.")
+        velocity = group["velocity"][()].astype(np.float32, copy=False) if "velocity" in group else None
+        return Recording(
+            surface,
+            explorer,
+            trial,
+            force=values if field == "force" else None,
+            lateral=values if field == "lateral" else None,
+            rate=int(group[field].attrs["rate"]),
+            velocity=velocity,
+            velocity_rate=float(group["velocity"].attrs["rate"]) if velocity is not None else None,
+            unit=unit,
+        )
+
+    def _read_ratings(self):
+        if "ratings" not in self._file:
+            return None
+        group = self._file["ratings"]
+        missing = {"values", "raters", "surfaces", "axes"} - set(group)
+        if missing:
+            self._fail("/ratings", f"lacks {sorted(missing)}", "Store them, or leave out the group.")
+        values = group["values"][()].astype(np.float32)
+        names = [as_strings(group[name]) for name in ("raters", "surfaces", "axes")]
+        try:
+            _check_ratings(values, tuple(len(strings) for strings in names), f"{self.path}, /ratings/values:")
+        except ValueError:
+            self._file.close()
+            raise
+        unknown = sorted(set(names[1]) - set(self.surfaces))
+        if unknown:
+            self._fail("/ratings/surfaces", f"{unknown[:3]} have no recording", "Use the names of the groups.")
+        return RaterScores(values, *names)
+
+
+def _check_ratings(values, shape, where):
+    if values.shape != shape:
+        raise ValueError(f"{where} has shape {values.shape}, the names of raters, surfaces and axes give {shape}.")
+    low, high = RATING_SCALE
+    outside = values[(values < low) | (values > high)]
+    if outside.size:
+        raise ValueError(
+            f"{where} {outside.size} ratings lie outside {low:g}-{high:g} (for example {outside[0]:g}). "
+            "Map the scale to 0-8 and write missing answers as NaN."
+        )

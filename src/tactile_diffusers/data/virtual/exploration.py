@@ -1,0 +1,140 @@
+"""How a finger explores: speed and normal force that wander, loops, and strokes with turnarounds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+#: Rate at which finger velocity is recorded, Hz; also the rate of everything that the hand controls.
+VELOCITY_RATE = 500
+#: Nothing that the hand does on purpose is faster (Hz): wandering is smoothed by this much.
+HAND_BANDWIDTH = 6.0
+
+
+@dataclass(frozen=True)
+class Explorer:
+    """Mean speed (mm/s) and normal force (N), moisture (factor on friction) and gain (factor on amplitude)."""
+
+    speed: float
+    normal_force: float
+    moisture: float
+    gain: float
+
+
+#: Ranges over recordings of the relative spread of speed and normal force, and of their time constants in s.
+#: Chosen so that, as in the paper's recordings, the finger wanders in and out of the limits and about half of the time
+#: is usable (0.56 segments per second; spreads of 0.14-0.25 and 0.11-0.22 would give 0.17).
+SPEED_SPREAD, SPEED_TAU = (0.10, 0.16), (1.5, 2.5)
+FORCE_SPREAD, FORCE_TAU = (0.08, 0.14), (1.0, 1.5)
+#: The two explorers of the recipe.
+EXPLORERS = (Explorer(78.0, 0.52, 1.0, 1.0), Explorer(90.0, 0.47, 0.75, 0.8))
+
+
+def explorer(index, seed):
+    """The two of the recipe first; further ones are drawn between them."""
+    if index < len(EXPLORERS):
+        return EXPLORERS[index]
+    first, second = EXPLORERS
+    share = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4, index))).random(4)
+    pairs = zip(vars(first).values(), vars(second).values(), share, strict=True)
+    return Explorer(*(float(a + (b - a) * s) for a, b, s in pairs))
+
+
+@dataclass
+class Exploration:
+    """What the hand does, at `VELOCITY_RATE`.
+
+    Attributes:
+        speed (`np.ndarray`): (m,) mm/s, never negative.
+        normal_force (`np.ndarray`): (m,) N.
+        heading (`np.ndarray`): (m,) rad, sliding direction in the plane.
+        track_speed (`np.ndarray`): (m,) mm/s, signed speed along the track whose profile is felt.
+    """
+
+    speed: np.ndarray
+    normal_force: np.ndarray
+    heading: np.ndarray
+    track_speed: np.ndarray
+
+    @property
+    def velocity(self):
+        """(m, 2) mm/s in the plane."""
+        return self.speed[:, None] * np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
+
+
+def steady_exploration(speed, normal_force, seconds, heading=0.0):
+    """A straight slide at constant speed (mm/s) and normal force (N): for tests and for replay at other speeds."""
+    ones = np.ones(int(round(seconds * VELOCITY_RATE)))
+    return Exploration(speed * ones, normal_force * ones, heading * ones, speed * ones)
+
+
+def ornstein_uhlenbeck(rng, samples, tau, rate):
+    """Stationary Ornstein-Uhlenbeck process of unit variance with time constant `tau` s: (samples,)."""
+    decay = np.exp(-1 / (tau * rate))
+    start = rng.standard_normal()
+    noise = np.sqrt(1 - decay**2) * rng.standard_normal(samples)
+    return signal.lfilter([1.0], [1.0, -decay], noise, zi=[decay * start])[0]
+
+
+def wandering(rng, samples, mean, deviation, tau):
+    """Exponential of a smoothed Ornstein-Uhlenbeck process: (samples,), positive, around `mean` (recipe)."""
+    sections = signal.butter(2, HAND_BANDWIDTH, fs=VELOCITY_RATE, output="sos")
+    walk = signal.sosfiltfilt(sections, ornstein_uhlenbeck(rng, samples, tau, VELOCITY_RATE))
+    return mean * np.exp(deviation * walk)
+
+
+def free_exploration(rng, who, seconds):
+    """Free exploration: bouts of loops and of strokes with turnarounds shorter than 0.1 s.
+
+    Args:
+        rng (`np.random.Generator`): the trial.
+        who (`Explorer`): the explorer.
+        seconds (`float`): duration.
+
+    Returns:
+        `Exploration`.
+    """
+    samples = int(round(seconds * VELOCITY_RATE))
+    speed = wandering(rng, samples, who.speed, rng.uniform(*SPEED_SPREAD), rng.uniform(*SPEED_TAU))
+    normal_force = wandering(rng, samples, who.normal_force, rng.uniform(*FORCE_SPREAD), rng.uniform(*FORCE_TAU))
+    turning, slowing, along = _plan(rng, samples, speed)
+    speed = speed * slowing
+    heading = rng.uniform(0, 2 * np.pi) + np.cumsum(turning) / VELOCITY_RATE
+    return Exploration(speed, normal_force, heading, speed * along)
+
+
+def _plan(rng, samples, speed):
+    """Turning rate (rad/s), slowing (factor on speed) and along (cosine between motion and track), each (samples,)."""
+    turning, slowing, along = np.zeros(samples), np.ones(samples), np.ones(samples)
+    sense, start = 1.0, 0
+    while start < samples:
+        if rng.random() < 0.5:
+            stop = start + int(rng.uniform(2.0, 6.0) * VELOCITY_RATE)
+            radius = rng.uniform(8.0, 25.0) * rng.choice([-1, 1])
+            ramp = np.clip(np.minimum(np.arange(start, stop) - start, stop - 1 - np.arange(start, stop)) / 50, 0, 1)
+            piece = slice(start, min(stop, samples))
+            turning[piece] = (speed[piece] / radius) * ramp[: piece.stop - start]
+            along[piece] = sense
+            start = stop
+            continue
+        for _ in range(rng.integers(2, 7)):
+            stop = start + int(rng.uniform(40.0, 110.0) / speed[min(start, samples - 1)] * VELOCITY_RATE)
+            along[start:stop] = sense
+            start = _turn_around(rng, stop, sense, turning, slowing, along)
+            sense = -sense
+    return turning, slowing, along
+
+
+def _turn_around(rng, start, sense, turning, slowing, along):
+    """Writes one turnaround: the finger slows down, turns by half a circle and speeds up again; returns its end."""
+    length = int(rng.uniform(0.080, 0.096) * VELOCITY_RATE)
+    slowest, side = rng.uniform(0.4, 0.8), rng.choice([-1, 1])
+    part = (np.arange(length) + 0.5) / length
+    turned = np.pi * part**3 * (10 - 15 * part + 6 * part**2)
+    stop = min(start + length, len(turning))
+    here = slice(start, stop)
+    count = max(stop - start, 0)
+    turning[here] = (side * np.diff(turned, prepend=0.0) * VELOCITY_RATE)[:count]
+    slowing[here] = (1 - (1 - slowest) * np.sin(np.pi * part) ** 2)[:count]
+    along[here] = (sense * np.cos(turned))[:count]
+    return start + length

@@ -1,0 +1,106 @@
+"""The profile of a virtual surface over position: what the finger meets again when it comes back to the same place."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy import fft
+
+#: recipe: 5 um grid, repeated every 120 mm.
+GRID_MM = 0.005
+PERIOD_MM = 120.0
+GRID_POINTS = round(PERIOD_MM / GRID_MM)
+#: Spectrum is flat below this spatial frequency (1/mm).
+FLAT_BELOW = 0.1
+#: Nothing finer than 25 um: at 125 mm/s it would pass 5 kHz and fold.
+FINEST = 40.0
+HARMONICS = 6
+
+
+@lru_cache(maxsize=1)
+def spatial_frequencies():
+    """(GRID_POINTS // 2 + 1,) 1/mm."""
+    return fft.rfftfreq(GRID_POINTS, GRID_MM)
+
+
+def spectrum(surface, k=None):
+    """Power spectrum of the random profile, unnormalised: max(k, 0.1/mm)^-slope with the asperity low-pass.
+
+    Friction of flat surfaces fluctuates as 1/f (Wiertlewski, Hudin, Hayward 2011); asperity low-pass
+    1/sqrt(1 + (k d)^4) in amplitude (recipe).
+
+    Args:
+        surface (`SurfaceParameters`): the surface.
+        k (`np.ndarray`, *optional*): 1/mm; defaults to the grid's.
+    """
+    k = spatial_frequencies() if k is None else k
+    power = np.maximum(k, FLAT_BELOW) ** -surface.slope / (1 + (k * surface.asperity) ** 4)
+    return np.where((k > 0) & (k <= FINEST), power, 0.0)
+
+
+def harmonic_amplitudes(surface):
+    """Amplitudes of the grating's harmonics 1-6: i^-q, together of unit rms.
+
+    Harmonics of gratings decay with a non-integer power law (Wiertlewski, Hudin, Hayward 2011).
+    """
+    amplitudes = np.arange(1, HARMONICS + 1) ** -surface.harmonic_decay
+    return amplitudes / np.sqrt(0.5 * np.sum(amplitudes**2))
+
+
+def random_profile(surface, rng):
+    """Random profile of zero mean and unit variance: (GRID_POINTS,)."""
+    magnitude = np.sqrt(spectrum(surface))
+    noise = rng.standard_normal((2, len(magnitude)))
+    profile = fft.irfft(magnitude * (noise[0] + 1j * noise[1]), GRID_POINTS)
+    return profile / profile.std()
+
+
+def grating_phase(surface, rng):
+    """Phase of the grating over position: (GRID_POINTS,) rad, a whole number of jittered periods in 120 mm."""
+    count = max(1, round(PERIOD_MM / surface.wavelength))
+    periods = np.maximum(1 + surface.jitter * rng.standard_normal(count), 0.2)
+    edges = np.concatenate([[0.0], np.cumsum(periods)])
+    position = np.arange(GRID_POINTS) * (edges[-1] / GRID_POINTS)
+    return 2 * np.pi * np.interp(position, edges, np.arange(count + 1))
+
+
+def surface_profile(surface, rng):
+    """Height-like profile h of a surface: random part of unit variance plus a grating of relative level.
+
+    Args:
+        surface (`SurfaceParameters`): the surface.
+        rng (`np.random.Generator`): phases.
+
+    Returns:
+        `np.ndarray`: (GRID_POINTS,) float32, dimensionless, periodic.
+    """
+    profile = random_profile(surface, rng)
+    if surface.grating_level:
+        phase, offsets = grating_phase(surface, rng), rng.uniform(0, 2 * np.pi, HARMONICS)
+        for i, amplitude in enumerate(harmonic_amplitudes(surface), start=1):
+            profile += surface.grating_level * amplitude * np.cos(i * phase + offsets[i - 1])
+    return profile.astype(np.float32)
+
+
+def unit_slope(profile):
+    """Derivative of a periodic profile, scaled to unit variance: (GRID_POINTS,) float32."""
+    slope = np.roll(profile, -1) - np.roll(profile, 1)
+    return slope / slope.std()
+
+
+def look_up(tables, position):
+    """Values of periodic profiles at finger positions, linearly interpolated.
+
+    Args:
+        tables (`np.ndarray`): (GRID_POINTS, profiles) float32.
+        position (`np.ndarray`): (n,) mm along the track.
+
+    Returns:
+        `np.ndarray`: (n, profiles) float32.
+    """
+    place = np.mod(position, PERIOD_MM) / GRID_MM
+    index = place.astype(np.int32)
+    fraction = (place - index).astype(np.float32)[:, None]
+    index[index >= GRID_POINTS] = 0  # rounding of np.mod
+    here = tables[index]
+    following = tables[(index + 1) % GRID_POINTS]
+    return here + fraction * (following - here)

@@ -1,0 +1,44 @@
+"""What every metric asks of the signals it compares."""
+
+import numpy as np
+
+
+def check_textures(name, textures, rank=None):
+    """Textures as an array of their own dtype, once they are known to be finite numbers.
+
+    Args:
+        name (`str`): what the message calls them.
+        textures (`np.ndarray`): (..., samples).
+        rank (`int`, *optional*): number of axes there must be; any by default.
+
+    Raises:
+        ValueError: if `textures` is empty, of another rank, or holds NaN, infinity or what is no real number.
+    """
+    textures = np.asarray(textures)
+    if textures.dtype.kind not in "fiu":
+        raise ValueError(f"`{name}` must hold real numbers, got dtype {textures.dtype}. Convert it to float32.")
+    if textures.size == 0 or textures.ndim == 0 or (rank is not None and textures.ndim != rank):
+        wanted = "(..., samples)" if rank is None else f"{rank} axes"
+        raise ValueError(f"`{name}` must have the shape {wanted} and not be empty, got {textures.shape}.")
+    bad = ~np.isfinite(textures)
+    if bad.any():
+        raise ValueError(
+            f"`{name}` must be finite, got {textures[bad][0]} at index {np.argwhere(bad)[0].tolist()} "
+            f"({bad.sum()} such values in all). Leave those textures out."
+        )
+    return textures
+
+
+def check_pair(texture, reference):
+    """Two arrays of textures as float64 that can be compared one to one.
+
+    Raises:
+        ValueError: if one holds NaN or infinity, or their shapes differ.
+    """
+    texture, reference = check_textures("texture", texture), check_textures("reference", reference)
+    if texture.shape != reference.shape:
+        raise ValueError(
+            f"`texture` and `reference` must have the same shape, got {texture.shape} and {reference.shape}. "
+            "Bring both to one sampling rate and length first."
+        )
+    return texture.astype(np.float64), reference.astype(np.float64)

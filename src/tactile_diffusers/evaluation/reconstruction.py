@@ -1,0 +1,146 @@
+"""Errors of textures against references, one number for each texture: pure functions, the last axis is time.
+
+Waveform errors (`snr_db`, `rmse`) reward silence: a silent texture has an SNR of 0 dB and an RMSE of the reference's
+RMS, while another take of the same surface, which feels the same, has about -3 dB. Print both beside them.
+"""
+
+import numpy as np
+from scipy import signal
+
+from ..signal import BAND_HZ, band_levels_db, level, power_spectral_density, rms
+from ..signal.spectra import POWER_FLOOR
+from .checks import check_pair, check_textures
+
+#: From here on a texture should be empty: the upper edge of the band and 5 % for the slope of its filter, Hz.
+OUT_OF_BAND_HZ = 1.05 * BAND_HZ[1]
+
+
+def rmse(texture, reference):
+    """Root mean square of the difference of two waveforms, in their unit (the paper's section 3.1).
+
+    Args:
+        texture, reference (`np.ndarray`): (..., samples), N.
+
+    Returns:
+        `np.ndarray`: (...,), N.
+
+    Raises:
+        ValueError: if the shapes differ or a value is not finite; so do the other functions of this file.
+    """
+    texture, reference = check_pair(texture, reference)
+    return rms(texture - reference)
+
+
+def snr_db(texture, reference):
+    """Power of the reference over power of the difference of the waveforms, dB (the paper's section 3.2).
+
+    Args:
+        texture, reference (`np.ndarray`): (..., samples), N.
+
+    Returns:
+        `np.ndarray`: (...,), dB. Powers below 1e-30 N^2 count as that, so the result is always finite.
+    """
+    texture, reference = check_pair(texture, reference)
+    return _power_db(rms(reference) ** 2) - _power_db(rms(texture - reference) ** 2)
+
+
+def level_error_db(texture, reference):
+    """How much stronger a texture is than its reference: signed ratio of their RMS, dB: (...,)."""
+    texture, reference = check_pair(texture, reference)
+    return 20 / np.log(10) * (level(texture) - level(reference))
+
+
+def log_spectral_distance_db(texture, reference, sampling_rate, band=BAND_HZ):
+    """Root mean square over frequency of the difference of the spectra in dB (log-spectral distance).
+
+    `sqrt(mean_f (10 log10 P1(f) / P2(f))^2)` over Welch's densities (bins of 5 Hz) inside `band`.
+
+    Args:
+        texture, reference (`np.ndarray`): (..., samples), N.
+        sampling_rate (`float`): Hz.
+        band (`tuple[float, float]`): Hz.
+
+    Returns:
+        `np.ndarray`: (...,), dB.
+    """
+    difference = np.subtract(*(_power_db(density) for density in _densities(texture, reference, sampling_rate, band)))
+    return rms(difference)
+
+
+def goodness_of_fit(texture, reference, sampling_rate, band=BAND_HZ):
+    """Goodness-of-fit coefficient of two spectra after Hernández-Andrés, Romero and Lee (2001), 0 to 1.
+
+    `|sum_f S1 S2| / sqrt(sum_f S1^2 sum_f S2^2)` with amplitude spectra S, the roots of Welch's densities inside
+    `band`. It ignores gain and is governed by the strongest part of the spectrum: read it beside the nine-band error.
+
+    Args:
+        texture, reference (`np.ndarray`): (..., samples), N.
+        sampling_rate (`float`): Hz.
+        band (`tuple[float, float]`): Hz.
+
+    Returns:
+        `np.ndarray`: (...,); 0 where one of the two is silent.
+    """
+    first, second = (np.sqrt(density) for density in _densities(texture, reference, sampling_rate, band))
+    norm = np.sqrt((first**2).sum(-1) * (second**2).sum(-1))
+    return (first * second).sum(-1) / np.maximum(norm, POWER_FLOOR)
+
+
+def signed_band_error_db(texture, reference, sampling_rate, bands):
+    """How much stronger a texture is than its reference in each of some bands, dB.
+
+    Args:
+        texture, reference (`np.ndarray`): (..., samples), N.
+        sampling_rate (`float`): Hz.
+        bands (`Sequence[tuple[float, float]]`): edges in Hz; bands may overlap or leave gaps.
+
+    Returns:
+        `np.ndarray`: (..., bands), dB; negative = too weak.
+
+    Raises:
+        ValueError: also if a band does not lie inside [0, sampling_rate / 2], or holds no frequency bin.
+    """
+    texture, reference = check_pair(texture, reference)
+    for low, high in bands:
+        if not 0 <= low < high <= sampling_rate / 2:
+            raise ValueError(f"`bands` must lie inside [0, {sampling_rate / 2:g}] Hz, got ({low:g}, {high:g}).")
+    errors = [
+        band_levels_db(texture, sampling_rate, band) - band_levels_db(reference, sampling_rate, band) for band in bands
+    ]
+    return np.concatenate(errors, axis=-1)
+
+
+def out_of_band_ratio_db(texture, sampling_rate, low=OUT_OF_BAND_HZ, high=np.inf, floor_db=-120.0):
+    """Power between `low` and `high`, where a texture should be empty, over its whole power.
+
+    Args:
+        texture (`np.ndarray`): (..., samples), N.
+        sampling_rate (`float`): Hz.
+        low, high (`float`): Hz; what lies beyond half the sampling rate is empty.
+        floor_db (`float`): the least that is returned, also for silence.
+
+    Returns:
+        `np.ndarray`: (...,), dB.
+    """
+    texture = check_textures("texture", texture).astype(np.float64)
+    frequencies, power = signal.periodogram(texture, fs=sampling_rate, window="hann", axis=-1)
+    outside = power[..., (frequencies >= low) & (frequencies < high)].sum(-1)
+    ratio = outside / np.maximum(power.sum(-1), POWER_FLOOR)
+    return 10 * np.log10(np.maximum(ratio, 10 ** (floor_db / 10)))
+
+
+def _power_db(power):
+    return 10 * np.log10(np.maximum(power, POWER_FLOOR))
+
+
+def _densities(texture, reference, sampling_rate, band):
+    """Welch's densities of both inside `band`: two arrays (..., bins)."""
+    texture, reference = check_pair(texture, reference)
+    frequencies, density = power_spectral_density(texture, sampling_rate)
+    inside = (frequencies >= band[0]) & (frequencies <= band[1])
+    if not inside.any():
+        raise ValueError(
+            f"`texture` of {texture.shape[-1]} samples at {sampling_rate:g} Hz has no frequency bin inside "
+            f"{tuple(band)} Hz. Give a longer signal or another band."
+        )
+    return density[..., inside], power_spectral_density(reference, sampling_rate)[1][..., inside]

@@ -1,0 +1,80 @@
+"""What every writer asks of its arguments before it touches the disk."""
+
+import math
+
+import numpy as np
+
+from ..signal import RATING_AXES
+
+
+def check_texture(texture, sampling_rate):
+    """The samples of one texture as an array, once they are known to be writable.
+
+    Args:
+        texture (`np.ndarray`): (samples,) floats, N.
+        sampling_rate (`int`): Hz; a whole number, as in the header of a WAV file.
+
+    Returns:
+        `np.ndarray`: (samples,) float64.
+
+    Raises:
+        ValueError: if `texture` is not one row of finite numbers, or `sampling_rate` not a positive whole number.
+    """
+    texture = np.asarray(texture)
+    if texture.ndim != 1 or texture.size == 0:
+        raise ValueError(
+            f"`texture` must have the shape (samples,), got {texture.shape}. Write the textures of a batch one by one."
+        )
+    if texture.dtype.kind not in "fiu":
+        raise ValueError(f"`texture` must hold real numbers, got dtype {texture.dtype}. Convert it to float32.")
+    texture = texture.astype(np.float64)
+    bad = np.flatnonzero(~np.isfinite(texture))
+    if bad.size:
+        raise ValueError(
+            f"`texture` must be finite, got {texture[bad[0]]} at sample {bad[0]} ({bad.size} such samples in all). "
+            "Remove or interpolate them first."
+        )
+    if not (math.isfinite(sampling_rate) and sampling_rate > 0 and int(sampling_rate) == sampling_rate):
+        raise ValueError(
+            f"`sampling_rate` must be a positive whole number of Hz, got {sampling_rate}. "
+            "Pass the rate that came with the texture."
+        )
+    return texture
+
+
+def check_ratings(ratings):
+    """Ratings (3,) as float64 in the order of `RATING_AXES`, NaN = not specified.
+
+    Raises:
+        ValueError: if there is not one value for each axis, or one is infinite.
+    """
+    ratings = np.asarray([np.nan if value is None else value for value in ratings], dtype=np.float64)
+    if ratings.shape != (len(RATING_AXES),) or np.isinf(ratings).any():
+        raise ValueError(
+            f"`ratings` must be {len(RATING_AXES)} numbers, {', '.join(RATING_AXES)}, got {ratings.tolist()}. "
+            "Give NaN for an axis that is not specified."
+        )
+    return ratings
+
+
+def check_positive_or_unknown(name, value):
+    """A float above zero, or NaN for a quantity that was not measured.
+
+    Raises:
+        ValueError: if `value` is infinite, zero or negative; the message calls it `name`.
+    """
+    value = float(value)
+    if not (math.isnan(value) or (value > 0 and math.isfinite(value))):
+        raise ValueError(f"`{name}` must be above zero, or NaN if unknown, got {value}.")
+    return value
+
+
+def check_seed(seed):
+    """A seed as a plain int.
+
+    Raises:
+        ValueError: if `seed` is not a whole number of at most 64 bits.
+    """
+    if isinstance(seed, bool) or int(seed) != seed or not -(2**63) <= seed < 2**64:
+        raise ValueError(f"`seed` must be a whole number of at most 64 bits, got {seed}.")
+    return int(seed)

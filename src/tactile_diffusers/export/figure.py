@@ -1,0 +1,112 @@
+"""A picture of a texture: waveform, spectrum and spectrogram."""
+
+import math
+
+import numpy as np
+
+from ..signal import BAND_HZ, RATING_AXES, power_spectral_density, rms
+from .atomic import atomic_path
+from .checks import check_positive_or_unknown, check_ratings, check_texture
+
+SPECTRUM_HZ = (10.0, 5000.0)
+SPECTROGRAM_TOP_HZ = 1200.0
+DYNAMIC_RANGE_DB = 60.0
+
+
+def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings):
+    """Writes a PNG with the waveform in mN, the power spectral density and the spectrogram of one texture.
+
+    Args:
+        path (`str` or `Path`): the PNG file; its folder must exist. An existing file is replaced as a whole.
+        texture (`np.ndarray`): (samples,), N; at least 0.05 s.
+        sampling_rate (`int`): Hz.
+        friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
+        ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
+
+    Raises:
+        ValueError: on a bad argument, before anything is written.
+    """
+    texture = check_texture(texture, sampling_rate)
+    if len(texture) < 0.05 * sampling_rate:
+        raise ValueError(
+            f"`texture` of {len(texture)} samples at {sampling_rate} Hz is too short to draw. Give at least 0.05 s."
+        )
+    friction_coefficient = check_positive_or_unknown("friction_coefficient", friction_coefficient)
+    title = _title(texture, friction_coefficient, check_ratings(ratings))
+
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 7), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplot_mosaic([["waveform", "waveform"], ["spectrum", "spectrogram"]], height_ratios=(2, 3))
+    figure.suptitle(title, fontsize=11)
+    _draw_waveform(panels["waveform"], texture, sampling_rate)
+    _draw_spectrum(panels["spectrum"], texture, sampling_rate)
+    _draw_spectrogram(panels["spectrogram"], texture, sampling_rate)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=120)
+
+
+def _title(texture, friction_coefficient, ratings):
+    axes = ", ".join(
+        f"{axis} {'not specified' if math.isnan(value) else f'{value:+.2g}'}"
+        for axis, value in zip(RATING_AXES, ratings, strict=True)
+    )
+    friction = "unknown" if math.isnan(friction_coefficient) else f"{friction_coefficient:.2f}"
+    return f"{axes}\nfriction coefficient {friction}, RMS {1e3 * rms(texture):.2f} mN"
+
+
+def _draw_waveform(panel, texture, sampling_rate):
+    seconds = np.arange(len(texture)) / sampling_rate
+    panel.plot(seconds, 1e3 * texture, linewidth=0.5)
+    panel.set(xlim=(0, len(texture) / sampling_rate), xlabel="time (s)", ylabel="lateral force (mN)", title="waveform")
+    panel.grid(alpha=0.3)
+
+
+def _draw_spectrum(panel, texture, sampling_rate):
+    frequencies, density = power_spectral_density(texture, sampling_rate)
+    top = min(SPECTRUM_HZ[1], sampling_rate / 2)
+    shown = (frequencies >= SPECTRUM_HZ[0]) & (frequencies <= top)
+    density_db = 10 * np.log10(np.maximum(density[shown], np.finfo(np.float64).tiny))
+    highest = density_db.max()
+    panel.axvspan(*BAND_HZ, alpha=0.12, linewidth=0, label=f"{BAND_HZ[0]:g}–{BAND_HZ[1]:g} Hz")
+    panel.semilogx(frequencies[shown], density_db, linewidth=1)
+    panel.set(
+        xlim=(SPECTRUM_HZ[0], top),
+        ylim=(highest - 1.5 * DYNAMIC_RANGE_DB, highest + 5),
+        xlabel="frequency (Hz)",
+        ylabel="density (dB re 1 N²/Hz)",
+        title="power spectral density",
+    )
+    panel.set_xticks([hertz for hertz in (20, 50, 100, 200, 500, 1000, 2000, 5000) if hertz <= top])
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_formatter("")
+    panel.grid(which="both", alpha=0.3)
+    panel.legend(loc="lower left", fontsize=9)
+
+
+def _draw_spectrogram(panel, texture, sampling_rate):
+    from scipy.signal import spectrogram
+
+    window = min(len(texture), round(0.05 * sampling_rate))  # 50 ms: bins of 20 Hz, the low edge of the band
+    hop = max(window // 10, len(texture) // 2000)  # no more columns than can be seen
+    # four times as many bins as the window resolves, to draw the lows smoothly
+    frequencies, seconds, density = spectrogram(
+        texture, fs=sampling_rate, nperseg=window, noverlap=window - hop, nfft=4 * window, window="hann"
+    )
+    shown = frequencies <= SPECTROGRAM_TOP_HZ
+    density_db = 10 * np.log10(np.maximum(density[shown], np.finfo(np.float64).tiny))
+    highest = density_db.max()
+    half_hop = hop / sampling_rate / 2
+    image = panel.imshow(
+        density_db,
+        vmin=highest - DYNAMIC_RANGE_DB,
+        vmax=highest,
+        extent=(seconds[0] - half_hop, seconds[-1] + half_hop, 0, frequencies[shown][-1]),
+        origin="lower",
+        aspect="auto",
+        interpolation="bilinear",
+    )
+    panel.set(xlim=(0, len(texture) / sampling_rate), xlabel="time (s)", ylabel="frequency (Hz)", title="spectrogram")
+    panel.figure.colorbar(image, ax=panel, label="density (dB re 1 N²/Hz)")

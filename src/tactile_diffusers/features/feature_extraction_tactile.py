@@ -1,0 +1,242 @@
+"""From a texture in N to what the encoder hears, and back from the decoder's waveform to N."""
+
+from functools import lru_cache
+
+import numpy as np
+import torch
+from transformers.feature_extraction_sequence_utils import SequenceFeatureExtractor
+from transformers.feature_extraction_utils import BatchFeature, FeatureExtractionMixin  # noqa: F401 (diffusers' loader looks for the base class in this module)
+
+from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, power_spectral_density, resample, rms
+
+#: powers below this are silence to the logarithm (a whitened texture has a mean power of 1 in every band)
+LOG_FLOOR = 1e-4
+FILTER_SCALES = ("slaney", "htk", "log")
+#: RMS below which a signal counts as silent, N
+SILENCE = 1e-12
+
+
+@lru_cache(maxsize=8)
+def filterbank(sampling_rate, band, num_filters, window_lengths, scale):
+    """Triangular filters over `band`, each on the shortest window that resolves it.
+
+    A filter narrower than the bins of the longest window is widened to one bin on either side, so none is empty.
+
+    Returns:
+        `tuple`: one (num_filters, bins) matrix per window, rows summing to 1 or, if another window has the filter, 0.
+    """
+    import librosa
+
+    if scale == "log":
+        corners = np.geomspace(*band, num_filters + 2)
+    else:
+        corners = librosa.mel_frequencies(num_filters + 2, fmin=band[0], fmax=band[1], htk=scale == "htk")
+    spacings = [sampling_rate / length for length in window_lengths]
+    banks = [np.zeros((num_filters, length // 2 + 1)) for length in window_lengths]
+    for index, (left, centre, right) in enumerate(zip(corners[:-2], corners[1:-1], corners[2:], strict=True)):
+        fitting = [i for i, spacing in enumerate(spacings) if right - left >= 3 * spacing]
+        chosen = min(fitting, key=lambda i: window_lengths[i]) if fitting else int(np.argmax(window_lengths))
+        left, right = min(left, centre - spacings[chosen]), max(right, centre + spacings[chosen])
+        bins = np.arange(banks[chosen].shape[1]) * spacings[chosen]
+        weights = np.clip(np.minimum((bins - left) / (centre - left), (right - bins) / (right - centre)), 0, None)
+        banks[chosen][index] = weights / weights.sum()
+    return tuple(banks)
+
+
+def fit_preemphasis(textures, sampling_rate, band=BAND_HZ, points=33, clip_db=30.0):
+    """Gains that whiten the mean amplitude spectrum of textures at unit RMS (DESIGN decision 5).
+
+    Args:
+        textures (`np.ndarray`): (n, samples), N.
+        sampling_rate (`float`): Hz.
+        band (`tuple[float, float]`): Hz; gains are constant outside.
+        points (`int`): logarithmically spaced frequencies, at which the spectrum is smoothed by interpolation.
+        clip_db (`float`): largest difference between gains.
+
+    Returns:
+        `tuple[list[float], list[float]]`: frequencies in Hz and gains in dB, with the smallest gain at 0 dB.
+    """
+    textures = np.asarray(textures, dtype=np.float64)
+    loud = rms(textures) > SILENCE
+    textures = textures[loud] / rms(textures[loud])[:, None]
+    frequencies, density = power_spectral_density(textures, sampling_rate)
+    amplitude = np.sqrt(density).mean(0)
+    grid = np.geomspace(*band, points)
+    spectrum_db = np.interp(np.log(grid), np.log(frequencies[1:]), 20 * np.log10(amplitude[1:] + 1e-30))
+    gains = spectrum_db.max() - spectrum_db
+    return [round(float(f), 4) for f in grid], [round(float(g), 4) for g in np.minimum(gains, clip_db)]
+
+
+class TactileFeatureExtractor(SequenceFeatureExtractor):
+    r"""
+    Prepares textures for [`LCTGModel`] and turns what it decodes back into newtons.
+
+    A texture is resampled to the working rate, whitened by a fixed pre-emphasis and brought to unit RMS: its level is
+    kept beside it, as a number. The features are log-mel energies (paper section 2.2) at `hop_length`, and, when
+    `use_waveform`, the samples of each hop. Everything is computed row by row in float64 and returned as float32.
+
+    Args:
+        feature_size (`int`, *optional*, defaults to 80): channels: `num_filters`, plus `hop_length` if `use_waveform`.
+        sampling_rate (`int`, *optional*, defaults to 2500): the working rate, Hz.
+        padding_value (`float`, *optional*, defaults to 0.0): unused; part of the transformers interface.
+        delivery_rate (`int`, *optional*, defaults to 10000): rate of `denormalize`'s textures, Hz.
+        band (`tuple[float, float]`, *optional*, defaults to (20, 1000)): Hz.
+        num_filters (`int`, *optional*, defaults to 48): mel filters over `band`.
+        filter_scale (`str`, *optional*, defaults to `"log"`): `"slaney"` (linear below 1 kHz), `"htk"` or `"log"`.
+        window_lengths (`tuple[int, ...]`, *optional*, defaults to (128, 512)): Hann windows in samples; each filter
+            uses the shortest that resolves it (51 ms for the highs, 205 ms for the lows).
+        hop_length (`int`, *optional*, defaults to 32): samples at the working rate per feature frame.
+        use_waveform (`bool`, *optional*, defaults to `True`): whether the samples of a hop join its features.
+        frame_multiple (`int`, *optional*, defaults to 2): frames are zero-padded to a multiple of this number.
+        preemphasis_frequencies, preemphasis_db (`list[float]`, *optional*): the whitening gains, see
+            `fit_preemphasis`; `None` = flat.
+    """
+
+    model_input_names = ["input_features", "level"]
+
+    def __init__(
+        self,
+        feature_size: int = 80,
+        sampling_rate: int = WORKING_RATE,
+        padding_value: float = 0.0,
+        delivery_rate: int = DEVICE_RATE,
+        band: tuple[float, float] = BAND_HZ,
+        num_filters: int = 48,
+        filter_scale: str = "log",
+        window_lengths: tuple[int, ...] = (128, 512),
+        hop_length: int = 32,
+        use_waveform: bool = True,
+        frame_multiple: int = 2,
+        preemphasis_frequencies: list[float] | None = None,
+        preemphasis_db: list[float] | None = None,
+        **kwargs,
+    ):
+        expected = num_filters + (hop_length if use_waveform else 0)
+        if feature_size != expected:
+            raise ValueError(
+                f"`feature_size` must be num_filters{' + hop_length' if use_waveform else ''} = {expected}, got "
+                f"{feature_size}."
+            )
+        if filter_scale not in FILTER_SCALES:
+            raise ValueError(f"`filter_scale` must be one of {FILTER_SCALES}, got {filter_scale!r}.")
+        if not 0 < band[0] < band[1] < sampling_rate / 2:
+            raise ValueError(f"`band` must satisfy 0 < low < high < {sampling_rate / 2} Hz, got {tuple(band)}.")
+        if (preemphasis_frequencies is None) != (preemphasis_db is None) or (
+            preemphasis_db is not None and len(preemphasis_db) != len(preemphasis_frequencies)
+        ):
+            raise ValueError("`preemphasis_frequencies` and `preemphasis_db` must be lists of the same length or None.")
+        self.delivery_rate = delivery_rate
+        self.band = tuple(band)
+        self.num_filters = num_filters
+        self.filter_scale = filter_scale
+        self.window_lengths = tuple(window_lengths)
+        self.hop_length = hop_length
+        self.use_waveform = use_waveform
+        self.frame_multiple = frame_multiple
+        self.preemphasis_frequencies = preemphasis_frequencies
+        self.preemphasis_db = preemphasis_db
+        super().__init__(feature_size=feature_size, sampling_rate=sampling_rate, padding_value=padding_value, **kwargs)
+
+    def __call__(self, texture, sampling_rate=None, return_tensors=None):
+        """Features of textures.
+
+        Args:
+            texture (`np.ndarray` or `torch.Tensor`): (samples,) or (batch, samples), N.
+            sampling_rate (`int`): of `texture`, Hz; required, because a wrong guess would go unnoticed.
+            return_tensors (`str`, *optional*): `"pt"` or `"np"` (default).
+
+        Returns:
+            `BatchFeature`: `input_features` (batch, feature_size, frames) float32 and `level` (batch,) float32.
+
+        Raises:
+            ValueError: for a missing or impossible sampling rate, an empty, non-finite or wrongly shaped texture.
+        """
+        waveform, levels = self.normalize(texture, sampling_rate)
+        data = {"input_features": self.features(waveform), "level": levels}
+        return BatchFeature(data, tensor_type=return_tensors)
+
+    def normalize(self, texture, sampling_rate):
+        """The decoder's view of a texture: at the working rate, whitened, unit RMS, zero-padded to whole latents.
+
+        Returns:
+            `tuple[np.ndarray, np.ndarray]`: waveform (batch, samples) float32, a multiple of
+            `hop_length * frame_multiple` samples, and level (batch,) float32, natural log of the RMS in N.
+        """
+        texture = self._check(texture, sampling_rate)
+        levels = level(texture).astype(np.float32)
+        waveform = self._emphasize(resample(texture, sampling_rate, self.sampling_rate), +1)
+        scale = rms(waveform)[:, None]
+        waveform = waveform / np.where(scale > SILENCE, scale, np.inf)
+        multiple = self.hop_length * self.frame_multiple
+        missing = -waveform.shape[-1] % multiple
+        return np.pad(waveform, ((0, 0), (0, missing))).astype(np.float32), levels
+
+    def features(self, waveform):
+        """(batch, samples) of `normalize`, a multiple of `hop_length` -> (batch, feature_size, frames) float32."""
+        waveform = np.asarray(waveform, dtype=np.float64)
+        frames = waveform.shape[-1] // self.hop_length
+        banks = filterbank(self.sampling_rate, self.band, self.num_filters, self.window_lengths, self.filter_scale)
+        energies = 0.0
+        for length, bank in zip(self.window_lengths, banks, strict=True):
+            window = np.hanning(length + 1)[:-1]
+            # centred on the middle of each hop; odd lengths of padding never arise as both are even
+            before = (length - self.hop_length) // 2
+            padded = np.pad(waveform, ((0, 0), (before, length)), mode="reflect")
+            pieces = np.lib.stride_tricks.sliding_window_view(padded, length, axis=-1)[:, :: self.hop_length][
+                :, :frames
+            ]
+            power = np.abs(np.fft.rfft(pieces * window, axis=-1)) ** 2 / np.sum(window**2)
+            energies = energies + power @ bank.T
+        parts = [np.log10(energies + LOG_FLOOR)]
+        if self.use_waveform:
+            parts.append(waveform.reshape(waveform.shape[0], frames, self.hop_length))
+        return np.ascontiguousarray(np.concatenate(parts, axis=-1).transpose(0, 2, 1), dtype=np.float32)
+
+    def denormalize(self, waveform, levels, samples=None):
+        """Undoes `normalize`: pre-emphasis removed, delivery rate, and exactly the RMS that `levels` asks for.
+
+        Args:
+            waveform (`np.ndarray` or `torch.Tensor`): (batch, samples) at the working rate.
+            levels (`np.ndarray` or `torch.Tensor`): (batch,), natural log of the RMS in N.
+            samples (`int`, *optional*): number of delivered samples to keep; `None` = all.
+
+        Returns:
+            `np.ndarray`: (batch, samples) float32, N, zero mean within the band.
+        """
+        waveform = np.asarray(torch.as_tensor(waveform).float().cpu(), dtype=np.float64)
+        levels = np.asarray(torch.as_tensor(levels).float().cpu(), dtype=np.float64)
+        texture = resample(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
+        texture = texture - texture.mean(-1, keepdims=True)
+        scale = rms(texture)[:, None]
+        return (texture / np.where(scale > SILENCE, scale, np.inf) * np.exp(levels)[:, None]).astype(np.float32)
+
+    def _emphasize(self, waveform, sign):
+        """Whitens (`sign` = +1) or colours back (-1) with zero phase; the ends are extended by reflection."""
+        if self.preemphasis_db is None:
+            return waveform
+        margin = min(waveform.shape[-1] - 1, int(2 * self.sampling_rate / self.band[0]))
+        padded = np.pad(waveform, ((0, 0), (margin, margin)), mode="reflect", reflect_type="odd")
+        bins = np.fft.rfftfreq(padded.shape[-1], 1 / self.sampling_rate)
+        log_bins = np.log(np.maximum(bins, self.preemphasis_frequencies[0]))
+        gains_db = np.interp(log_bins, np.log(self.preemphasis_frequencies), self.preemphasis_db)
+        spectrum = np.fft.rfft(padded, axis=-1) * 10 ** (sign * gains_db / 20)
+        return np.fft.irfft(spectrum, n=padded.shape[-1], axis=-1)[:, margin : margin + waveform.shape[-1]]
+
+    def _check(self, texture, sampling_rate):
+        if sampling_rate is None:
+            raise ValueError(
+                "`sampling_rate` is missing: pass the rate of `texture` in Hz; a wrong guess would go unnoticed."
+            )
+        if sampling_rate < 2 * self.band[1]:
+            raise ValueError(
+                f"`sampling_rate` must be at least {2 * self.band[1]} Hz to hold the band {self.band} Hz, got "
+                f"{sampling_rate}."
+            )
+        texture = torch.as_tensor(texture).detach().cpu().double().numpy()
+        texture = texture[None] if texture.ndim == 1 else texture
+        if texture.ndim != 2 or 0 in texture.shape:
+            raise ValueError(f"`texture` must be (samples,) or (batch, samples), not empty; got {texture.shape}.")
+        if not np.isfinite(texture).all():
+            rows = np.flatnonzero(~np.isfinite(texture).all(-1)).tolist()
+            raise ValueError(f"`texture` has NaN or infinite samples in row(s) {rows[:8]}; remove or repair them.")
+        return texture

@@ -1,0 +1,6 @@
+"""The models: one U-Net backbone, composed by LCTG and DALE."""
+
+from .dale import DALEModel, DALEOutput
+from .lctg import LCTGModel, LCTGOutput
+
+__all__ = ["DALEModel", "DALEOutput", "LCTGModel", "LCTGOutput"]

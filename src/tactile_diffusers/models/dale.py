@@ -1,0 +1,165 @@
+"""DALE, the Diffusion Adjective-to-Latent Encoder: ratings to latents, level and friction (paper section 2.2)."""
+
+from dataclasses import dataclass
+
+import torch
+from diffusers.configuration_utils import ConfigMixin, register_to_config
+from diffusers.models.attention import AttentionMixin
+from diffusers.models.modeling_utils import ModelMixin
+from diffusers.utils import BaseOutput
+
+from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
+from .unet_1d import UNet1D
+
+#: numbers that describe a whole texture and are generated with the latents: level and log friction coefficient
+NUM_SCALARS = 2
+
+
+@dataclass
+class DALEOutput(BaseOutput):
+    """Output of `DALEModel`: `sample` is the velocity v, (batch, in_channels, latent_frames)."""
+
+    sample: torch.Tensor
+
+
+class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
+    r"""
+    Velocity network in the latent space of LCTG, steered by perceptual ratings through cross-attention at every level.
+
+    Its state is (batch, latent_channels + 2, latent_frames). The last two channels carry level and log friction
+    coefficient, one number each: the sum of the channel over time, divided by sqrt(latent_frames), so that noise and
+    number both have unit variance and a few solver steps serve them as well as the latents. Only that sum is read.
+    This model inherits from [`ModelMixin`].
+
+    Args:
+        in_channels (`int`, *optional*, defaults to 18): channels of LCTG's latents, and two more.
+        latent_frames (`int`, *optional*, defaults to 64): frames of one segment, the length it was trained on.
+        rating_axes (`list[str]`, *optional*): names of the perceptual axes, in the order of `ratings`.
+        widths (`list[int]`, *optional*): channels of the levels, multiples of 32.
+        embedding_dim (`int`, *optional*, defaults to 256): width of the time embedding.
+        cross_attention_dim (`int`, *optional*, defaults to 128): width of the rating tokens.
+        kernel_size (`int`, *optional*, defaults to 3): length of all convolutions.
+        latent_mean, latent_std (`list[float]`, *optional*): statistics of each latent channel over the training set.
+        level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N.
+        log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient.
+        ratings_mean, ratings_std (`list[float]`, *optional*): mean and standard deviation of a typical rater's raw
+            scores (0-8) per axis: raw = mean + std * z.
+        ratings_range (`list[list[float]]`, *optional*): smallest and largest rating per axis of the training surfaces.
+        reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s.
+        num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
+    """
+
+    _supports_gradient_checkpointing = True
+    _no_split_modules = ["ResnetBlock1D"]
+    _repeated_blocks = ["ResnetBlock1D"]
+    _skip_layerwise_casting_patterns = ["norm", "time", "rating", "context_scale"]
+
+    @register_to_config
+    def __init__(
+        self,
+        in_channels: int = 16 + NUM_SCALARS,
+        latent_frames: int = 64,
+        rating_axes: tuple[str, ...] = ("roughness", "bumpiness", "slipperiness"),
+        widths: tuple[int, ...] = (128, 160, 192),
+        embedding_dim: int = 256,
+        cross_attention_dim: int = 128,
+        kernel_size: int = 3,
+        latent_mean: list[float] | None = None,
+        latent_std: list[float] | None = None,
+        level_mean: float = -5.0,
+        level_std: float = 0.6,
+        log_friction_mean: float = -0.4,
+        log_friction_std: float = 0.4,
+        ratings_mean: list[float] | None = None,
+        ratings_std: list[float] | None = None,
+        ratings_range: list[list[float]] | None = None,
+        reference_speed: float = 80.0,
+        num_train_timesteps: int = 1000,
+    ):
+        super().__init__()
+        if in_channels <= NUM_SCALARS:
+            raise ValueError(f"`in_channels` must exceed {NUM_SCALARS} (level, log friction), got {in_channels}.")
+        latent_channels = in_channels - NUM_SCALARS
+        for name, values in (("latent_mean", latent_mean), ("latent_std", latent_std)):
+            if values is not None and len(values) != latent_channels:
+                raise ValueError(
+                    f"`{name}` must hold {latent_channels} numbers (in_channels - {NUM_SCALARS}), got {len(values)}."
+                )
+        self.gradient_checkpointing = False
+        self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
+        self.rating_embedder = RatingEmbedder(len(rating_axes), cross_attention_dim)
+        self.rating_pool = torch.nn.Linear(len(rating_axes) * cross_attention_dim, embedding_dim)
+        self.unet = UNet1D(
+            in_channels,
+            in_channels,
+            list(widths),
+            patch_size=1,
+            embedding_dim=embedding_dim,
+            kernel_size=kernel_size,
+            cross_attention_dim=cross_attention_dim,
+        )
+        mean = torch.tensor(latent_mean if latent_mean is not None else [0.0] * latent_channels)
+        std = torch.tensor(latent_std if latent_std is not None else [1.0] * latent_channels)
+        self.register_buffer("_latent_mean", mean[:, None], persistent=False)
+        self.register_buffer("_latent_std", std[:, None], persistent=False)
+
+    @property
+    def latent_channels(self):
+        """Channels of LCTG's latents (the state has two more)."""
+        return self.config.in_channels - NUM_SCALARS
+
+    def pack(self, latents, level, friction_coefficient):
+        """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
+
+        Args:
+            latents (`torch.Tensor`): (batch, latent_channels, frames), as `LCTGModel.encode` makes them.
+            level (`torch.Tensor`): (batch,), natural log of the RMS in N.
+            friction_coefficient (`torch.Tensor`): (batch,); NaN = unknown, which becomes the training mean.
+
+        Returns:
+            `torch.Tensor`: (batch, in_channels, frames).
+        """
+        config = self.config
+        friction = (friction_coefficient.clamp_min(1e-3).log() - config.log_friction_mean) / config.log_friction_std
+        scalars = torch.stack([(level - config.level_mean) / config.level_std, torch.nan_to_num(friction)], dim=1)
+        frames = latents.shape[-1]
+        scalars = scalars.to(latents)[..., None].expand(-1, -1, frames) / frames**0.5
+        return torch.cat([(latents - self._latent_mean) / self._latent_std, scalars], dim=1)
+
+    def unpack(self, sample):
+        """Undoes `pack`: (batch, in_channels, frames) -> latents, level (batch,), friction coefficient (batch,)."""
+        config = self.config
+        latents, scalars = sample.split([self.latent_channels, NUM_SCALARS], dim=1)
+        level, friction = (scalars.sum(-1) / sample.shape[-1] ** 0.5).float().unbind(1)
+        return (
+            latents * self._latent_std + self._latent_mean,
+            level * config.level_std + config.level_mean,
+            torch.exp(friction * config.log_friction_std + config.log_friction_mean),
+        )
+
+    def forward(self, sample, timestep, ratings, return_dict=True):
+        """Velocity of a noisy state.
+
+        Args:
+            sample (`torch.Tensor`): (batch, in_channels, frames).
+            timestep (`float`, `int` or `torch.Tensor`): t = num_train_timesteps * phi / (pi/2) - 1, (batch,) or scalar.
+            ratings (`torch.Tensor`): (batch, axes) in z-scores; NaN = not specified.
+            return_dict (`bool`, *optional*, defaults to `True`): `DALEOutput` or a plain tuple.
+        """
+        frames = sample.shape[-1]
+        latents, scalars = sample.split([self.latent_channels, NUM_SCALARS], dim=1)
+        scalars = scalars.sum(-1, keepdim=True) / frames**0.5
+        hidden_states = torch.cat([latents, scalars.expand(-1, -1, frames)], dim=1)
+
+        tokens = self.rating_embedder(ratings, sample.dtype)
+        embedding = self.time_embedder(expand_timestep(timestep, sample), sample.dtype)
+        embedding = embedding + self.rating_pool(tokens.flatten(1))
+        checkpoint = None
+        if torch.is_grad_enabled() and self.gradient_checkpointing:
+            checkpoint = self._gradient_checkpointing_func
+        velocity = self.unet(hidden_states, embedding, tokens=tokens, checkpoint=checkpoint)
+
+        latents, scalars = velocity.split([self.latent_channels, NUM_SCALARS], dim=1)
+        scalars = scalars.mean(-1, keepdim=True).expand(-1, -1, frames) / frames**0.5
+        velocity = torch.cat([latents, scalars], dim=1)
+        return DALEOutput(sample=velocity) if return_dict else (velocity,)

@@ -1,0 +1,163 @@
+"""LCTG, the Latent-Conditioned Texture Generator: an encoder and a diffusion decoder (paper section 2.2)."""
+
+from dataclasses import dataclass
+
+import torch
+from diffusers.configuration_utils import ConfigMixin, register_to_config
+from diffusers.models.modeling_utils import ModelMixin
+from diffusers.utils import BaseOutput
+from diffusers.utils.accelerate_utils import apply_forward_hook
+from torch import nn
+
+from .embeddings import TimestepEmbedder, expand_timestep
+from .unet_1d import ChannelRMSNorm, UNet1D
+
+
+@dataclass
+class LCTGOutput(BaseOutput):
+    """Output of `LCTGModel`: `sample` is the velocity v, (batch, 1, samples)."""
+
+    sample: torch.Tensor
+
+
+class _EncoderBlock(nn.Module):
+    """Two convolutions with a residual connection; the first may stride."""
+
+    def __init__(self, channels, kernel_size, stride=1):
+        super().__init__()
+        padding = kernel_size // 2
+        self.norm1 = ChannelRMSNorm()
+        self.conv1 = nn.Conv1d(channels, channels, kernel_size, stride=stride, padding=padding)
+        self.norm2 = ChannelRMSNorm()
+        self.conv2 = nn.Conv1d(channels, channels, kernel_size, padding=padding)
+        self.act = nn.SiLU()
+        self.shortcut = nn.AvgPool1d(stride) if stride > 1 else nn.Identity()
+
+    def forward(self, hidden_states):
+        residual = self.shortcut(hidden_states)
+        hidden_states = self.conv1(self.act(self.norm1(hidden_states)))
+        return residual + self.conv2(self.act(self.norm2(hidden_states)))
+
+
+class TactileEncoder(nn.Module):
+    """Ten 1-D convolution layers from feature frames to latents (paper section 2.2), bounded to (-1, 1).
+
+    Args:
+        feature_channels (`int`): channels of the features.
+        latent_channels (`int`): channels of the latents.
+        width (`int`): channels of the hidden layers.
+        kernel_size (`int`): odd length of the convolutions.
+        stride (`int`): feature frames per latent frame; a power of two, at most 16.
+    """
+
+    def __init__(self, feature_channels, latent_channels, width, kernel_size, stride):
+        super().__init__()
+        if stride not in (1, 2, 4, 8, 16):
+            raise ValueError(f"Feature frames per latent frame must be 1, 2, 4, 8 or 16, got {stride}.")
+        halvings = stride.bit_length() - 1
+        self.conv_in = nn.Conv1d(feature_channels, width, kernel_size, padding=kernel_size // 2)
+        self.blocks = nn.ModuleList([_EncoderBlock(width, kernel_size, 2 if i < halvings else 1) for i in range(4)])
+        self.norm_out = ChannelRMSNorm()
+        self.act = nn.SiLU()
+        self.conv_out = nn.Conv1d(width, latent_channels, kernel_size, padding=kernel_size // 2)
+
+    def forward(self, features):
+        """(batch, feature_channels, frames) -> (batch, latent_channels, frames / stride)."""
+        hidden_states = self.conv_in(features)
+        for block in self.blocks:
+            hidden_states = block(hidden_states)
+        return torch.tanh(self.conv_out(self.act(self.norm_out(hidden_states))))
+
+
+class LCTGModel(ModelMixin, ConfigMixin):
+    r"""
+    Encoder and velocity decoder between a texture and a compact latent.
+
+    `encode` maps features of a texture to latents; `forward` predicts the velocity v = cos(phi) noise - sin(phi) x0 of
+    a noisy texture given latents. Textures enter whitened, at unit RMS and at the working rate: see
+    [`TactileFeatureExtractor`]. This model inherits from [`ModelMixin`].
+
+    Args:
+        feature_channels (`int`, *optional*, defaults to 80): channels of the features that the encoder hears.
+        feature_hop (`int`, *optional*, defaults to 32): samples at the working rate per feature frame.
+        latent_channels (`int`, *optional*, defaults to 16): channels of the latents.
+        latent_hop (`int`, *optional*, defaults to 64): samples at the working rate per latent frame.
+        encoder_width (`int`, *optional*, defaults to 160): channels of the encoder's hidden layers.
+        widths (`list[int]`, *optional*): channels of the decoder's levels, seven by default as in the paper.
+        patch_size (`int`, *optional*, defaults to 8): samples per position of the decoder's first level.
+        embedding_dim (`int`, *optional*, defaults to 192): width of the time embedding.
+        kernel_size (`int`, *optional*, defaults to 3): length of all convolutions.
+        latent_noise (`float`, *optional*, defaults to 0.1): standard deviation of the noise that training adds to the
+            latents, so that the decoder forgives the errors of a generated latent. Not used at inference.
+        num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
+    """
+
+    _supports_gradient_checkpointing = True
+    _no_split_modules = ["ResnetBlock1D", "_EncoderBlock"]
+    _repeated_blocks = ["ResnetBlock1D"]
+    _skip_layerwise_casting_patterns = ["norm", "time"]
+
+    @register_to_config
+    def __init__(
+        self,
+        feature_channels: int = 80,
+        feature_hop: int = 32,
+        latent_channels: int = 16,
+        latent_hop: int = 64,
+        encoder_width: int = 160,
+        widths: tuple[int, ...] = (64, 80, 96, 128, 128, 160, 192),
+        patch_size: int = 8,
+        embedding_dim: int = 192,
+        kernel_size: int = 3,
+        latent_noise: float = 0.1,
+        num_train_timesteps: int = 1000,
+    ):
+        super().__init__()
+        if latent_hop % feature_hop:
+            raise ValueError(f"`latent_hop` ({latent_hop}) must be a multiple of `feature_hop` ({feature_hop}).")
+        self.gradient_checkpointing = False
+        self.encoder = TactileEncoder(
+            feature_channels, latent_channels, encoder_width, kernel_size, latent_hop // feature_hop
+        )
+        self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
+        self.decoder = UNet1D(
+            1, 1, list(widths), patch_size, embedding_dim, kernel_size, latent_channels, context_stride=latent_hop
+        )
+
+    @apply_forward_hook
+    def encode(self, features):
+        """Latents of features.
+
+        Args:
+            features (`torch.Tensor`): (batch, feature_channels, frames), as `TactileFeatureExtractor` makes them;
+                frames a multiple of `latent_hop / feature_hop`.
+
+        Returns:
+            `torch.Tensor`: (batch, latent_channels, latent_frames), in (-1, 1).
+
+        Raises:
+            ValueError: if the number of channels or frames does not fit the config.
+        """
+        ratio = self.config.latent_hop // self.config.feature_hop
+        if features.ndim != 3 or features.shape[1] != self.config.feature_channels or features.shape[2] % ratio:
+            raise ValueError(
+                f"`features` must be (batch, {self.config.feature_channels}, a multiple of {ratio} frames), got "
+                f"{tuple(features.shape)}. Use the checkpoint's own feature extractor."
+            )
+        return self.encoder(features)
+
+    def forward(self, sample, timestep, latents, return_dict=True):
+        """Velocity of a noisy texture.
+
+        Args:
+            sample (`torch.Tensor`): (batch, 1, samples) at the working rate, whitened, unit RMS.
+            timestep (`float`, `int` or `torch.Tensor`): t = num_train_timesteps * phi / (pi/2) - 1, (batch,) or scalar.
+            latents (`torch.Tensor`): (batch, latent_channels, ceil(samples / latent_hop)).
+            return_dict (`bool`, *optional*, defaults to `True`): `LCTGOutput` or a plain tuple.
+        """
+        embedding = self.time_embedder(expand_timestep(timestep, sample), sample.dtype)
+        checkpoint = None
+        if torch.is_grad_enabled() and self.gradient_checkpointing:
+            checkpoint = self._gradient_checkpointing_func
+        velocity = self.decoder(sample, embedding, context=latents.to(sample.dtype), checkpoint=checkpoint)
+        return LCTGOutput(sample=velocity) if return_dict else (velocity,)

@@ -1,0 +1,386 @@
+"""The pipeline: perceptual ratings in, a touchable texture out."""
+
+import math
+
+import numpy as np
+import torch
+from diffusers import DiffusionPipeline
+from diffusers.utils import replace_example_docstring
+from diffusers.utils.torch_utils import randn_tensor
+
+from ..features import TactileFeatureExtractor
+from ..models import DALEModel, LCTGModel
+from ..schedulers import VDDIMScheduler
+from .inputs import check_generator, check_positive_integer, parse_ratings
+from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
+
+EXAMPLE_DOC_STRING = """
+    Examples:
+        ```py
+        >>> import torch
+        >>> from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+
+        >>> pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
+        >>> generator = torch.Generator("cpu").manual_seed(0)
+        >>> out = pipe(ratings=[[1.5, 0.0, -1.0]], num_inference_steps=10, generator=generator)
+        >>> out.textures.shape, out.sampling_rate  # newtons at 10 kHz
+        ((1, 16384), 10000)
+        ```
+"""
+
+
+class TactileTexturePipeline(DiffusionPipeline):
+    r"""
+    Textures from perceptual ratings: DALE makes latents, level and friction coefficient; LCTG decodes them to force.
+
+    This pipeline inherits from [`DiffusionPipeline`]: loading, saving, moving and offloading are described there.
+
+    Args:
+        lctg ([`LCTGModel`]): encoder and decoder between textures and latents.
+        feature_extractor ([`TactileFeatureExtractor`]): what LCTG's encoder hears, and the way back to newtons.
+        scheduler ([`VDDIMScheduler`]): sampler of LCTG.
+        dale ([`DALEModel`], *optional*): ratings to latents; `None` = a pipeline that only reconstructs.
+        dale_scheduler ([`VDDIMScheduler`], *optional*): sampler of DALE, not the same object as `scheduler`.
+    """
+
+    model_cpu_offload_seq = "dale->lctg"
+    _optional_components = ["dale", "dale_scheduler"]
+    _callback_tensor_inputs = ["latents"]
+
+    def __init__(
+        self,
+        lctg: LCTGModel,
+        feature_extractor: TactileFeatureExtractor,
+        scheduler: VDDIMScheduler,
+        dale: DALEModel = None,
+        dale_scheduler: VDDIMScheduler = None,
+    ):
+        super().__init__()
+        if dale is not None and dale_scheduler is None:
+            raise ValueError("`dale_scheduler` is missing: DALE needs a scheduler of its own, beside `scheduler`.")
+        if scheduler is not None and scheduler is dale_scheduler:
+            raise ValueError("`scheduler` and `dale_scheduler` must be two objects: a scheduler has state.")
+        if lctg is not None and feature_extractor is not None:
+            if lctg.config.feature_channels != feature_extractor.feature_size:
+                raise ValueError(
+                    f"`lctg` hears {lctg.config.feature_channels} feature channels, `feature_extractor` makes "
+                    f"{feature_extractor.feature_size}: they belong to different checkpoints."
+                )
+            if dale is not None and dale.latent_channels != lctg.config.latent_channels:
+                raise ValueError(
+                    f"`dale` makes {dale.latent_channels} latent channels, `lctg` reads {lctg.config.latent_channels}: "
+                    "they belong to different checkpoints."
+                )
+        self.register_modules(
+            lctg=lctg,
+            feature_extractor=feature_extractor,
+            scheduler=scheduler,
+            dale=dale,
+            dale_scheduler=dale_scheduler,
+        )
+
+    @property
+    def guidance_scale(self):
+        """Guidance scale of the current or last call."""
+        return self._guidance_scale
+
+    @property
+    def do_classifier_free_guidance(self):
+        """Whether the current or last call evaluates DALE without ratings too."""
+        return self._guidance_scale != 1.0
+
+    @property
+    def num_timesteps(self):
+        """Network evaluations (steps) of the current or last call, both stages together."""
+        return self._num_timesteps
+
+    @property
+    def interrupt(self):
+        """Set by a callback (`pipe._interrupt = True`) to skip the remaining steps."""
+        return self._interrupt
+
+    def check_inputs(
+        self,
+        num_inference_steps,
+        num_latent_inference_steps,
+        guidance_scale,
+        num_textures_per_rating,
+        duration_s,
+        output_type,
+        callback_on_step_end_tensor_inputs,
+    ):
+        """Refuses impossible arguments of `__call__`; ratings, generators and latents are checked where they are read.
+
+        Raises:
+            ValueError: naming the argument, the value and what is allowed.
+        """
+        if self.dale is None:
+            raise ValueError("This pipeline has no `dale`: it reconstructs (`pipe.reconstruct`), it cannot generate.")
+        check_positive_integer("num_inference_steps", num_inference_steps)
+        if num_latent_inference_steps is not None:
+            check_positive_integer("num_latent_inference_steps", num_latent_inference_steps)
+        check_positive_integer("num_textures_per_rating", num_textures_per_rating)
+        if not (np.isfinite(guidance_scale) and guidance_scale >= 0):
+            raise ValueError(f"`guidance_scale` must be a number >= 0 (1.0 = off), got {guidance_scale!r}.")
+        if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0):
+            raise ValueError(f"`duration_s` must be a positive number of seconds or None, got {duration_s!r}.")
+        if output_type not in ("np", "pt", "latent"):
+            raise ValueError(f'`output_type` must be "np", "pt" or "latent", got {output_type!r}.')
+        unknown = set(callback_on_step_end_tensor_inputs) - set(self._callback_tensor_inputs)
+        if unknown:
+            raise ValueError(
+                f"`callback_on_step_end_tensor_inputs` must be among {self._callback_tensor_inputs}, got "
+                f"{sorted(unknown)}."
+            )
+
+    def prepare_latents(self, shape, generator, device, dtype, latents=None):
+        """The initial noise of DALE: drawn, or the caller's own, cast and moved.
+
+        Raises:
+            ValueError: if given latents have another shape.
+        """
+        if latents is None:
+            return randn_tensor(shape, generator=generator, device=device, dtype=dtype)
+        if tuple(latents.shape) != tuple(shape):
+            raise ValueError(f"`latents` must have the shape {tuple(shape)}, got {tuple(latents.shape)}.")
+        return latents.to(device=device, dtype=dtype)
+
+    def _denoise(self, scheduler, velocity, latents, timesteps, bar, callback=None, callback_inputs=(), first_index=0):
+        """The one sampling loop: `velocity(latents, t)` is followed from noise to data.
+
+        The callback may change `latents`; `pipe._interrupt = True` ends the loop.
+        """
+        for index, t in enumerate(timesteps, start=first_index):
+            if self._interrupt:
+                break
+            model_output = velocity(scheduler.scale_model_input(latents, t), t)
+            latents = scheduler.step(model_output, t, latents, return_dict=False)[0]
+            if callback is not None:
+                callback_kwargs = {}
+                for name in callback_inputs:
+                    callback_kwargs[name] = locals()[name]
+                changed = callback(self, index, t, callback_kwargs) or {}
+                latents = changed.pop("latents", latents)
+            bar.update()
+        return latents
+
+    def _rating_velocity(self, ratings):
+        """DALE's velocity under the current guidance; with guidance both conditions go through in one batch."""
+        if not self.do_classifier_free_guidance:
+            return lambda latents, t: self.dale(latents, t, ratings, return_dict=False)[0]
+        both = torch.cat([torch.full_like(ratings, torch.nan), ratings])
+
+        def velocity(latents, t):
+            free, steered = self.dale(torch.cat([latents, latents]), t, both, return_dict=False)[0].chunk(2)
+            return free + self.guidance_scale * (steered - free)
+
+        return velocity
+
+    @torch.no_grad()
+    @replace_example_docstring(EXAMPLE_DOC_STRING)
+    def __call__(
+        self,
+        ratings,
+        num_inference_steps: int = 10,
+        num_latent_inference_steps: int | None = None,
+        guidance_scale: float = 1.0,
+        num_textures_per_rating: int = 1,
+        duration_s: float | None = None,
+        generator: torch.Generator | list[torch.Generator] | None = None,
+        latents: torch.Tensor | None = None,
+        output_type: str = "np",
+        return_dict: bool = True,
+        callback_on_step_end=None,
+        callback_on_step_end_tensor_inputs: list[str] = ["latents"],  # noqa: B006 (diffusers' signature; never mutated)
+    ):
+        r"""
+        Generates textures from ratings.
+
+        Args:
+            ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array or tensor, in z-scores
+                of one rater: roughness, bumpiness, slipperiness, positive = rougher, bumpier, more slippery. NaN or
+                None = not specified; `None` for all = nothing specified.
+            num_inference_steps (`int`, *optional*, defaults to 10): steps of LCTG.
+            num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = `num_inference_steps`.
+            guidance_scale (`float`, *optional*, defaults to 1.0): above 1 exaggerates the ratings; 1.0 = off.
+            num_textures_per_rating (`int`, *optional*, defaults to 1): takes of each rating.
+            duration_s (`float`, *optional*): seconds; `None` = one segment. Longer textures are continuous.
+            generator (`torch.Generator` or list, *optional*): one generator draws (N, ...) noise for DALE, then for
+                LCTG; a list has N entries, each draws its own DALE noise, then its own LCTG noise: as N single calls.
+            latents (`torch.Tensor`, *optional*): initial noise of DALE, (N, dale.config.in_channels, latent_frames).
+            output_type (`str`, *optional*, defaults to `"np"`): `"np"`, `"pt"`, or `"latent"` for DALE's result as
+                [`TactileLatents`] (LCTG is not run).
+            return_dict (`bool`, *optional*, defaults to `True`): `False` gives a plain tuple of the same fields.
+            callback_on_step_end (`Callable`, *optional*): `callback(pipe, step_index, timestep, callback_kwargs)` after
+                each step of either stage; may return changed tensors.
+            callback_on_step_end_tensor_inputs (`list[str]`, *optional*): `["latents"]`: the current stage's state.
+
+        Returns:
+            [`TactileTexturePipelineOutput`], [`TactileLatents`], or a tuple of their fields.
+
+        Raises:
+            ValueError: for any impossible argument, before any work starts.
+
+        Examples:
+        """
+        # 0. check everything
+        self.check_inputs(
+            num_inference_steps,
+            num_latent_inference_steps,
+            guidance_scale,
+            num_textures_per_rating,
+            duration_s,
+            output_type,
+            callback_on_step_end_tensor_inputs,
+        )
+        ratings = parse_ratings(ratings, self.dale.config.rating_axes)
+        count = len(ratings) * num_textures_per_rating
+        check_generator(generator, count)
+        device = self._execution_device
+        ratings = ratings.repeat_interleave(num_textures_per_rating, dim=0).to(device)
+        self._guidance_scale = float(guidance_scale)
+        self._interrupt = False
+
+        # 1. sizes, schedules and DALE's noise
+        frames, samples = self._sizes(duration_s)
+        shape = (count, self.dale.config.in_channels, frames)
+        latents = self.prepare_latents(shape, generator, device, self.dale.dtype, latents)
+        self.dale_scheduler.set_timesteps(num_latent_inference_steps or num_inference_steps, device=device)
+        decoding_steps = 0 if output_type == "latent" else num_inference_steps
+        self._num_timesteps = len(self.dale_scheduler.timesteps) + decoding_steps
+        callback = (callback_on_step_end, callback_on_step_end_tensor_inputs)
+
+        with self.progress_bar(total=self._num_timesteps) as bar:
+            # 2. DALE: ratings to latents, level and friction coefficient
+            timesteps = self.dale_scheduler.timesteps
+            velocity = self._rating_velocity(ratings)
+            latents = self._denoise(self.dale_scheduler, velocity, latents, timesteps, bar, *callback)
+            made = TactileLatents(*self.dale.unpack(latents))
+            if output_type == "latent":
+                self.maybe_free_model_hooks()
+                return made if return_dict else made.to_tuple()
+            # 3. LCTG: latents to the waveform
+            waveform = self._decode(made.latents, num_inference_steps, generator, bar, *callback, len(timesteps))
+
+        # 4. newtons at the delivery rate
+        out = self._postprocess(waveform, made.level, made.friction_coefficient, samples, output_type)
+        self.maybe_free_model_hooks()
+        return out if return_dict else out.to_tuple()
+
+    def _sizes(self, duration_s):
+        """Latent frames to generate and samples to deliver."""
+        hop, rate = self.lctg.config.latent_hop, self.feature_extractor.sampling_rate
+        if duration_s is None:
+            frames = self.dale.config.latent_frames
+            duration_s = frames * hop / rate
+        else:
+            frames = math.ceil(duration_s * rate / hop)
+        return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
+
+    def _decode(self, latents, num_inference_steps, generator, bar, callback=None, callback_inputs=(), first_index=0):
+        """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate."""
+        latents = latents.to(self.lctg.dtype)
+        shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
+        noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=self.lctg.dtype)
+        self.scheduler.set_timesteps(num_inference_steps, device=latents.device)
+        context = latents
+
+        def velocity(latents, t):
+            return self.lctg(latents, t, context, return_dict=False)[0]
+
+        timesteps = self.scheduler.timesteps
+        return self._denoise(self.scheduler, velocity, noise, timesteps, bar, callback, callback_inputs, first_index)[
+            :, 0
+        ]
+
+    def _postprocess(self, waveform, level, friction_coefficient, samples, output_type):
+        textures = self.feature_extractor.denormalize(waveform, level, samples)
+        level, friction_coefficient = level.float().cpu(), friction_coefficient.float().cpu()
+        if output_type == "pt":
+            textures = torch.from_numpy(textures)
+        else:
+            level, friction_coefficient = level.numpy(), friction_coefficient.numpy()
+        speed = float("nan") if self.dale is None else float(self.dale.config.reference_speed)
+        return TactileTexturePipelineOutput(
+            textures=textures,
+            friction_coefficient=friction_coefficient,
+            level=level,
+            sampling_rate=self.feature_extractor.delivery_rate,
+            reference_speed=speed,
+        )
+
+    @torch.no_grad()
+    def encode(self, texture, sampling_rate):
+        """Latents and level of textures; the gain is kept beside the shape.
+
+        Args:
+            texture (`np.ndarray` or `torch.Tensor`): (samples,) or (batch, samples), N, band-passed and zero mean.
+            sampling_rate (`int`): Hz.
+
+        Returns:
+            [`TactileLatents`]: the friction coefficient is NaN, because a texture does not hold it.
+        """
+        features = self.feature_extractor(texture, sampling_rate, return_tensors="pt")
+        device = self._execution_device
+        latents = self.lctg.encode(features["input_features"].to(device=device, dtype=self.lctg.dtype))
+        level = features["level"].to(device)
+        return TactileLatents(latents=latents, level=level, friction_coefficient=torch.full_like(level, torch.nan))
+
+    @torch.no_grad()
+    def decode(
+        self,
+        latents: torch.Tensor,
+        level: torch.Tensor,
+        friction_coefficient: torch.Tensor | None = None,
+        num_inference_steps: int = 10,
+        generator: torch.Generator | list[torch.Generator] | None = None,
+        output_type: str = "np",
+        samples: int | None = None,
+    ):
+        """Textures from latents.
+
+        Args:
+            latents (`torch.Tensor`): (N, latent_channels, frames), of `encode` or of `output_type="latent"`.
+            level (`torch.Tensor`): (N,), natural log of the RMS in N.
+            friction_coefficient (`torch.Tensor`, *optional*): (N,), passed on; `None` = NaN.
+            num_inference_steps (`int`, *optional*, defaults to 10): steps of LCTG.
+            generator (`torch.Generator` or list, *optional*): draws LCTG's noise; a list has N entries.
+            output_type (`str`, *optional*, defaults to `"np"`): `"np"` or `"pt"`.
+            samples (`int`, *optional*): delivered samples to keep; `None` = all.
+
+        Returns:
+            [`TactileTexturePipelineOutput`]
+
+        Raises:
+            ValueError: for any impossible argument, before any work starts.
+        """
+        check_positive_integer("num_inference_steps", num_inference_steps)
+        channels = self.lctg.config.latent_channels
+        if latents.ndim != 3 or latents.shape[1] != channels or 0 in latents.shape:
+            raise ValueError(f"`latents` must be (batch, {channels}, frames), got {tuple(latents.shape)}.")
+        if tuple(level.shape) != (len(latents),):
+            raise ValueError(f"`level` must be ({len(latents)},), one for each texture, got {tuple(level.shape)}.")
+        if output_type not in ("np", "pt"):
+            raise ValueError(f'`output_type` must be "np" or "pt", got {output_type!r}.')
+        check_generator(generator, len(latents))
+        self._interrupt = False
+        latents = latents.to(self._execution_device)
+        if friction_coefficient is None:
+            friction_coefficient = torch.full_like(level, torch.nan)
+        with self.progress_bar(total=num_inference_steps) as bar:
+            waveform = self._decode(latents, num_inference_steps, generator, bar)
+        out = self._postprocess(waveform, level, friction_coefficient, samples, output_type)
+        self.maybe_free_model_hooks()
+        return out
+
+    def reconstruct(self, texture, sampling_rate, num_inference_steps=10, generator=None, output_type="np"):
+        """Encodes and decodes textures: the same length and level, at the delivery rate; friction coefficient NaN.
+
+        Arguments are those of `encode` and `decode`.
+        """
+        check_positive_integer("num_inference_steps", num_inference_steps)
+        made = self.encode(texture, sampling_rate)
+        samples = round(np.shape(texture)[-1] * self.feature_extractor.delivery_rate / sampling_rate)
+        return self.decode(
+            made.latents, made.level, None, num_inference_steps, generator, output_type=output_type, samples=samples
+        )

@@ -1,0 +1,13 @@
+"""The numbers that the whole package agrees on. Each constant is written here and nowhere else."""
+
+#: Band of a texture in Hz (paper section 2.1: below is finger motion, above is not felt).
+BAND_HZ = (20.0, 1000.0)
+#: Rate of delivered textures and of the recorded force, Hz (paper section 2.1).
+DEVICE_RATE = 10_000
+#: Samples of one segment at ``DEVICE_RATE``: 1.6384 s (paper section 2.1).
+SEGMENT_SAMPLES = 2**14
+SEGMENT_SECONDS = SEGMENT_SAMPLES / DEVICE_RATE
+#: Rate at which the default decoder runs, Hz: nothing above 1 kHz is felt (DESIGN decision 1).
+WORKING_RATE = 2500
+#: Perceptual axes in the order of every rating vector; positive = rougher, bumpier, more slippery.
+RATING_AXES = ("roughness", "bumpiness", "slipperiness")

@@ -1,0 +1,1 @@
+"""What the two training scripts share: arguments, losses, the loop with its checkpoints."""

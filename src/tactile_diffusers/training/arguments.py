@@ -1,0 +1,69 @@
+"""Arguments of the training scripts, with the names and defaults of diffusers' own examples."""
+
+import argparse
+
+
+def add_training_arguments(parser):
+    """Adds what both scripts share to `parser` and returns it."""
+    add = parser.add_argument
+    add("--train_data_dir", required=True, help="prepared data set (.h5) written by examples/prepare_data.py")
+    add("--output_dir", required=True, help="folder of the trained pipeline, checkpoints, logs and figures")
+    add("--overwrite_output_dir", action="store_true", help="start again in a folder that already holds a training")
+    add("--max_train_samples", type=int, help="use only this many training segments")
+    add("--seed", type=int, default=0)
+    add("--train_batch_size", type=int, default=16)
+    add("--eval_batch_size", type=int, default=32)
+    add("--num_train_epochs", type=int, default=100)
+    add("--max_train_steps", type=int, help="optimiser updates; overrides --num_train_epochs")
+    add("--gradient_accumulation_steps", type=int, default=1)
+    add("--gradient_checkpointing", action="store_true")
+    add("--learning_rate", type=float, default=1e-3)
+    add("--scale_lr", action="store_true", help="multiply the learning rate by processes x accumulation x batch size")
+    add("--lr_scheduler", default="cosine")
+    add("--lr_warmup_steps", type=int, default=200)
+    add("--adam_beta1", type=float, default=0.9)
+    add("--adam_beta2", type=float, default=0.99)
+    add("--adam_weight_decay", type=float, default=1e-2)
+    add("--adam_epsilon", type=float, default=1e-8)
+    add("--max_grad_norm", type=float, default=1.0)
+    add("--use_ema", action=argparse.BooleanOptionalAction, default=True, help="average the weights (validated, saved)")
+    add("--ema_decay", type=float, default=0.999)
+    add("--mixed_precision", choices=["no", "fp16", "bf16"], default="no")
+    add("--dataloader_num_workers", type=int, default=0)
+    add("--checkpointing_steps", type=int, default=500)
+    add("--checkpoints_total_limit", type=int, default=2)
+    add("--resume_from_checkpoint", help="a checkpoint folder, or 'latest'")
+    add("--validation_steps", type=int, default=500)
+    add("--validation_samples", type=int, default=64, help="held-out segments per validation")
+    add("--report_to", choices=["tensorboard", "wandb", "none"], default="tensorboard")
+    add("--logging_dir", default="logs", help="inside --output_dir")
+    add("--tracker_project_name", default="tactile_diffusers")
+    add("--quiet", action="store_true", help="no progress bar")
+    return parser
+
+
+def check_training_arguments(args):
+    """Refuses impossible values before any work starts.
+
+    Raises:
+        ValueError: naming the argument, the value and what is allowed.
+    """
+    at_least_one = (
+        "train_batch_size",
+        "eval_batch_size",
+        "num_train_epochs",
+        "gradient_accumulation_steps",
+        "checkpointing_steps",
+        "validation_steps",
+        "max_train_steps",
+        "max_train_samples",
+        "checkpoints_total_limit",
+    )
+    for name in at_least_one:
+        value = getattr(args, name)
+        if value is not None and value < 1:
+            raise ValueError(f"--{name} must be at least 1, got {value}.")
+    if not args.learning_rate > 0:
+        raise ValueError(f"--learning_rate must be positive, got {args.learning_rate}.")
+    if not 0 <= args.ema_decay < 1:
+        raise ValueError(f"--ema_decay must lie in [0, 1), got {args.ema_decay}.")

@@ -1,0 +1,327 @@
+"""The training loop of both stages: optimiser steps, EMA, checkpoints that survive a kill, exact resume."""
+
+import json
+import logging
+import math
+import os
+import platform
+import re
+import shutil
+import sys
+import time
+from pathlib import Path
+
+import diffusers
+import torch
+from accelerate import Accelerator
+from accelerate.utils import DataLoaderConfiguration, ProjectConfiguration, set_seed
+from diffusers.optimization import get_scheduler
+from diffusers.training_utils import EMAModel
+from tqdm.auto import tqdm
+
+logger = logging.getLogger(__name__)
+CHECKPOINT = re.compile(r"checkpoint-(\d+)")
+
+
+class EndlessBatches(torch.utils.data.Sampler):
+    """Batches of indices for ever: a new seeded permutation each epoch, incomplete last batches dropped.
+
+    The n-th batch depends on the seed and n alone, so a resumed training goes on where it was.
+
+    Args:
+        length (`int`): size of the data set.
+        batch_size (`int`): indices per batch; at most `length`.
+        seed (`int`): of the permutations.
+        start (`int`): number of batches to skip.
+    """
+
+    def __init__(self, length, batch_size, seed, start=0):
+        if length < batch_size:
+            raise ValueError(f"`train_batch_size` ({batch_size}) exceeds the number of training segments ({length}).")
+        self.length, self.batch_size, self.seed, self.start = length, batch_size, seed, start
+        self.drop_last = True  # read by accelerate when it shares batches between processes
+
+    def __iter__(self):
+        per_epoch = self.length // self.batch_size
+        batch = self.start
+        while True:
+            epoch, offset = divmod(batch, per_epoch)
+            order = torch.randperm(self.length, generator=torch.Generator().manual_seed(self.seed * 7919 + epoch))
+            for index in range(offset, per_epoch):
+                yield order[index * self.batch_size : (index + 1) * self.batch_size].tolist()
+                batch += 1
+
+
+def make_accelerator(args):
+    """Accelerator, seeds and the tracker for parsed arguments.
+
+    Raises:
+        ValueError: if the output folder holds another training.
+        ImportError: if the tracker is not installed, naming the extra.
+    """
+    output = Path(args.output_dir)
+    used = output.is_dir() and any(CHECKPOINT.fullmatch(p.name) or p.name == "log.jsonl" for p in output.iterdir())
+    if used and not args.overwrite_output_dir and not args.resume_from_checkpoint:
+        raise ValueError(
+            f"--output_dir {output} already holds a training. Give --resume_from_checkpoint latest to go on, or "
+            "--overwrite_output_dir to start again."
+        )
+    if args.report_to == "tensorboard":
+        try:
+            import tensorboard  # noqa: F401
+        except ImportError as error:
+            raise ImportError(
+                "--report_to tensorboard needs `pip install tactile_diffusers[training]`; or give --report_to none."
+            ) from error
+    project = ProjectConfiguration(project_dir=args.output_dir, logging_dir=str(output / args.logging_dir))
+    accelerator = Accelerator(
+        gradient_accumulation_steps=args.gradient_accumulation_steps,
+        mixed_precision=args.mixed_precision,
+        log_with=None if args.report_to == "none" else args.report_to,
+        project_config=project,
+        # each process takes its own batches of the endless sampler; nothing is gathered at an epoch's end
+        dataloader_config=DataLoaderConfiguration(even_batches=False),
+    )
+    if accelerator.is_main_process:
+        if used and args.overwrite_output_dir and not args.resume_from_checkpoint:
+            for path in [*output.glob("checkpoint-*"), output / args.logging_dir]:
+                shutil.rmtree(path, ignore_errors=True)
+            (output / "log.jsonl").unlink(missing_ok=True)
+        output.mkdir(parents=True, exist_ok=True)
+    logging.basicConfig(format="%(asctime)s %(message)s", level=logging.INFO if accelerator.is_main_process else 40)
+    set_seed(args.seed)
+    return accelerator
+
+
+def latest_checkpoint(output_dir):
+    """The checkpoint folder of the largest step in `output_dir`, or `None`. Half-written ones have another name."""
+    found = [(int(m[1]), p) for p in Path(output_dir).glob("checkpoint-*") if (m := CHECKPOINT.fullmatch(p.name))]
+    return max(found)[1] if found else None
+
+
+class Trainer:
+    """Runs a training: `Trainer(...).run()`.
+
+    Args:
+        accelerator (`Accelerator`): from `make_accelerator`.
+        args (`argparse.Namespace`): with what `add_training_arguments` adds.
+        step_module (`torch.nn.Module`): `step_module(batch, generator)` returns (loss, dict of scalars); the model to
+            train is its attribute `model` (a diffusers `ModelMixin`).
+        name (`str`): of the model in checkpoint folders.
+        dataset: indexable, with `__len__`.
+        collate (`Callable`, *optional*): items -> batch (a dict of tensors); `None` = stacked.
+        validate (`Callable`): `validate(model, step)` -> dict of scalars; called with the averaged weights.
+    """
+
+    def __init__(self, accelerator, args, step_module, name, dataset, collate, validate):
+        self.accelerator, self.args, self.name, self.validate = accelerator, args, name, validate
+        self.dataset, self.collate, self.module = dataset, collate, step_module
+        self.output = Path(args.output_dir)
+        if args.gradient_checkpointing:
+            step_module.model.enable_gradient_checkpointing()
+        batches = max(1, len(dataset) // args.train_batch_size // accelerator.num_processes)
+        updates_per_epoch = math.ceil(batches / args.gradient_accumulation_steps)
+        self.total_steps = args.max_train_steps or args.num_train_epochs * updates_per_epoch
+        rate = args.learning_rate
+        if args.scale_lr:
+            rate *= args.gradient_accumulation_steps * args.train_batch_size * accelerator.num_processes
+        parameters = [p for p in step_module.parameters() if p.requires_grad]
+        self.optimizer = torch.optim.AdamW(
+            parameters,
+            lr=rate,
+            betas=(args.adam_beta1, args.adam_beta2),
+            weight_decay=args.adam_weight_decay,
+            eps=args.adam_epsilon,
+        )
+        # the prepared scheduler advances once per process and update: count both warm-up and total so
+        processes = accelerator.num_processes
+        self.lr_scheduler = get_scheduler(
+            args.lr_scheduler,
+            optimizer=self.optimizer,
+            num_warmup_steps=args.lr_warmup_steps * processes,
+            num_training_steps=self.total_steps * processes,
+        )
+        self.ema = None
+        if args.use_ema:
+            model = step_module.model
+            self.ema = EMAModel(
+                model.parameters(), decay=args.ema_decay, use_ema_warmup=True, inv_gamma=1.0, power=0.75,
+                model_cls=type(model), model_config=model.config,
+            )  # fmt: skip
+            self.ema.to(accelerator.device)
+        accelerator.register_save_state_pre_hook(self._save_models)
+        accelerator.register_load_state_pre_hook(self._load_models)
+        self.step, self.seconds = 0, 0.0
+
+    # accelerate's own files hold optimiser, learning rate and random state; the weights go to diffusers' format
+    def _save_models(self, models, weights, folder):
+        if self.accelerator.is_main_process:
+            for module in models:
+                self.accelerator.unwrap_model(module).model.save_pretrained(os.path.join(folder, self.name))
+            if self.ema is not None:
+                self.ema.save_pretrained(os.path.join(folder, f"{self.name}_ema"))
+        weights.clear()  # on every process: nothing left for accelerate to save
+
+    def _load_models(self, models, folder):
+        while models:
+            model = self.accelerator.unwrap_model(models.pop()).model
+            loaded = type(model).from_pretrained(folder, subfolder=self.name)
+            model.load_state_dict(loaded.state_dict())
+        if self.ema is not None:
+            cls = type(self.accelerator.unwrap_model(self.module).model)
+            loaded = EMAModel.from_pretrained(os.path.join(folder, f"{self.name}_ema"), cls)
+            self.ema.load_state_dict(loaded.state_dict())
+            self.ema.to(self.accelerator.device)
+
+    def save_checkpoint(self):
+        """Writes `checkpoint-<step>` under a temporary name, renames it, and only then removes the oldest ones."""
+        final = self.output / f"checkpoint-{self.step}"
+        temporary = self.output / f"unfinished-checkpoint-{self.step}"
+        if self.accelerator.is_main_process:
+            shutil.rmtree(temporary, ignore_errors=True)
+        self.accelerator.wait_for_everyone()
+        self.accelerator.save_state(str(temporary), safe_serialization=True)
+        self.accelerator.wait_for_everyone()
+        if not self.accelerator.is_main_process:
+            return
+        for path in temporary.rglob("*"):  # on disk before the name says that it is whole
+            if path.is_file():
+                with open(path, "rb") as file:
+                    os.fsync(file.fileno())
+        shutil.rmtree(final, ignore_errors=True)
+        os.replace(temporary, final)
+        kept = sorted(self.output.glob("checkpoint-*"), key=lambda p: int(CHECKPOINT.fullmatch(p.name)[1]))
+        for old in kept[: -self.args.checkpoints_total_limit or None]:
+            shutil.rmtree(old)
+
+    def _resume(self):
+        wanted = self.args.resume_from_checkpoint
+        if not wanted:
+            return
+        folder = latest_checkpoint(self.output) if wanted == "latest" else Path(wanted)
+        if folder is None:
+            logger.info("No checkpoint in %s yet: starting from the beginning.", self.output)
+            return
+        if not folder.is_dir() or not CHECKPOINT.fullmatch(folder.name):
+            raise ValueError(f"--resume_from_checkpoint {wanted} is neither 'latest' nor a folder checkpoint-<step>.")
+        self.accelerator.load_state(str(folder))
+        self.step = int(CHECKPOINT.fullmatch(folder.name)[1])
+        logger.info("Resumed from %s", folder)
+        log = self.output / "log.jsonl"
+        if self.accelerator.is_main_process and log.is_file():  # what came after the checkpoint will come again
+            entries = [json.loads(line) for line in log.read_text().splitlines()]
+            entries = [entry for entry in entries if entry["step"] <= self.step]
+            log.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+            self.seconds = max((entry.get("seconds", 0.0) for entry in entries), default=0.0)
+
+    def _describe(self):
+        """Writes `training.json`: the command, the data, the machine and the versions, for the model card."""
+        script = Path(sys.argv[0])
+        record = {
+            "script": f"{script.parent.name}/{script.name}",
+            "arguments": {k: v for k, v in vars(self.args).items() if v is not None},
+            "segments": len(self.dataset),
+            "steps": self.total_steps,
+            "machine": f"{platform.machine()}, {torch.get_num_threads()} thread(s), {self.accelerator.device}",
+            "versions": {"torch": torch.__version__, "diffusers": diffusers.__version__},
+        }
+        (self.output / "training.json").write_text(json.dumps(record, indent=2) + "\n")
+
+    def _log(self, values):
+        self.accelerator.log(values, step=self.step)
+        if self.accelerator.is_main_process:
+            with open(self.output / "log.jsonl", "a") as file:
+                file.write(json.dumps({"step": self.step, **values}) + "\n")
+
+    def _validate(self):
+        model = self.accelerator.unwrap_model(self.module).model
+        if self.ema is not None:
+            self.ema.store(model.parameters())
+            self.ema.copy_to(model.parameters())
+        model.eval()
+        if self.accelerator.is_main_process:
+            with torch.no_grad():
+                self._log({f"validation/{k}": float(v) for k, v in self.validate(model, self.step).items()})
+        model.train()
+        if self.ema is not None:
+            self.ema.restore(model.parameters())
+
+    def run(self):
+        """Trains to the end and returns the model with averaged weights, in eval mode."""
+        args, accelerator = self.args, self.accelerator
+        self.module.train()
+        self.module, self.optimizer, self.lr_scheduler = accelerator.prepare(
+            self.module, self.optimizer, self.lr_scheduler
+        )
+        self._resume()
+        micro_batches = self.step * args.gradient_accumulation_steps * accelerator.num_processes
+        sampler = EndlessBatches(len(self.dataset), args.train_batch_size, args.seed, micro_batches)
+        loader = torch.utils.data.DataLoader(
+            self.dataset, batch_sampler=sampler, collate_fn=self.collate, num_workers=args.dataloader_num_workers
+        )
+        loader = accelerator.prepare(loader)
+        if args.report_to != "none":
+            config = {k: v for k, v in vars(args).items() if isinstance(v, int | float | str | bool)}
+            accelerator.init_trackers(args.tracker_project_name, config)
+        logger.info(
+            "***** Running training ***** segments %d, batch %d x %d, steps %d, parameters %.2f M, %s",
+            len(self.dataset), args.train_batch_size, args.gradient_accumulation_steps, self.total_steps,
+            sum(p.numel() for p in self.optimizer.param_groups[0]["params"]) / 1e6, accelerator.device,
+        )  # fmt: skip
+        if accelerator.is_main_process:
+            self._describe()
+        self._loop(loader)
+        if self.step % args.checkpointing_steps:
+            self.save_checkpoint()
+        accelerator.end_training()
+        model = accelerator.unwrap_model(self.module).model
+        if self.ema is not None:
+            self.ema.copy_to(model.parameters())
+        return model.eval()
+
+    def _loop(self, loader):
+        args, accelerator = self.args, self.accelerator
+        quiet = args.quiet or not accelerator.is_main_process
+        bar = tqdm(total=self.total_steps, initial=self.step, disable=quiet, desc=self.name, mininterval=5)
+        micro, sums, count, began = 0, {}, 0, time.time() - self.seconds
+        for batch in loader:
+            if self.step >= self.total_steps:
+                break
+            # noise and times depend on the seed and the step alone, so that a resumed run equals an unbroken one
+            draw = (self.step * args.gradient_accumulation_steps + micro) * accelerator.num_processes
+            seed = (args.seed << 40) + draw + accelerator.process_index
+            generator = torch.Generator(accelerator.device).manual_seed(seed)
+            micro = (micro + 1) % args.gradient_accumulation_steps
+            with accelerator.accumulate(self.module):
+                with accelerator.autocast():
+                    loss, scalars = self.module(batch, generator)
+                if not torch.isfinite(loss):
+                    raise FloatingPointError(
+                        f"The loss is {loss.item()} at step {self.step}. Lower --learning_rate or look at the batch; "
+                        f"the last good checkpoint is {latest_checkpoint(self.output)}."
+                    )
+                accelerator.backward(loss)
+                if accelerator.sync_gradients:
+                    accelerator.clip_grad_norm_(self.module.parameters(), args.max_grad_norm)
+                self.optimizer.step()
+                self.lr_scheduler.step()
+                self.optimizer.zero_grad()
+            for key, value in {"loss": loss.detach(), **scalars}.items():
+                sums[key] = sums.get(key, 0.0) + value
+            count += 1
+            if not accelerator.sync_gradients:
+                continue
+            self.step += 1
+            bar.update()
+            if self.ema is not None:
+                self.ema.step(accelerator.unwrap_model(self.module).model.parameters())
+            if self.step % 50 == 0 or self.step == self.total_steps:
+                means = {f"train/{k}": float(v) / count for k, v in sums.items()}
+                self._log({**means, "lr": self.lr_scheduler.get_last_lr()[0], "seconds": time.time() - began})
+                bar.set_postfix(loss=means["train/loss"], refresh=False)
+                sums, count = {}, 0
+            if self.step % args.checkpointing_steps == 0:
+                self.save_checkpoint()
+            if self.step % args.validation_steps == 0 or self.step == self.total_steps:
+                self._validate()
+        bar.close()

@@ -1,0 +1,51 @@
+"""Losses of both training stages, in float32."""
+
+import torch
+import torch.nn.functional as F
+
+
+def multi_resolution_spectral_loss(predicted, target, window_lengths=(64, 256, 1024)):
+    """The paper's optional frequency-aware loss (section 2.2), per row: spectra of predicted and clean waveforms.
+
+    Mean absolute difference of log magnitudes over several window lengths (the multi-resolution form of Yamamoto et
+    al. 2020, Parallel WaveGAN); long windows resolve the lows, short ones the moments.
+
+    Args:
+        predicted, target (`torch.Tensor`): (batch, samples), unit RMS.
+        window_lengths (`tuple[int, ...]`): samples; windows longer than the signal are left out.
+
+    Returns:
+        `torch.Tensor`: (batch,).
+    """
+    losses = []
+    for length in window_lengths:
+        if length > predicted.shape[-1]:
+            continue
+        window = torch.hann_window(length, device=predicted.device)
+        magnitudes = []
+        for waveform in (predicted, target):
+            spectrum = torch.stft(waveform.float(), length, length // 4, window=window, return_complex=True)
+            # unit-RMS white noise has magnitude about 1 after the division; 0.05 keeps silence out of the logarithm
+            magnitudes.append(torch.log(spectrum.abs() / window.square().sum().sqrt() + 0.05))
+        losses.append((magnitudes[0] - magnitudes[1]).abs().mean(dim=(1, 2)))
+    return torch.stack(losses).mean(0)
+
+
+def rating_loss(recovered, requested):
+    """Mean squared difference over the specified axes, per row.
+
+    Args:
+        recovered (`torch.Tensor`): (batch, axes), z-scores that a rating head hears.
+        requested (`torch.Tensor`): (batch, axes), z-scores; NaN = not specified, left out.
+
+    Returns:
+        `torch.Tensor`: (batch,); 0 where nothing was specified.
+    """
+    specified = ~torch.isnan(requested)
+    difference = torch.where(specified, recovered - torch.nan_to_num(requested), torch.zeros_like(recovered))
+    return difference.square().sum(-1) / specified.sum(-1).clamp_min(1)
+
+
+def velocity_loss(predicted, target):
+    """Mean squared error of the velocity, per row: (batch, ...) -> (batch,) (v-objective, arXiv 2202.00512)."""
+    return F.mse_loss(predicted.float(), target.float(), reduction="none").flatten(1).mean(1)

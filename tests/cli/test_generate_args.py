@@ -1,0 +1,161 @@
+"""The generate command: its arguments, its call of the pipeline and its files, with a pipeline that only records."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import tactile_diffusers
+from tactile_diffusers.cli.generate import main, parse_arguments
+
+
+class RecordingPipeline:
+    """Stands in for `TactileTexturePipeline`: keeps the call, returns noise drawn from the generators."""
+
+    def __init__(self):
+        self.call = None
+        self.folder = None
+        self.progress_bar = {}
+        self.error = None
+
+    def from_pretrained(self, folder):
+        self.folder = folder
+        return self
+
+    def set_progress_bar_config(self, **options):
+        self.progress_bar = options
+
+    def __call__(self, ratings, *, num_textures_per_rating, generator, **options):
+        import torch
+
+        self.call = {"ratings": ratings, "num_textures_per_rating": num_textures_per_rating, **options}
+        if self.error is not None:
+            raise self.error
+        generators = generator if isinstance(generator, list) else [generator]
+        textures = [0.01 * torch.randn(2000, generator=one).numpy() for one in generators]
+        assert len(textures) == num_textures_per_rating
+        return SimpleNamespace(
+            textures=np.stack(textures),
+            friction_coefficient=np.full(len(textures), 0.5, dtype=np.float32),
+            sampling_rate=10000,
+            reference_speed=80.0,
+        )
+
+
+@pytest.fixture
+def pipeline(monkeypatch):
+    recorder = RecordingPipeline()
+    monkeypatch.setattr(tactile_diffusers, "TactileTexturePipeline", recorder, raising=False)
+    monkeypatch.setattr(tactile_diffusers, "bundled_checkpoint", lambda: "bundled", raising=False)
+    return recorder
+
+
+def _parse(*arguments):
+    return parse_arguments([*arguments, "--output", "out"])
+
+
+def test_ratings_may_be_negative_or_not_specified():
+    assert _parse("--ratings", "1.5", "0", "-1").ratings == [1.5, 0, -1]
+    assert _parse("--ratings", "-1.5", "-.5", "-2").ratings == [-1.5, -0.5, -2]
+    ratings = _parse("--ratings", "1.5", "nan", "-1").ratings
+    assert ratings[::2] == [1.5, -1] and math.isnan(ratings[1])
+
+
+def test_single_axes_leave_the_others_unspecified():
+    ratings = _parse("--bumpiness", "-1.2").ratings
+    assert ratings[1] == -1.2 and math.isnan(ratings[0]) and math.isnan(ratings[2])
+    assert _parse("--roughness", "1", "--bumpiness", "2", "--slipperiness", "-1").ratings == [1, 2, -1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "give either --ratings or one or more of --roughness, --bumpiness, --slipperiness"),
+        (["--ratings", "1", "0", "0", "--roughness", "1"], "give either --ratings or"),
+        (["--ratings", "1", "0"], "expected 3 arguments"),
+        (["--ratings", "1", "0", "rough"], "invalid float value: 'rough'"),
+        (["--roughness", "1", "--takes", "0"], "argument --takes: must be at least 1, got 0"),
+        (["--roughness", "1", "--seed", "-1"], "argument --seed: must be at least 0"),
+        (["--roughness", "1", "--seed", "9223372036854775808"], "argument --seed"),
+        (["--roughness", "1", "--steps", "ten"], "invalid int value: 'ten'"),
+        (["--roughness", "1", "--checkpoint", "no such folder"], "no such folder is not a folder"),
+    ],
+)
+def test_bad_arguments_are_refused_with_one_line(capsys, arguments, message):
+    with pytest.raises(SystemExit) as stop:
+        _parse(*arguments)
+    assert stop.value.code == 2
+    assert message in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_output_that_is_a_file_is_refused(tmp_path, capsys):
+    (tmp_path / "file").write_text("kept")
+    with pytest.raises(SystemExit):
+        parse_arguments(["--roughness", "1", "--output", str(tmp_path / "file")])
+    assert "is not a folder" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "kept"
+
+
+def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
+    output = tmp_path / "new" / "out"
+    assert main(["--ratings", "1.5", "0", "-1", "--output", str(output)]) == 0
+    assert {path.name for path in output.iterdir()} == {
+        "texture.npz",
+        "texture.wav",
+        "texture.wav.json",
+        "texture.png",
+    }
+    # what was not asked for is left to the pipeline
+    assert pipeline.call == {"ratings": [1.5, 0, -1], "num_textures_per_rating": 1}
+    assert pipeline.folder == "bundled"
+    with np.load(output / "texture.npz") as file:
+        assert (file["seed"], file["sampling_rate"], file["reference_speed"]) == (0, 10000, 80)
+        np.testing.assert_array_equal(file["ratings"], [1.5, 0, -1])
+        rms = np.sqrt(np.mean(file["texture"].astype(np.float64) ** 2))
+    printed = capsys.readouterr().out
+    for expected in (
+        "texture.npz",
+        "texture.wav",
+        "texture.png",
+        f"RMS {1e3 * rms:.2f} mN",
+        "friction coefficient 0.50",
+    ):
+        assert expected in printed
+
+
+def test_options_are_passed_on(pipeline, tmp_path, capsys):
+    arguments = ["--roughness=1", "--steps=4", "--latent-steps=6", "--guidance-scale=2.5", "--duration=3"]
+    arguments += ["--checkpoint", str(tmp_path), "--output", str(tmp_path / "out"), "--quiet"]
+    assert main(arguments) == 0
+    assert pipeline.folder == str(tmp_path)
+    assert pipeline.progress_bar == {"disable": True}
+    del pipeline.call["ratings"]
+    assert pipeline.call == {
+        "num_textures_per_rating": 1,
+        "num_inference_steps": 4,
+        "num_latent_inference_steps": 6,
+        "guidance_scale": 2.5,
+        "duration_s": 3.0,
+    }
+    assert capsys.readouterr().out == ""
+
+
+def test_the_seed_in_each_file_makes_that_take_again(pipeline, tmp_path):
+    assert main(["--roughness", "1", "--takes", "3", "--seed", "40", "--quiet", "--output", str(tmp_path)]) == 0
+    assert sorted(path.name for path in tmp_path.glob("*.npz")) == [f"texture_{take:03d}.npz" for take in range(3)]
+    with np.load(tmp_path / "texture_002.npz") as third:
+        assert third["seed"] == 42
+        main(["--roughness", "1", "--seed", "42", "--quiet", "--output", str(tmp_path)])
+        with np.load(tmp_path / "texture.npz") as again:
+            np.testing.assert_array_equal(third["texture"], again["texture"])
+
+
+@pytest.mark.parametrize("error", [ValueError("`ratings` must lie\nwithin ±6."), OSError("no weights")])
+def test_a_refusal_is_one_line_and_writes_nothing(pipeline, tmp_path, capsys, error):
+    pipeline.error = error
+    assert main(["--ratings", "9", "0", "0", "--output", str(tmp_path / "out")]) == 2
+    printed = capsys.readouterr()
+    assert printed.err == f"generate.py: error: {' '.join(str(error).split())}\n"
+    assert printed.out == ""
+    assert not (tmp_path / "out").exists()

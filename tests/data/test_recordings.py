@@ -1,0 +1,165 @@
+"""The store of recordings: what goes in comes out, what is wrong is named."""
+
+import h5py
+import numpy as np
+import pytest
+
+from tactile_diffusers.data import RecordingsFile, RecordingsWriter, prepare_recordings
+from tactile_diffusers.signal import RATING_AXES, SEGMENT_SECONDS
+
+
+def test_roundtrip(tmp_path, recording_maker, recordings_writer):
+    recording = recording_maker(heading=0.7)
+    ratings = np.array([[[1, 2, 3], [4, 5, np.nan]]], dtype=np.float32)
+    path = recordings_writer(tmp_path / "r.h5", {"a": recording, "b": recording_maker(seed=1)}, ratings)
+    with RecordingsFile(path) as file:
+        first, second = list(file)
+        assert file.surfaces == ("a", "b") and file.unit == "N" and file.attributes["licence"] == "CC0-1.0"
+        np.testing.assert_array_equal(file.ratings.values, ratings)
+        assert file.ratings.axes == RATING_AXES
+    assert (first.name, first.rate, first.velocity_rate) == ("a/explorer/0", 10_000, 500.0)
+    np.testing.assert_array_equal(first.force, np.float32(recording["force"]))
+    np.testing.assert_array_equal(first.velocity, np.float32(recording["velocity"]))
+    assert first.force.dtype == np.float32 and second.lateral is None
+
+
+def test_fixed_length_strings_are_read(tmp_path, recording_maker, recordings_writer):
+    path = recordings_writer(tmp_path / "r.h5", {"a": recording_maker()}, np.full((1, 1, 3), 4.0))
+    with h5py.File(path, "r+") as file:
+        for name in ("raters", "surfaces", "axes"):
+            strings = [value.decode() for value in file[f"ratings/{name}"][()]]
+            del file[f"ratings/{name}"]
+            file[f"ratings/{name}"] = np.array(strings, dtype="S20")
+    with RecordingsFile(path) as file:
+        assert file.ratings.surfaces == ("a",) and file.ratings.axes == RATING_AXES
+
+
+def test_interrupted_writer_leaves_the_old_file(tmp_path, recording_maker, recordings_writer):
+    path = recordings_writer(tmp_path / "r.h5", {"old": recording_maker()})
+    before = path.read_bytes()
+    with pytest.raises(KeyboardInterrupt):
+        with RecordingsWriter(path, source="a test", licence="CC0-1.0") as writer:
+            writer.add_recording("new", "explorer", "0", **recording_maker())
+            raise KeyboardInterrupt
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_failed_preparation_leaves_nothing(tmp_path, recording_maker, recordings_writer):
+    path = recordings_writer(tmp_path / "r.h5", {name: recording_maker(speed=20) for name in "abc"})
+    with pytest.raises(ValueError, match="no segment meets the limits(.|\n)*speed outside limits 11"):
+        prepare_recordings(path, tmp_path / "p.h5", quiet=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["r.h5"]
+
+
+def damage_format(file):
+    file.attrs["format"] = "something"
+
+
+def damage_rate(file):
+    del file["recordings/a/explorer/0/force"].attrs["rate"]
+
+
+def damage_unit(file):
+    del file["recordings/a/explorer/0/velocity"].attrs["unit"]
+
+
+def damage_field(file):
+    del file["recordings/a/explorer/0/force"]
+
+
+def damage_length(file):
+    group = file["recordings/a/explorer/0"]
+    short, attributes = group["force"][: int(SEGMENT_SECONDS * 10_000) - 1], dict(group["force"].attrs)
+    del group["force"]
+    group.create_dataset("force", data=short).attrs.update(attributes)
+
+
+def damage_ratings(file):
+    file["ratings/values"][0, 0, 0] = 9
+
+
+def damage_surfaces(file):
+    file["ratings/surfaces"][0] = "nobody"
+
+
+def damage_recordings(file):
+    del file["recordings/a"]
+
+
+def damage_layout(file):
+    file.move("recordings/a/explorer/0/force", "recordings/a/force")
+
+
+@pytest.mark.parametrize(
+    "damage, message",
+    [
+        (damage_layout, "r.h5, /recordings/a: is no group of groups.*Arrange recordings as"),
+        (damage_format, "r.h5, /: format='something'.*Convert the source"),
+        (damage_rate, "r.h5, /recordings/a/explorer/0/force: has no positive attribute `rate`.*Add the sampling rate"),
+        (damage_unit, "r.h5, /recordings/a/explorer/0/velocity: attribute `unit` is None.*Convert"),
+        (
+            damage_field,
+            "r.h5, /recordings/a/explorer/0: has fields \\['velocity'\\].*exactly one of `force` and `lateral`",
+        ),
+        (damage_length, "r.h5, /recordings/a/explorer/0/force: lasts 1.64 s, less than one segment.*Leave it out"),
+        (damage_ratings, "r.h5, /ratings/values:.*1 ratings lie outside 0-8 .*9.*Map the scale"),
+        (damage_surfaces, "r.h5, /ratings/surfaces: \\['nobody'\\] have no recording"),
+        (damage_recordings, "r.h5, /recordings: there is no recording"),
+    ],
+)
+def test_bad_files_are_named_when_opened(tmp_path, recording_maker, recordings_writer, damage, message):
+    path = recordings_writer(tmp_path / "r.h5", {"a": recording_maker()}, np.full((2, 1, 3), 4.0))
+    with h5py.File(path, "r+") as file:
+        damage(file)
+    with pytest.raises(ValueError, match=message):
+        RecordingsFile(path)
+
+
+def test_truncated_file(tmp_path, recording_maker, recordings_writer):
+    path = recordings_writer(tmp_path / "r.h5", {"a": recording_maker()})
+    path.write_bytes(path.read_bytes()[:10_000])
+    with pytest.raises(ValueError, match="r.h5 is truncated or no HDF5 file.*Copy it again"):
+        RecordingsFile(path)
+    with pytest.raises(FileNotFoundError, match="absent.h5"):
+        RecordingsFile(tmp_path / "absent.h5")
+
+
+def test_millinewtons_are_suspected(tmp_path, recording_maker, recordings_writer):
+    recording = recording_maker()
+    recording["force"] = recording["force"] * 1000
+    path = recordings_writer(tmp_path / "r.h5", {"a": recording})
+    with pytest.raises(ValueError, match="/recordings/a/explorer/0/force: reaches .* N.*divide by 1000"):
+        list(RecordingsFile(path))
+    path = recordings_writer(tmp_path / "counts.h5", {"a": {**recording, "unit": "1"}})
+    assert next(iter(RecordingsFile(path))).unit == "1"
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"force": None}, "exactly one of `force`"),
+        ({"lateral": np.zeros(20_000), "lateral_rate": 10_000}, "exactly one of `force`"),
+        ({"force_rate": None}, "`force_rate` must be a positive"),
+        ({"velocity_rate": 0}, "`velocity_rate` must be a positive"),
+        ({"velocity": np.zeros(2000)}, "`velocity` must have shape"),
+        ({"unit": "mN"}, "`unit` must be one of.*convert"),
+    ],
+)
+def test_writer_refuses(tmp_path, recording_maker, change, message):
+    with pytest.raises(ValueError, match=message):
+        with RecordingsWriter(tmp_path / "r.h5", source="a test", licence="CC0-1.0") as writer:
+            writer.add_recording("a", "explorer", "0", **{**recording_maker(), **change})
+    assert not list(tmp_path.iterdir())
+
+
+def test_writer_refuses_names_with_slash_and_ratings_off_scale(tmp_path, recording_maker):
+    with pytest.raises(ValueError, match="without '/'"):
+        with RecordingsWriter(tmp_path / "r.h5", source="a test", licence="CC0-1.0") as writer:
+            writer.add_recording("a/b", "explorer", "0", **recording_maker())
+    with pytest.raises(ValueError, match="lie outside 0-8"):
+        with RecordingsWriter(tmp_path / "r.h5", source="a test", licence="CC0-1.0") as writer:
+            writer.set_ratings(np.full((1, 1, 3), -1), ["r"], ["a"], RATING_AXES)
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        with RecordingsWriter(tmp_path / "nowhere" / "r.h5", source="a test", licence="CC0-1.0"):
+            pass

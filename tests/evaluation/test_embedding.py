@@ -1,0 +1,199 @@
+"""The 53 features, and what the distances on them see."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tactile_diffusers.evaluation import (
+    FEATURE_NAMES,
+    TactileEmbedding,
+    frechet_tactile_distance,
+    kernel_tactile_distance,
+    tactile_features,
+)
+from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, WORKING_RATE, band_pass, resample, rms
+
+SECONDS = np.arange(SEGMENT_SAMPLES) / DEVICE_RATE
+
+
+@pytest.fixture(scope="module")
+def embedding(reference):
+    return TactileEmbedding.fit(reference)
+
+
+@pytest.fixture(scope="module")
+def embedded_reference(embedding, reference):
+    return embedding(reference)
+
+
+@pytest.fixture(scope="module")
+def distances(embedding, embedded_reference):
+    """A function textures -> (FTD, KTD) to the reference."""
+
+    def measure(textures):
+        embedded = embedding(textures)
+        return (
+            frechet_tactile_distance(embedded, embedded_reference),
+            kernel_tactile_distance(embedded, embedded_reference, embedding.width),
+        )
+
+    return measure
+
+
+def _feature(values, name):
+    return values[:, FEATURE_NAMES.index(name)]
+
+
+def test_there_are_53_named_features(held_out):
+    assert len(FEATURE_NAMES) == len(set(FEATURE_NAMES)) == 53
+    assert tactile_features(held_out[:3]).shape == (3, 53)
+
+
+def test_band_level_and_shape_of_a_sine():
+    # 100 Hz of amplitude a: power a^2 / 2 in the band that holds it, kurtosis 1.5, crest root 2
+    sine = 0.01 * np.sin(2 * np.pi * 100 * SECONDS)[None]
+    features = tactile_features(sine)
+    # the Hann window spills 0.01 dB beyond the band; the sine ends between two periods
+    assert _feature(features, "band_92_114_db") == pytest.approx(10 * np.log10(0.01**2 / 2), abs=0.05)
+    assert _feature(features, "kurtosis") == pytest.approx(1.5, abs=0.01)
+    assert _feature(features, "skew") == pytest.approx(0, abs=0.01)
+    assert _feature(features, "crest") == pytest.approx(np.sqrt(2), abs=0.01)
+    assert (features[:, 18:20] == -40).all()
+
+
+def test_out_of_band_ratio_of_two_sines():
+    features = tactile_features((np.sin(2 * np.pi * 100 * SECONDS) + 0.1 * np.sin(2 * np.pi * 1500 * SECONDS))[None])
+    # -20 dB of the strong one, -20.04 dB of the total
+    assert _feature(features, "out_1050_2000_db") == pytest.approx(-20.04, abs=0.01)
+    assert _feature(features, "out_2000_5000_db") == -40
+
+
+def test_modulation_is_found_at_its_carrier_and_rate():
+    # 1 + m cos has a variance of m^2 / 2: -9.03 dB for m = 0.5, and a coefficient of variation of 0.354
+    modulated = (1 + 0.5 * np.cos(2 * np.pi * 10 * SECONDS)) * np.sin(2 * np.pi * 200 * SECONDS)
+    features = tactile_features(modulated[None])
+    # 0.3 dB and 0.01: the envelope ends between two of its periods
+    assert _feature(features, "modulation_3_6_20_db") == pytest.approx(20 * np.log10(0.5) - 3.01, abs=0.3)
+    assert _feature(features, "envelope_variation_3") == pytest.approx(0.5 / np.sqrt(2), abs=0.01)
+    assert _feature(features, "modulation_3_20_60_db") < -30
+    assert _feature(features, "modulation_3_2_6_db") < -30
+
+
+def test_envelopes_of_noise_are_rayleigh(held_out):
+    # the coefficient of variation of a Rayleigh variable is sqrt(4 / pi - 1) = 0.523; the narrowest envelope has
+    # about 28 independent values in a segment, which takes 2 % off a standard deviation, and as much again is chance
+    variations = tactile_features(held_out)[:, 44:50].mean(0)
+    np.testing.assert_allclose(variations, np.sqrt(4 / np.pi - 1), rtol=0.05)
+
+
+def test_silence_has_finite_features():
+    features = tactile_features(np.zeros((2, SEGMENT_SAMPLES)))
+    assert np.isfinite(features).all()
+
+
+def test_features_do_not_depend_on_order_chunks_or_dtype(held_out):
+    # BLAS is not involved, but sums may run in another order: rounding only
+    whole = tactile_features(held_out)
+    np.testing.assert_allclose(tactile_features(held_out[::-1])[::-1], whole, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.concatenate([tactile_features(held_out[k : k + 1]) for k in range(5)]), whole[:5])
+    # dB of weak bands and bins at float32's 24 bits
+    np.testing.assert_allclose(tactile_features(held_out.astype(np.float32)), whole, rtol=0, atol=1e-4)
+
+
+def test_lower_rates_give_the_same_features_within_the_band(held_out):
+    slow = tactile_features(resample(held_out, DEVICE_RATE, WORKING_RATE), WORKING_RATE)
+    fast = tactile_features(held_out)
+    # the resampling filter is flat to 80 dB up to 1 kHz; modulations of its ends: 0.05 dB
+    np.testing.assert_allclose(slow[:, :18], fast[:, :18], atol=0.01)
+    np.testing.assert_allclose(slow[:, 20:50], fast[:, 20:50], atol=0.05)
+    assert (_feature(slow, "out_2000_5000_db") == -40).all()
+
+
+def test_reference_has_zero_mean_unit_deviation_and_floors(embedding, embedded_reference):
+    np.testing.assert_allclose(embedded_reference.mean(0), 0, atol=1e-9)
+    assert (embedded_reference.std(0, ddof=1) <= 1 + 1e-9).all()
+    decibels = np.array([name.endswith("_db") for name in FEATURE_NAMES])
+    assert decibels.sum() == 44
+    assert (embedding.scale[decibels] >= 1).all() and (embedding.scale[~decibels] >= 0.05).all()
+    # the stop-band is constant: its floor counts
+    assert embedding.scale[FEATURE_NAMES.index("out_2000_5000_db")] == 1
+
+
+def test_width_is_the_median_distance(embedding, embedded_reference):
+    pairs = [np.linalg.norm(embedded_reference[k + 1 :] - row, axis=1) for k, row in enumerate(embedded_reference)]
+    assert embedding.width == pytest.approx(np.median(np.concatenate(pairs)))
+
+
+def test_state_survives_json(embedding, held_out):
+    state = json.loads(json.dumps(embedding.to_dict()))
+    np.testing.assert_array_equal(TactileEmbedding.from_dict(state)(held_out[:3]), embedding(held_out[:3]))
+    state["features"][0] = "other"
+    with pytest.raises(ValueError, match="another version"):
+        TactileEmbedding.from_dict(state)
+
+
+def test_distances_do_not_depend_on_order_or_dtype(distances, held_out):
+    ftd, ktd = distances(held_out)
+    for same in (held_out[::-1], held_out.astype(np.float32)):
+        other_ftd, other_ktd = distances(same)
+        assert other_ftd == pytest.approx(ftd, rel=1e-3)
+        assert other_ktd == pytest.approx(ktd, abs=0.05)
+
+
+def test_held_out_textures_are_near(distances, held_out):
+    # 150 and 100 draws of one distribution: FTD is biased upwards, about 7 here; KTD is not, standard error about 2
+    ftd, ktd = distances(held_out)
+    assert 0 < ftd < 12
+    assert abs(ktd) < 6
+
+
+def _lows_weakened(textures, rng):
+    return textures - 0.5 * band_pass(textures, DEVICE_RATE, (2.0, 100.0))
+
+
+def _noise_above_the_band(textures, rng):
+    noise = band_pass(rng.normal(size=textures.shape), DEVICE_RATE, (1300.0, 4900.0))
+    return textures + noise / rms(noise)[:, None] * rms(textures)[:, None] * 10 ** (-30 / 20)
+
+
+def _one_texture_repeated(textures, rng):
+    return np.repeat(textures[:1], len(textures), axis=0)
+
+
+def _half_the_level(textures, rng):
+    return 0.5 * textures
+
+
+@pytest.mark.parametrize(
+    ("failure", "least_ftd", "least_ktd"),
+    [
+        # half of what they measure with 400 and 300 textures: FTD 17, 88, 113, 34; KTD 99, 458, 739, 153
+        (_lows_weakened, 8, 50),
+        (_noise_above_the_band, 44, 229),
+        (_one_texture_repeated, 56, 370),
+        (_half_the_level, 17, 76),
+    ],
+)
+def test_planted_failures_are_caught(distances, held_out, failure, least_ftd, least_ktd):
+    good_ftd, good_ktd = distances(held_out)
+    ftd, ktd = distances(failure(held_out, np.random.default_rng(9)))
+    assert ftd - good_ftd > least_ftd
+    assert ktd - good_ktd > least_ktd
+
+
+def test_bad_input_is_refused(embedding, held_out):
+    bad = held_out[:2].copy()
+    bad[1, 7] = np.inf
+    with pytest.raises(ValueError, match=r"`textures` must be finite, got inf at index \[1, 7\]"):
+        tactile_features(bad)
+    with pytest.raises(ValueError, match="must have the shape 2 axes"):
+        tactile_features(held_out[0])
+    with pytest.raises(ValueError, match="too short for modulations"):
+        tactile_features(held_out[:, :4000])
+    with pytest.raises(ValueError, match="`sampling_rate` must be above 2000"):
+        tactile_features(held_out, 2000)
+    with pytest.raises(ValueError, match="must be that of the reference, 10000 Hz, got 2500"):
+        embedding(held_out, WORKING_RATE)
+    with pytest.raises(ValueError, match="at least 2 textures"):
+        TactileEmbedding.fit(held_out[:1])

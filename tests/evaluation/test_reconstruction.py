@@ -1,0 +1,122 @@
+"""Errors of single textures: known answers."""
+
+import numpy as np
+import pytest
+
+from tactile_diffusers.evaluation import (
+    goodness_of_fit,
+    level_error_db,
+    log_spectral_distance_db,
+    out_of_band_ratio_db,
+    rmse,
+    signed_band_error_db,
+    snr_db,
+)
+from tactile_diffusers.signal import DEVICE_RATE, band_pass, nine_band_error_db, rms
+
+BANDS = ((20, 60), (60, 150), (400, 650), (650, 1000), (1000, 1200))
+
+
+def test_doubling_is_six_decibels_everywhere(held_out):
+    double = 2 * held_out
+    expected = 20 * np.log10(2)
+    np.testing.assert_allclose(nine_band_error_db(double, held_out, DEVICE_RATE), expected)
+    np.testing.assert_allclose(level_error_db(double, held_out), expected)
+    np.testing.assert_allclose(level_error_db(held_out, double), -expected)
+    np.testing.assert_allclose(log_spectral_distance_db(double, held_out, DEVICE_RATE), expected)
+    np.testing.assert_allclose(signed_band_error_db(double, held_out, DEVICE_RATE, BANDS), expected)
+    np.testing.assert_allclose(goodness_of_fit(double, held_out, DEVICE_RATE), 1)
+    np.testing.assert_allclose(snr_db(double, held_out), 0, atol=1e-9)
+
+
+def test_silence_has_zero_snr_and_the_rms_of_the_reference_as_error(held_out):
+    silence = np.zeros_like(held_out)
+    np.testing.assert_allclose(snr_db(silence, held_out), 0)
+    np.testing.assert_allclose(rmse(silence, held_out), rms(held_out))
+    assert (goodness_of_fit(silence, held_out, DEVICE_RATE) == 0).all()
+    assert (log_spectral_distance_db(silence, held_out, DEVICE_RATE) > 100).all()
+
+
+def test_another_take_has_an_snr_of_minus_three_decibels(noise_textures):
+    # two independent signals of equal power; the mean over 100 pairs scatters by about 0.1 dB
+    first, second = noise_textures(100, seed=3), noise_textures(100, seed=4)
+    snr = snr_db(first / rms(first)[:, None], second / rms(second)[:, None])
+    assert snr.mean() == pytest.approx(-10 * np.log10(2), abs=0.3)
+
+
+def test_a_perfect_copy_is_perfect(held_out):
+    assert (rmse(held_out, held_out) == 0).all()
+    assert (snr_db(held_out, held_out) > 200).all()
+    assert (log_spectral_distance_db(held_out, held_out, DEVICE_RATE) == 0).all()
+
+
+def test_snr_and_rmse_of_noise_at_a_tenth(held_out):
+    noise = np.random.default_rng(5).normal(size=held_out.shape)
+    noise *= 0.1 * rms(held_out)[:, None] / rms(noise)[:, None]
+    np.testing.assert_allclose(snr_db(held_out + noise, held_out), 20)
+    np.testing.assert_allclose(rmse(held_out + noise, held_out), 0.1 * rms(held_out))
+
+
+def test_goodness_of_fit_is_its_formula(held_out):
+    from scipy.signal import welch
+
+    first, second = (
+        np.sqrt(welch(texture, fs=DEVICE_RATE, nperseg=2000)[1][4:201])
+        for texture in held_out[:2]  # 20 to 1000 Hz
+    )
+    expected = abs(first @ second) / np.sqrt((first @ first) * (second @ second))
+    assert goodness_of_fit(held_out[0], held_out[1], DEVICE_RATE) == pytest.approx(expected)
+
+
+def test_lost_lows_show_in_their_band_alone(held_out):
+    weak = held_out - 0.5 * band_pass(held_out, DEVICE_RATE, (2.0, 60.0), order=8)
+    errors = signed_band_error_db(weak, held_out, DEVICE_RATE, BANDS).mean(0)
+    assert errors[0] == pytest.approx(-6, abs=0.7)  # the filter's slope reaches below 60 Hz
+    np.testing.assert_allclose(errors[2:], 0, atol=0.01)
+
+
+def test_noise_above_the_band_shows_as_out_of_band_ratio(held_out):
+    noise = band_pass(np.random.default_rng(6).normal(size=held_out.shape), DEVICE_RATE, (2000.0, 4500.0))
+    noisy = held_out + noise * (rms(held_out) / rms(noise) * 10 ** (-30 / 20))[:, None]
+    clean_ratio = out_of_band_ratio_db(held_out, DEVICE_RATE, low=1800.0)
+    ratio = out_of_band_ratio_db(noisy, DEVICE_RATE, low=1800.0)
+    assert (clean_ratio < -50).all()
+    # the window weights the stretches of a texture differently: 0.5 dB on single textures of uneven power
+    np.testing.assert_allclose(ratio.mean(), -30, atol=0.5)
+    assert (out_of_band_ratio_db(held_out, DEVICE_RATE, low=6000.0) == -120).all()
+    assert out_of_band_ratio_db(np.zeros(1000), DEVICE_RATE) == -120
+
+
+def test_batches_and_single_textures_agree(held_out):
+    textures, references = held_out[:4].reshape(2, 2, -1), held_out[4:8].reshape(2, 2, -1)
+    for metric in (
+        rmse,
+        snr_db,
+        level_error_db,
+        lambda a, b: log_spectral_distance_db(a, b, DEVICE_RATE),
+        lambda a, b: goodness_of_fit(a, b, DEVICE_RATE),
+        lambda a, b: signed_band_error_db(a, b, DEVICE_RATE, BANDS),
+    ):
+        batch = metric(textures, references)
+        assert batch.shape[:2] == (2, 2)
+        np.testing.assert_allclose(batch[1, 0], metric(textures[1, 0], references[1, 0]))
+        # float32 holds newtons to 6e-8 of themselves
+        np.testing.assert_allclose(metric(textures.astype(np.float32), references), batch, rtol=1e-4, atol=1e-4)
+
+
+def test_bad_input_is_refused(held_out):
+    texture = held_out[0]
+    bad = texture.copy()
+    bad[3] = np.nan
+    with pytest.raises(ValueError, match=r"`reference` must be finite, got nan at index \[3\]"):
+        snr_db(texture, bad)
+    with pytest.raises(ValueError, match="same shape.*Bring both to one sampling rate"):
+        rmse(texture, texture[::4])
+    with pytest.raises(ValueError, match="`bands` must lie inside"):
+        signed_band_error_db(texture, texture, 2500, [(1000, 1300)])
+    with pytest.raises(ValueError, match="no frequency bin"):
+        log_spectral_distance_db(texture[:4], texture[:4], DEVICE_RATE, band=(20, 30))
+    with pytest.raises(ValueError, match="must hold real numbers, got dtype complex128"):
+        rmse(texture * 1j, texture)
+    with pytest.raises(ValueError, match="not be empty"):
+        rmse(texture[:0], texture[:0])

@@ -1,0 +1,130 @@
+"""What is written can be read again, and says the same."""
+
+import json
+
+import numpy as np
+import pytest
+import soundfile
+
+from tactile_diffusers.export import read_wav, write_figure, write_npz, write_wav
+from tactile_diffusers.export.atomic import atomic_path
+
+RATE = 10000
+COMMON = {"sampling_rate": RATE, "friction_coefficient": 0.62, "ratings": [1.5, float("nan"), -1.0]}
+
+
+@pytest.fixture
+def texture():
+    return 0.009 * np.random.default_rng(0).normal(size=4000)
+
+
+def test_npz_round_trip(tmp_path, texture):
+    write_npz(tmp_path / "a.npz", texture, seed=7, reference_speed=82.5, **COMMON)
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
+        assert set(file) == {
+            "texture",
+            "sampling_rate",
+            "friction_coefficient",
+            "ratings",
+            "seed",
+            "reference_speed",
+        }
+        assert file["texture"].dtype == np.float32
+        np.testing.assert_array_equal(file["texture"], texture.astype(np.float32))
+        np.testing.assert_array_equal(file["ratings"], np.float32([1.5, np.nan, -1.0]))
+        assert (file["sampling_rate"], file["seed"], file["reference_speed"]) == (RATE, 7, 82.5)
+        assert file["friction_coefficient"] == np.float32(0.62)
+
+
+def test_npz_keeps_what_is_unknown_and_large_seeds(tmp_path, texture):
+    unknown = {**COMMON, "friction_coefficient": float("nan"), "ratings": [None, 0.5, None]}
+    write_npz(tmp_path / "a.npz", texture, seed=2**64 - 1, reference_speed=float("nan"), **unknown)
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
+        assert np.isnan(file["friction_coefficient"]) and np.isnan(file["reference_speed"])
+        np.testing.assert_array_equal(file["ratings"], [np.nan, 0.5, np.nan])
+        assert int(file["seed"]) == 2**64 - 1
+
+
+@pytest.mark.parametrize(
+    ("subtype", "tolerance"),
+    [("PCM_16", 1.01 * 2**-16), ("FLOAT", 2**-23)],  # half a count, or float32, of full scale
+)
+def test_wav_times_scale_gives_newtons(tmp_path, texture, subtype, tolerance):
+    write_wav(tmp_path / "a.wav", texture, seed=7, subtype=subtype, **COMMON)
+    read, metadata = read_wav(tmp_path / "a.wav")
+    scale = metadata["newtons_per_full_scale"]
+    assert read.dtype == np.float32
+    np.testing.assert_allclose(read, texture, rtol=0, atol=tolerance * scale)
+    # any other reader arrives at the same
+    samples, rate = soundfile.read(tmp_path / "a.wav")
+    assert rate == RATE and soundfile.info(tmp_path / "a.wav").subtype == subtype
+    assert 0.9999 < np.abs(samples).max() <= 1
+    np.testing.assert_allclose(samples * scale, texture, rtol=0, atol=tolerance * scale)
+    assert (metadata["unit"], metadata["sampling_rate"], metadata["seed"]) == ("N", RATE, 7)
+    assert metadata["friction_coefficient"] == 0.62
+    np.testing.assert_array_equal(metadata["ratings"], [1.5, np.nan, -1.0])
+
+
+def test_sidecar_is_standard_json(tmp_path, texture):
+    write_wav(tmp_path / "a.wav", texture, seed=7, **{**COMMON, "friction_coefficient": float("nan")})
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    sidecar = json.loads((tmp_path / "a.wav.json").read_text(encoding="utf-8"), parse_constant=refuse)
+    assert sidecar["ratings"] == [1.5, None, -1.0] and sidecar["friction_coefficient"] is None
+    assert np.isnan(read_wav(tmp_path / "a.wav")[1]["friction_coefficient"])
+
+
+def test_silence_and_full_scale_peaks_survive_a_wav(tmp_path):
+    for texture in (np.zeros(100), np.array([-0.03, 0.03] * 50), np.full(100, -5.0)):
+        write_wav(tmp_path / "a.wav", texture, seed=0, **COMMON)
+        read, metadata = read_wav(tmp_path / "a.wav")
+        np.testing.assert_allclose(read, texture, rtol=1e-6, atol=metadata["newtons_per_full_scale"] / 2**16)
+
+
+def test_wav_without_its_sidecar_is_refused(tmp_path, texture):
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        read_wav(tmp_path / "a.wav")
+    write_wav(tmp_path / "a.wav", texture, seed=0, **COMMON)
+    sidecar = tmp_path / "a.wav.json"
+    metadata = json.loads(sidecar.read_text())
+    sidecar.write_text(json.dumps({**metadata, "sampling_rate": 8000}))
+    with pytest.raises(ValueError, match="10000 Hz, but its sidecar says 8000 Hz"):
+        read_wav(tmp_path / "a.wav")
+    del metadata["newtons_per_full_scale"]
+    sidecar.write_text(json.dumps(metadata))
+    with pytest.raises(ValueError, match="lacks newtons_per_full_scale"):
+        read_wav(tmp_path / "a.wav")
+    sidecar.unlink()
+    with pytest.raises(FileNotFoundError, match=r"a\.wav\.json, which holds the scale"):
+        read_wav(tmp_path / "a.wav")
+
+
+def test_figure_is_a_png_of_the_size_of_a_page(tmp_path, texture):
+    for name, signal in (("noise", texture), ("silence", np.zeros(1000))):
+        write_figure(tmp_path / f"{name}.png", signal, **COMMON)
+        header = (tmp_path / f"{name}.png").read_bytes()[:24]
+        assert header.startswith(b"\x89PNG")
+        assert int.from_bytes(header[16:20]) > 1000 and int.from_bytes(header[20:24]) > 600
+
+
+def test_figure_of_a_few_samples_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="too short to draw"):
+        write_figure(tmp_path / "a.png", np.zeros(100), **COMMON)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_existing_file_survives_a_failed_write(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), atomic_path(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+    with atomic_path(path) as temporary:
+        temporary.write_text("new")
+        assert path.read_text() == "old"
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]

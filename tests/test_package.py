@@ -1,0 +1,103 @@
+"""The package as a whole: version, order of the rooms, size of the files."""
+
+import ast
+from importlib import metadata, util
+from pathlib import Path
+
+import pytest
+
+from tactile_diffusers.version import __version__
+
+PACKAGE = Path(__file__).parents[1] / "src" / "tactile_diffusers"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+#: A room imports from itself and from rooms on its left.
+ROOMS = (
+    "checkpoints",
+    "signal",
+    "data",
+    "features",
+    "models",
+    "schedulers",
+    "pipelines",
+    "training",
+    "evaluation",
+    "playback",
+    "export",
+    "cli",
+)
+#: The public names of the package are those of its rooms up to here.
+LAST_PUBLIC_ROOM = "pipelines"
+#: Packages that one call path needs and all would wait for.
+HEAVY = {"librosa", "matplotlib", "numba", "soundfile", "gradio", "tensorboard", "peft"}
+
+
+def _name(path):
+    return str(path.relative_to(PACKAGE))
+
+
+def _imported_rooms(path):
+    """Rooms that a module imports from, wherever in the file, with the line."""
+    package = path.relative_to(PACKAGE).parts[:-1]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            targets = [alias.name.split(".") for alias in node.names if alias.name.split(".")[0] == "tactile_diffusers"]
+            targets = [target[1:] for target in targets]
+        elif isinstance(node, ast.ImportFrom) and node.level:
+            base = [*package[: len(package) - node.level + 1], *(node.module or "").split(".")]
+            base = [part for part in base if part]
+            targets = [base] if base else [[alias.name] for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module.split(".")[0] == "tactile_diffusers":
+            targets = [node.module.split(".")[1:]] if "." in node.module else [[alias.name] for alias in node.names]
+        else:
+            continue
+        for target in targets:
+            room = target[0] if target and target[0] in ROOMS else LAST_PUBLIC_ROOM
+            if target != ["version"]:
+                yield room, node.lineno
+
+
+def test_version_is_that_of_the_installed_package():
+    try:
+        installed = metadata.version("tactile-diffusers")
+    except metadata.PackageNotFoundError:
+        pytest.skip("not installed")
+    assert installed == __version__
+
+
+def test_every_folder_is_a_known_room():
+    folders = {path.name for path in PACKAGE.iterdir() if path.is_dir()} - {"__pycache__"}
+    assert folders <= set(ROOMS)
+
+
+def test_no_room_has_the_name_of_a_pipeline_of_diffusers():
+    # the loader would store its components as that pipeline's
+    [diffusers] = util.find_spec("diffusers").submodule_search_locations
+    assert not {path.stem for path in (Path(diffusers) / "pipelines").iterdir()} & set(ROOMS)
+
+
+@pytest.mark.parametrize("path", [path for path in MODULES if path.parent != PACKAGE], ids=_name)
+def test_imports_run_from_left_to_right(path):
+    own = ROOMS.index(path.relative_to(PACKAGE).parts[0])
+    upward = [f"line {line} imports from {room}" for room, line in _imported_rooms(path) if ROOMS.index(room) > own]
+    assert not upward
+
+
+@pytest.mark.parametrize("path", MODULES, ids=_name)
+def test_heavy_packages_are_imported_inside_functions(path):
+    imported = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import):
+            imported |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            imported.add(node.module.split(".")[0])
+    assert not imported & HEAVY
+
+
+@pytest.mark.parametrize("path", MODULES, ids=_name)
+def test_files_stay_readable(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+
+
+def test_type_hints_and_licence_are_there():
+    assert (PACKAGE / "py.typed").is_file()
+    assert "Apache License" in (PACKAGE.parents[1] / "LICENSE").read_text(encoding="utf-8")
