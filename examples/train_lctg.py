@@ -105,6 +105,7 @@ def build_components(args):
         "feature_channels": extractor.feature_size,
         "feature_hop": extractor.hop_length,
         "latent_hop": extractor.hop_length * extractor.frame_multiple,
+        "segment_samples": round(native.segment_samples * extractor.sampling_rate / native.sampling_rate),
         **config.get("lctg", {}),
     }
     return extractor, LCTGModel(**model_settings), VDDIMScheduler(**config.get("scheduler", {}))

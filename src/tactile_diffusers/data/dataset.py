@@ -133,6 +133,31 @@ class PreparedDataset(torch.utils.data.Dataset):
             textures[row] = lateral[place : place + self.segment_samples]
         return textures
 
+    def non_overlapping(self, per_surface, seed=0):
+        """Indices of segments that share no sample, drawn at random over recordings (explorers), in ascending order.
+
+        Args:
+            per_surface (`int`): at most so many segments of each surface; overlapping ones would count twice.
+            seed (`int`): of the choice.
+
+        Returns:
+            `np.ndarray`: (n,) int64.
+        """
+        chosen, taken = [], {}
+        for index in np.random.default_rng(seed).permutation(len(self)):
+            rows = taken.setdefault(int(self.surface_ids[index]), [])
+            place = (self._recordings[index], self._starts[index])
+            free = all(r != place[0] or abs(s - place[1]) >= self._native_samples for r, s in rows)
+            if free and len(rows) < per_surface:
+                rows.append(place)
+                chosen.append(index)
+        return np.sort(np.asarray(chosen, dtype=np.int64))
+
+    def overlap(self, first, second):
+        """Whether two segments share samples."""
+        apart = abs(int(self._starts[first]) - int(self._starts[second]))
+        return bool(self._recordings[first] == self._recordings[second] and apart < self._native_samples)
+
     def __getitem__(self, index):
         """One segment.
 

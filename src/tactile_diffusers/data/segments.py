@@ -70,7 +70,7 @@ def bridge_gaps(mask, longest):
     mask = np.array(mask, dtype=bool)
     runs = true_runs(mask)
     for stop, start in zip(runs[:-1, 1], runs[1:, 0], strict=True):
-        if start - stop < longest:
+        if start - stop <= longest:
             mask[stop:start] = True
     return mask
 

@@ -108,6 +108,16 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         """Channels of LCTG's latents (the state has two more)."""
         return self.config.in_channels - NUM_SCALARS
 
+    def split(self, sample):
+        """The parts of a state (or velocity): latent channels (batch, channels, frames) and scalars (batch, 2)."""
+        latents, scalars = sample.split([self.latent_channels, NUM_SCALARS], dim=1)
+        return latents, scalars.sum(-1) / sample.shape[-1] ** 0.5
+
+    def join(self, latents, scalars):
+        """Undoes `split`; each scalar is spread evenly over the frames."""
+        frames = latents.shape[-1]
+        return torch.cat([latents, scalars[..., None].expand(-1, -1, frames) / frames**0.5], dim=1)
+
     def pack(self, latents, level, friction_coefficient):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
 
@@ -122,15 +132,13 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         config = self.config
         friction = (friction_coefficient.clamp_min(1e-3).log() - config.log_friction_mean) / config.log_friction_std
         scalars = torch.stack([(level - config.level_mean) / config.level_std, torch.nan_to_num(friction)], dim=1)
-        frames = latents.shape[-1]
-        scalars = scalars.to(latents)[..., None].expand(-1, -1, frames) / frames**0.5
-        return torch.cat([(latents - self._latent_mean) / self._latent_std, scalars], dim=1)
+        return self.join((latents - self._latent_mean) / self._latent_std, scalars.to(latents))
 
     def unpack(self, sample):
         """Undoes `pack`: (batch, in_channels, frames) -> latents, level (batch,), friction coefficient (batch,)."""
         config = self.config
-        latents, scalars = sample.split([self.latent_channels, NUM_SCALARS], dim=1)
-        level, friction = (scalars.sum(-1) / sample.shape[-1] ** 0.5).float().unbind(1)
+        latents, scalars = self.split(sample)
+        level, friction = scalars.float().unbind(1)
         return (
             latents * self._latent_std + self._latent_mean,
             level * config.level_std + config.level_mean,
@@ -146,10 +154,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
             ratings (`torch.Tensor`): (batch, axes) in z-scores; NaN = not specified.
             return_dict (`bool`, *optional*, defaults to `True`): `DALEOutput` or a plain tuple.
         """
-        frames = sample.shape[-1]
-        latents, scalars = sample.split([self.latent_channels, NUM_SCALARS], dim=1)
-        scalars = scalars.sum(-1, keepdim=True) / frames**0.5
-        hidden_states = torch.cat([latents, scalars.expand(-1, -1, frames)], dim=1)
+        latents, scalars = self.split(sample)
+        hidden_states = torch.cat([latents, scalars[..., None].expand(-1, -1, sample.shape[-1])], dim=1)
 
         tokens = self.rating_embedder(ratings, sample.dtype)
         embedding = self.time_embedder(expand_timestep(timestep, sample), sample.dtype)
@@ -160,6 +166,5 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         velocity = self.unet(hidden_states, embedding, tokens=tokens, checkpoint=checkpoint)
 
         latents, scalars = velocity.split([self.latent_channels, NUM_SCALARS], dim=1)
-        scalars = scalars.mean(-1, keepdim=True).expand(-1, -1, frames) / frames**0.5
-        velocity = torch.cat([latents, scalars], dim=1)
+        velocity = self.join(latents, scalars.mean(-1))
         return DALEOutput(sample=velocity) if return_dict else (velocity,)

@@ -87,6 +87,8 @@ class LCTGModel(ModelMixin, ConfigMixin):
         patch_size (`int`, *optional*, defaults to 8): samples per position of the decoder's first level.
         embedding_dim (`int`, *optional*, defaults to 192): width of the time embedding.
         kernel_size (`int`, *optional*, defaults to 3): length of all convolutions.
+        segment_samples (`int`, *optional*, defaults to 4096): samples at the working rate of the segments it was
+            trained on; longer textures are decoded in windows of this length.
         latent_noise (`float`, *optional*, defaults to 0.1): standard deviation of the noise that training adds to the
             latents, so that the decoder forgives the errors of a generated latent. Not used at inference.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
@@ -109,12 +111,17 @@ class LCTGModel(ModelMixin, ConfigMixin):
         patch_size: int = 8,
         embedding_dim: int = 192,
         kernel_size: int = 3,
+        segment_samples: int = 4096,
         latent_noise: float = 0.1,
         num_train_timesteps: int = 1000,
     ):
         super().__init__()
         if latent_hop % feature_hop:
             raise ValueError(f"`latent_hop` ({latent_hop}) must be a multiple of `feature_hop` ({feature_hop}).")
+        if segment_samples % latent_hop:
+            raise ValueError(
+                f"`segment_samples` ({segment_samples}) must be a multiple of `latent_hop` ({latent_hop})."
+            )
         self.gradient_checkpointing = False
         self.encoder = TactileEncoder(
             feature_channels, latent_channels, encoder_width, kernel_size, latent_hop // feature_hop

@@ -2,6 +2,7 @@
 
 import math
 
+import huggingface_hub
 import numpy as np
 import torch
 from diffusers import DiffusionPipeline
@@ -13,6 +14,7 @@ from ..models import DALEModel, LCTGModel
 from ..schedulers import VDDIMScheduler
 from .inputs import check_generator, check_positive_integer, parse_ratings
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
+from .velocities import rating_velocity, texture_velocity
 
 EXAMPLE_DOC_STRING = """
     Examples:
@@ -77,6 +79,22 @@ class TactileTexturePipeline(DiffusionPipeline):
             scheduler=scheduler,
             dale=dale,
             dale_scheduler=dale_scheduler,
+        )
+
+    @classmethod
+    def download(cls, pretrained_model_name, **kwargs):
+        """Fetches a checkpoint from the Hub and returns its local folder; `from_pretrained` calls it.
+
+        diffusers' own version refuses components from outside diffusers (it looks for their source in the
+        repository). Only configs and safetensors are fetched, never code or pickles.
+        """
+        variant = kwargs.get("variant")
+        weights = f"*.{variant}*.safetensors" if variant else "*.safetensors"
+        passed = ("revision", "token", "cache_dir", "local_files_only", "force_download")
+        return huggingface_hub.snapshot_download(
+            pretrained_model_name,
+            allow_patterns=["*.json", weights],
+            **{name: kwargs[name] for name in passed if kwargs.get(name) is not None},
         )
 
     @property
@@ -164,18 +182,6 @@ class TactileTexturePipeline(DiffusionPipeline):
             bar.update()
         return latents
 
-    def _rating_velocity(self, ratings):
-        """DALE's velocity under the current guidance; with guidance both conditions go through in one batch."""
-        if not self.do_classifier_free_guidance:
-            return lambda latents, t: self.dale(latents, t, ratings, return_dict=False)[0]
-        both = torch.cat([torch.full_like(ratings, torch.nan), ratings])
-
-        def velocity(latents, t):
-            free, steered = self.dale(torch.cat([latents, latents]), t, both, return_dict=False)[0].chunk(2)
-            return free + self.guidance_scale * (steered - free)
-
-        return velocity
-
     @torch.no_grad()
     @replace_example_docstring(EXAMPLE_DOC_STRING)
     def __call__(
@@ -253,7 +259,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         with self.progress_bar(total=self._num_timesteps) as bar:
             # 2. DALE: ratings to latents, level and friction coefficient
             timesteps = self.dale_scheduler.timesteps
-            velocity = self._rating_velocity(ratings)
+            velocity = rating_velocity(self.dale, ratings, frames, self.guidance_scale)
             latents = self._denoise(self.dale_scheduler, velocity, latents, timesteps, bar, *callback)
             made = TactileLatents(*self.dale.unpack(latents))
             if output_type == "latent":
@@ -274,7 +280,8 @@ class TactileTexturePipeline(DiffusionPipeline):
             frames = self.dale.config.latent_frames
             duration_s = frames * hop / rate
         else:
-            frames = math.ceil(duration_s * rate / hop)
+            # at least one window of the trained length; what is too much is cut off at the end
+            frames = max(self.dale.config.latent_frames, math.ceil(duration_s * rate / hop))
         return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
 
     def _decode(self, latents, num_inference_steps, generator, bar, callback=None, callback_inputs=(), first_index=0):
@@ -283,11 +290,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
         noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=self.lctg.dtype)
         self.scheduler.set_timesteps(num_inference_steps, device=latents.device)
-        context = latents
-
-        def velocity(latents, t):
-            return self.lctg(latents, t, context, return_dict=False)[0]
-
+        velocity = texture_velocity(self.lctg, latents)
         timesteps = self.scheduler.timesteps
         return self._denoise(self.scheduler, velocity, noise, timesteps, bar, callback, callback_inputs, first_index)[
             :, 0

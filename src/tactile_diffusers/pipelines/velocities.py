@@ -1,0 +1,52 @@
+"""Velocity functions `velocity(state, t)` of both stages, for segments and for longer textures."""
+
+import torch
+
+from .windows import Windows, in_chunks
+
+
+def rating_velocity(dale, ratings, frames, guidance_scale):
+    """DALE's velocity given ratings; with guidance both conditions go through in one batch.
+
+    Args:
+        dale (`DALEModel`): its `latent_frames` is the window of long textures.
+        ratings (`torch.Tensor`): (batch, axes), z-scores, NaN = not specified.
+        frames (`int`): latent frames of the whole, at least one window.
+        guidance_scale (`float`): 1.0 = off.
+    """
+
+    def guided(state, t, ratings):
+        if guidance_scale == 1.0:
+            return dale(state, t, ratings, return_dict=False)[0]
+        both = torch.cat([torch.full_like(ratings, torch.nan), ratings])
+        free, steered = dale(torch.cat([state, state]), t, both, return_dict=False)[0].chunk(2)
+        return free + guidance_scale * (steered - free)
+
+    windows = Windows(frames, dale.config.latent_frames)
+    if len(windows.starts) == 1:
+        return lambda state, t: guided(state, t, ratings)
+    window_ratings = windows.repeat(ratings)
+
+    def fused(state, t):
+        field, scalars = dale.split(state)  # every window sees the level and friction of the whole
+        pieces = dale.join(windows.split(field), windows.repeat(scalars))
+        velocity = in_chunks(lambda piece, rating: guided(piece, t, rating), pieces, window_ratings)
+        field, scalars = dale.split(velocity)
+        return dale.join(windows.fuse(field), scalars.unflatten(0, (len(windows.starts), -1)).mean(0))
+
+    return fused
+
+
+def texture_velocity(lctg, latents):
+    """LCTG's velocity given latents (batch, latent_channels, frames)."""
+    size = lctg.config.segment_samples // lctg.config.latent_hop
+    windows = Windows(latents.shape[-1], min(size, latents.shape[-1]))
+    if len(windows.starts) == 1:
+        return lambda waveform, t: lctg(waveform, t, latents, return_dict=False)[0]
+    fine, contexts = windows.scaled(lctg.config.latent_hop), windows.split(latents)
+
+    def fused(waveform, t):
+        pieces = fine.split(waveform)
+        return fine.fuse(in_chunks(lambda x, z: lctg(x, t, z, return_dict=False)[0], pieces, contexts))
+
+    return fused

@@ -1,0 +1,88 @@
+"""Long textures: overlapping windows of the trained length share one noise field and fuse their velocities."""
+
+import torch
+
+#: share of a window that overlaps the next one
+OVERLAP = 0.25
+#: rows that go through a network at once: bounds the memory of long textures
+LARGEST_BATCH = 32
+
+
+class Windows:
+    """Windows of `size` positions over `total` positions, each overlapping the next by a quarter.
+
+    Args:
+        total (`int`): positions of the whole, at least `size`.
+        size (`int`): positions of a window, a multiple of 4.
+
+    Attributes:
+        starts (`list[int]`): first position of each window; the last window ends at `total`.
+    """
+
+    def __init__(self, total, size):
+        if total < size:
+            raise ValueError(f"`total` ({total}) must be at least the window size ({size}).")
+        self.total, self.size = total, size
+        self.overlap = int(size * OVERLAP)
+        self.starts = list(range(0, total - size, size - self.overlap)) + [total - size]
+
+    def scaled(self, factor):
+        """The same windows in units `factor` times finer."""
+        finer = Windows.__new__(Windows)
+        finer.total, finer.size, finer.overlap = self.total * factor, self.size * factor, self.overlap * factor
+        finer.starts = [start * factor for start in self.starts]
+        return finer
+
+    def split(self, field):
+        """(batch, channels, total) -> (windows * batch, channels, size), window by window."""
+        return torch.cat([field[..., start : start + self.size] for start in self.starts])
+
+    def repeat(self, rows):
+        """(batch, ...) -> (windows * batch, ...), in the order of `split`."""
+        return rows.repeat(len(self.starts), *([1] * (rows.ndim - 1)))
+
+    def weights(self, device):
+        """(windows, total) float32: one where a window is alone, crossfaded (linear) where it overlaps others."""
+        ramp = (torch.arange(self.overlap, device=device) + 0.5) / self.overlap
+        weights = torch.zeros(len(self.starts), self.total, device=device)
+        for row, start in enumerate(self.starts):
+            shape = torch.ones(self.size, device=device)
+            if row > 0:
+                shape[: self.overlap] = ramp
+            if row < len(self.starts) - 1:
+                shape[-self.overlap :] = ramp.flip(0)
+            weights[row, start : start + self.size] = shape
+        return weights / weights.sum(0)
+
+    def fuse(self, pieces):
+        """Velocities of all windows, in the order of `split`, as one field (batch, channels, total).
+
+        Where windows disagree their average would be too weak, and so would the texture. The average is divided by
+        what the weights and the measured agreement rho of overlapping windows leave of its RMS,
+        sqrt(sum w_i^2 + rho (1 - sum w_i^2)), so that the variance is that of a single window.
+        """
+        pieces = pieces.unflatten(0, (len(self.starts), -1))
+        weights = self.weights(pieces.device).to(pieces.dtype)
+        fused = pieces.new_zeros(*pieces.shape[1:3], self.total)
+        for piece, weight, start in zip(pieces, weights, self.starts, strict=True):
+            place = slice(start, start + self.size)
+            fused[..., place] += weight[place] * piece
+        squares = weights.float().square().sum(0)
+        left = squares + self._agreement(pieces) * (1 - squares)
+        return fused / left.sqrt().to(fused.dtype)
+
+    def _agreement(self, pieces):
+        """Mean correlation of neighbouring windows where they overlap, in [0, 1]."""
+        product = power = 0.0
+        for row, (start, following) in enumerate(zip(self.starts[:-1], self.starts[1:], strict=True)):
+            shift = following - start
+            a, b = pieces[row, ..., shift:].float(), pieces[row + 1, ..., : self.size - shift].float()
+            product = product + (a * b).sum()
+            power = power + 0.5 * (a.square().sum() + b.square().sum())
+        return (product / power).clamp(0, 1) if len(self.starts) > 1 else 1.0
+
+
+def in_chunks(function, *rows):
+    """`function(*rows)` evaluated on at most `LARGEST_BATCH` rows at a time."""
+    parts = zip(*(row.split(LARGEST_BATCH) for row in rows), strict=True)
+    return torch.cat([function(*part) for part in parts])
