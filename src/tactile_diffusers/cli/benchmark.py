@@ -1,0 +1,114 @@
+"""`python examples/benchmark.py`: speed and memory of generating, on this machine."""
+
+import argparse
+import json
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+#: what a child process does so that its peak memory is that of generating one texture
+_GENERATE_ONCE = """
+import sys, torch
+from tactile_diffusers import TactileTexturePipeline
+pipe = TactileTexturePipeline.from_pretrained(sys.argv[1])
+pipe.set_progress_bar_config(disable=True)
+pipe([[1.5, 0.0, -1.0]], num_inference_steps=10, generator=torch.Generator("cpu").manual_seed(0))
+"""
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command."""
+    parser = argparse.ArgumentParser(prog="benchmark.py", description="Measure speed and memory of generating.")
+    parser.add_argument("--checkpoint", metavar="FOLDER", help="default: the bundled checkpoint")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="benchmark.json, benchmark.md")
+    parser.add_argument("--threads", type=int, help="of torch; default: its own choice")
+    parser.add_argument("--repeats", type=int, default=5, help="the median counts")
+    arguments = parser.parse_args(argv)
+    if arguments.repeats < 1 or (arguments.threads is not None and arguments.threads < 1):
+        parser.error("arguments --repeats and --threads must be at least 1")
+    return arguments
+
+
+def _median_seconds(run, repeats):
+    run()  # warm up
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def _stages(pipe, repeats):
+    """Seconds of DALE alone, of both stages, and the real-time factor, at several steps."""
+    rows = {}
+    for steps in (4, 10, 25, 50):
+        common = {"ratings": [[1.5, 0.0, -1.0]], "num_inference_steps": steps}
+        latent = _median_seconds(lambda c=common: pipe(output_type="latent", **c), repeats)
+        whole = _median_seconds(lambda c=common: pipe(**c), repeats)
+        seconds = pipe(**common).textures.shape[-1] / pipe.feature_extractor.delivery_rate
+        rows[f"{steps} + {steps} steps"] = {
+            "DALE s": latent,
+            "LCTG and output s": whole - latent,
+            "whole s": whole,
+            "real-time factor": whole / seconds,
+        }
+    return rows
+
+
+def _scaling(pipe, repeats):
+    """Seconds against batch size and duration."""
+    batches, durations = {}, {}
+    for count in (1, 2, 4, 8, 16):
+        seconds = _median_seconds(lambda n=count: pipe([[1.5, 0.0, -1.0]] * n), repeats)
+        batches[f"batch {count}"] = {"whole s": seconds, "s per texture": seconds / count}
+    for duration in (1.6384, 5.0, 10.0, 20.0, 30.0):
+        seconds = _median_seconds(lambda d=duration: pipe([[1.5, 0.0, -1.0]], duration_s=d), max(1, repeats // 2))
+        durations[f"{duration:g} s"] = {"whole s": seconds, "real-time factor": seconds / duration}
+    return batches, durations
+
+
+def _peak_memory(checkpoint):
+    """Peak resident memory in MiB of a process that loads the pipeline and makes one texture, and of the imports."""
+    peaks = {}
+    for name, code in (("import only", "import tactile_diffusers"), ("load and generate one texture", _GENERATE_ONCE)):
+        wrapped = f"{code}\nimport resource\nprint(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+        done = subprocess.run([sys.executable, "-c", wrapped, checkpoint], check=True, capture_output=True, text=True)
+        scale = 2**20 if platform.system() == "Darwin" else 2**10  # bytes there, KiB elsewhere
+        peaks[name] = {"peak MiB": int(done.stdout.split()[-1]) / scale}
+    return peaks
+
+
+def main(argv=None):
+    """Runs the command."""
+    arguments = parse_arguments(argv)
+    import torch
+
+    from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+
+    from ..evaluation.tables import markdown_table
+
+    if arguments.threads:
+        torch.set_num_threads(arguments.threads)
+    checkpoint = str(arguments.checkpoint or bundled_checkpoint())
+    pipe = TactileTexturePipeline.from_pretrained(checkpoint)
+    pipe.set_progress_bar_config(disable=True)
+    batches, durations = _scaling(pipe, arguments.repeats)
+    report = {
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, torch {torch.__version__}",
+        "steps": _stages(pipe, arguments.repeats),
+        "batch": batches,
+        "duration": durations,
+        "memory": _peak_memory(checkpoint),
+    }
+    text = [f"# Speed and memory\n\n{report['machine']}; medians of {arguments.repeats}.\n"]
+    titles = {"steps": "One segment", "batch": "Batch, 10 + 10 steps", "duration": "Duration", "memory": "Memory"}
+    text += [f"## {title}\n\n{markdown_table(report[key], 3)}\n" for key, title in titles.items()]
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    (arguments.output / "benchmark.json").write_text(json.dumps(report, indent=2) + "\n")
+    (arguments.output / "benchmark.md").write_text("\n".join(text))
+    print("\n".join(text))
+    return 0

@@ -1,0 +1,150 @@
+"""`python examples/publish.py`: a trained pipeline as a small, documented checkpoint folder."""
+
+import argparse
+import json
+import os
+import shutil
+from pathlib import Path
+
+CARD = """---
+library_name: diffusers
+license: apache-2.0
+pipeline_tag: other
+tags: [tactile, haptics, texture, friction, diffusion]
+---
+
+# {name}
+
+Force that a finger feels while it slides, from perceptual ratings: LCTG and DALE of tactile_diffusers {version}.
+
+    from tactile_diffusers import TactileTexturePipeline
+    pipe = TactileTexturePipeline.from_pretrained(folder)
+    out = pipe(ratings=[[1.5, 0.0, -1.0]], num_inference_steps=10)
+
+It is loaded by this package's class, not by `DiffusionPipeline`. Weights are stored in half precision and load as
+float32.
+
+## What it was trained on
+
+{source}: {surfaces}. Its data are simulated unless that line says otherwise: it shows what the method can do, not how
+real surfaces feel. Normal force 0.4-0.6 N, speed about {speed:.0f} mm/s; textures are band-passed to
+{low:g}-{high:g} Hz.
+
+## How it was trained
+
+{runs}
+## Limits
+
+- Ratings beyond the training surfaces' range are extrapolated: {ranges}.
+- A texture is what one finger feels at the reference speed; other speeds are for playback to derive.
+- No person has felt these textures yet: figures judge signals, not perception.
+"""
+
+RUN = """### {title}
+
+    accelerate launch {script} {arguments}
+
+{segments} segments, {steps} optimiser steps, {minutes:.0f} minutes on {machine}; torch {torch}, diffusers {diffusers}.
+Last training loss {loss:.4f}; last validation: {validation}.
+
+![{title}]({picture})
+"""
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command."""
+    parser = argparse.ArgumentParser(prog="publish.py", description="Store a trained pipeline small and documented.")
+    parser.add_argument("--checkpoint", type=Path, required=True, metavar="FOLDER", help="trained pipeline")
+    parser.add_argument(
+        "--runs",
+        type=Path,
+        nargs="+",
+        required=True,
+        metavar="FOLDER",
+        help="output folders of its trainings, in order",
+    )
+    parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="what it was trained on")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER")
+    arguments = parser.parse_args(argv)
+    for run in arguments.runs:
+        if not (run / "training.json").is_file():
+            parser.error(f"argument --runs: {run} has no training.json; it is written by the training scripts")
+    return arguments
+
+
+def _command(record):
+    """The arguments of a run, without those that say nothing about the result."""
+    left_out = {"quiet", "resume_from_checkpoint", "report_to", "logging_dir", "tracker_project_name"}
+    words = []
+    for name, value in record["arguments"].items():
+        if name in left_out or value is False:
+            continue
+        words.append(f"--{name}" if value is True else f"--{name} {Path(value).name if '/' in str(value) else value}")
+    return " ".join(words)
+
+
+def describe_run(run, picture):
+    """One training as Markdown, from `training.json` and `log.jsonl`."""
+    record = json.loads((run / "training.json").read_text())
+    entries = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]
+    last = [entry for entry in entries if "train/loss" in entry][-1]
+    validations = [entry for entry in entries if any(key.startswith("validation/") for key in entry)]
+    found = (
+        {k.split("/")[1]: v for k, v in validations[-1].items() if k.startswith("validation/")} if validations else {}
+    )
+    return RUN.format(
+        title=run.name,
+        script=record["script"],
+        arguments=_command(record),
+        segments=record["segments"],
+        steps=record["steps"],
+        minutes=last["seconds"] / 60,
+        machine=record["machine"],
+        loss=last["train/loss"],
+        validation=", ".join(f"{name} {value:.3f}" for name, value in found.items()) or "none",
+        picture=picture,
+        **record["versions"],
+    )
+
+
+def main(argv=None):
+    """Runs the command: writes the folder under a temporary name, then renames it."""
+    arguments = parse_arguments(argv)
+    import torch
+
+    from tactile_diffusers import TactileTexturePipeline, __version__
+
+    from ..data import PreparedDataset
+
+    pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint))
+    data = PreparedDataset(arguments.data, "train")
+    temporary = arguments.output.with_name(f".{arguments.output.name}.unfinished")
+    shutil.rmtree(temporary, ignore_errors=True)
+    pipe.to(torch.float16).save_pretrained(str(temporary))
+    runs = []
+    for run in arguments.runs:
+        picture = f"loss_{run.name}.png"
+        shutil.copyfile(run / "loss.png", temporary / picture)
+        runs.append(describe_run(run, picture))
+    config, extractor = pipe.dale.config, pipe.feature_extractor
+    ranges = ", ".join(
+        f"{axis} {low:.1f} to {high:.1f}"
+        for axis, (low, high) in zip(config.rating_axes, config.ratings_range, strict=True)
+    )
+    card = CARD.format(
+        name=arguments.output.name,
+        version=__version__,
+        source=data.source,
+        surfaces=f"{len(set(data.surface_ids))} training surfaces, {len(data)} segments of 1.64 s",
+        speed=config.reference_speed,
+        low=extractor.band[0],
+        high=extractor.band[1],
+        runs="\n".join(runs),
+        ranges=ranges,
+    )
+    (temporary / "README.md").write_text(card)
+    shutil.rmtree(arguments.output, ignore_errors=True)
+    os.replace(temporary, arguments.output)
+    size = sum(path.stat().st_size for path in arguments.output.rglob("*") if path.is_file())
+    print(f"{arguments.output}: {size / 1e6:.1f} MB")
+    return 0
