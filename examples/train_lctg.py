@@ -12,6 +12,7 @@ The output folder is a pipeline that reconstructs: TactileTexturePipeline.from_p
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -101,11 +102,13 @@ def build_components(args):
         )
         settings |= {"preemphasis_frequencies": frequencies, "preemphasis_db": gains}
     extractor = TactileFeatureExtractor(**settings)
+    latent_hop = extractor.hop_length * extractor.frame_multiple
+    seconds = native.segment_samples / native.sampling_rate
     model_settings = {
         "feature_channels": extractor.feature_size,
         "feature_hop": extractor.hop_length,
-        "latent_hop": extractor.hop_length * extractor.frame_multiple,
-        "segment_samples": round(native.segment_samples * extractor.sampling_rate / native.sampling_rate),
+        "latent_hop": latent_hop,
+        "segment_samples": math.ceil(seconds * extractor.sampling_rate / latent_hop) * latent_hop,
         **config.get("lctg", {}),
     }
     return extractor, LCTGModel(**model_settings), VDDIMScheduler(**config.get("scheduler", {}))

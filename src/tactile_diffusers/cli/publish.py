@@ -116,11 +116,11 @@ def main(argv=None):
 
     from ..data import PreparedDataset
 
-    pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint))
+    pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint), torch_dtype=torch.float16)
     data = PreparedDataset(arguments.data, "train")
     temporary = arguments.output.with_name(f".{arguments.output.name}.unfinished")
     shutil.rmtree(temporary, ignore_errors=True)
-    pipe.to(torch.float16).save_pretrained(str(temporary))
+    pipe.save_pretrained(str(temporary))
     runs = []
     for run in arguments.runs:
         picture = f"loss_{run.name}.png"
@@ -129,7 +129,7 @@ def main(argv=None):
     config, extractor = pipe.dale.config, pipe.feature_extractor
     ranges = ", ".join(
         f"{axis} {low:.1f} to {high:.1f}"
-        for axis, (low, high) in zip(config.rating_axes, config.ratings_range, strict=True)
+        for axis, (low, high) in zip(config.rating_axes, config.ratings_range or [], strict=False)
     )
     card = CARD.format(
         name=arguments.output.name,
@@ -140,7 +140,7 @@ def main(argv=None):
         low=extractor.band[0],
         high=extractor.band[1],
         runs="\n".join(runs),
-        ranges=ranges,
+        ranges=ranges or "not recorded",
     )
     (temporary / "README.md").write_text(card)
     shutil.rmtree(arguments.output, ignore_errors=True)

@@ -1,0 +1,83 @@
+"""The commands evaluate, benchmark and publish, on a tiny pipeline."""
+
+import json
+
+import pytest
+import torch
+
+from tactile_diffusers import TactileTexturePipeline
+from tactile_diffusers.cli import benchmark, evaluate, publish
+from tactile_diffusers.data import generate_recordings, prepare_recordings
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("commands")
+    generate_recordings(folder / "r.h5", surfaces=6, seconds=15, explorers=2, seed=4, quiet=True)
+    prepare_recordings(folder / "r.h5", folder / "p.h5", validation=1, test=2, quiet=True)
+    return folder / "p.h5"
+
+
+@pytest.fixture
+def checkpoint(pipe, tmp_path):
+    pipe.save_pretrained(str(tmp_path / "pipeline"))
+    return tmp_path / "pipeline"
+
+
+def test_evaluate_writes_report_and_picture(checkpoint, prepared, tmp_path, capsys):
+    out = tmp_path / "report"
+    arguments = f"--checkpoint {checkpoint} --data {prepared} --output {out} --steps 1 2 --takes 2 --quiet".split()
+    assert evaluate.main(arguments + ["--sections", "reconstruction", "sweep"]) == 0
+    report = json.loads((out / "report.json").read_text())
+    assert set(report["reconstruction"]) >= {"silence", "LCTG, 1 steps", "LCTG, 2 steps"}
+    assert set(report["sweep"]) == {"roughness", "bumpiness", "slipperiness"}
+    assert (out / "sweep.png").stat().st_size > 5000
+    assert (out / "report.md").read_text() in capsys.readouterr().out + "\n"
+
+
+@pytest.mark.parametrize("extra", ["--steps 0", "--takes 0", "--data nowhere.h5"])
+def test_evaluate_refuses_before_any_work(extra, prepared, tmp_path):
+    with pytest.raises(SystemExit) as stop:
+        evaluate.main(f"--data {prepared} --output {tmp_path / 'report'} {extra}".split())
+    assert stop.value.code == 2 and not (tmp_path / "report").exists()
+
+
+def test_benchmark_reports_every_part(checkpoint, tmp_path, monkeypatch):
+    monkeypatch.setattr(benchmark, "_peak_memory", lambda checkpoint: {"stub": {"peak MiB": 1.0}})  # spawns processes
+    assert benchmark.main(["--checkpoint", str(checkpoint), "--output", str(tmp_path / "b"), "--repeats", "1"]) == 0
+    report = json.loads((tmp_path / "b" / "benchmark.json").read_text())
+    assert set(report["batch"]) == {f"batch {n}" for n in (1, 2, 4, 8, 16)} and len(report["duration"]) == 5
+    assert all(row["whole s"] > 0 for row in report["steps"].values())
+
+
+def test_publish_halves_the_weights_and_keeps_the_texture(checkpoint, prepared, tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    record = {
+        "script": "examples/train_dale.py",
+        "arguments": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5", "quiet": True},
+        "segments": 7,
+        "steps": 9,
+        "machine": "a test",
+        "versions": {"torch": "2", "diffusers": "0"},
+    }
+    (run / "training.json").write_text(json.dumps(record))
+    entries = [{"step": 9, "train/loss": 0.5, "seconds": 60.0}, {"step": 9, "validation/velocity": 0.25}]
+    (run / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+    (run / "loss.png").write_bytes(b"png")
+    out = tmp_path / "small"
+    out.mkdir()
+    (out / "old").write_text("replaced as a whole")
+    assert publish.main(f"--checkpoint {checkpoint} --runs {run} --data {prepared} --output {out}".split()) == 0
+    card = (out / "README.md").read_text()
+    assert "--seed 3 --train_data_dir prepared.h5" in card and "1 minutes" in card and "velocity 0.250" in card
+    assert not (out / "old").exists() and (out / "loss_run.png").exists()
+    full = TactileTexturePipeline.from_pretrained(str(checkpoint))
+    small = TactileTexturePipeline.from_pretrained(str(out))
+    for pipe in (full, small):
+        pipe.set_progress_bar_config(disable=True)
+    assert small.lctg.dtype == small.dale.dtype == torch.float32
+    make = dict(ratings=[[1.0, 0.0, -1.0]], num_inference_steps=2)
+    first, second = (p(generator=torch.Generator().manual_seed(0), **make).textures for p in (full, small))
+    # half precision keeps 11 bits: weights move by 5e-4 at most, textures by a few times that
+    assert abs(first - second).max() < 0.02 * abs(first).max()
