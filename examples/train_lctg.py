@@ -26,7 +26,7 @@ from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
 from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
-from tactile_diffusers.training.losses import multi_resolution_spectral_loss, velocity_loss
+from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
 
 
 def parse_args(argv=None):
@@ -35,22 +35,34 @@ def parse_args(argv=None):
     parser.add_argument("--subset", choices=["full", "filtered"], default="filtered", help="segments to train on")
     parser.add_argument("--pretrained_model_name_or_path", help="pipeline folder to go on from (second phase)")
     parser.add_argument("--model_config_name_or_path", help="JSON with feature_extractor, lctg and scheduler arguments")
+    parser.add_argument(
+        "--octave_exponent", type=float, default=1.0, help="velocity loss weighted by frequency ** -exponent; 0 = flat"
+    )
+    parser.add_argument(
+        "--freeze_encoder", action="store_true", help="train the decoder only: latents stay as they are"
+    )
     parser.add_argument("--spectral_loss_weight", type=float, default=0.0, help="of the frequency-aware loss; 0 = off")
     parser.add_argument("--preemphasis_clip_db", type=float, default=30.0, help="largest whitening gain; 0 = none")
     args = parser.parse_args(argv)
     check_training_arguments(args)
-    if args.spectral_loss_weight < 0 or args.preemphasis_clip_db < 0:
-        raise ValueError("--spectral_loss_weight and --preemphasis_clip_db must not be negative.")
+    for name in ("spectral_loss_weight", "preemphasis_clip_db", "octave_exponent"):
+        if getattr(args, name) < 0:
+            raise ValueError(f"--{name} must not be negative, got {getattr(args, name)}.")
     return args
 
 
 class LCTGTrainingStep(nn.Module):
     """The v-objective on a batch, with noise on the latents and, if weighted, the frequency-aware loss."""
 
-    def __init__(self, model, scheduler, num_filters, spectral_loss_weight):
+    def __init__(self, model, scheduler, extractor, args):
         super().__init__()
-        self.model, self.scheduler = model, scheduler
-        self.num_filters, self.spectral_loss_weight = num_filters, spectral_loss_weight
+        self.model, self.scheduler, self.num_filters = model, scheduler, extractor.num_filters
+        self.spectral_loss_weight = args.spectral_loss_weight
+        weights = None
+        if args.octave_exponent:
+            samples = model.config.segment_samples
+            weights = octave_weights(samples, extractor.sampling_rate, extractor.band, args.octave_exponent)
+        self.register_buffer("frequency_weights", weights, persistent=False)
 
     def forward(self, batch, generator):
         clean, features = batch["waveform"][:, None], batch["input_features"]
@@ -72,7 +84,8 @@ class LCTGTrainingStep(nn.Module):
         timesteps = strata / len(clean) * self.scheduler.config.num_train_timesteps - 1
         noisy = self.scheduler.add_noise(clean, noise, timesteps)
         velocity = self.model(noisy, timesteps, latents, return_dict=False)[0]
-        loss = velocity_loss(velocity, self.scheduler.get_velocity(clean, noise, timesteps)).mean()
+        target = self.scheduler.get_velocity(clean, noise, timesteps)
+        loss = velocity_loss(velocity, target, self.frequency_weights).mean()
         scalars = {"velocity": loss.detach()}
         if self.spectral_loss_weight:
             predicted = self.scheduler.get_original_sample(velocity.float(), noisy, timesteps)
@@ -161,6 +174,7 @@ def main(argv=None):
     args = parse_args(argv)
     accelerator = make_accelerator(args)
     extractor, model, scheduler = build_components(args)
+    model.encoder.requires_grad_(not args.freeze_encoder)
     dataset = PreparedDataset(
         args.train_data_dir, "train", args.subset, extractor.sampling_rate, max_samples=args.max_train_samples
     )
@@ -168,7 +182,7 @@ def main(argv=None):
     trainer = Trainer(
         accelerator,
         args,
-        LCTGTrainingStep(model, scheduler, extractor.num_filters, args.spectral_loss_weight),
+        LCTGTrainingStep(model, scheduler, extractor, args),
         "lctg",
         dataset,
         make_collate(extractor, extractor.sampling_rate),

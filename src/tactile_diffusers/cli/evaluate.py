@@ -51,6 +51,26 @@ def _reconstruction(arguments, pipe):
     return table, f"## Reconstruction\n\n{note}\n\n{markdown_table(table)}\n"
 
 
+def _generation(arguments, pipe):
+    from ..data import PreparedDataset
+    from ..evaluation.study import generation_study
+    from ..evaluation.tables import markdown_table
+
+    held_out = PreparedDataset(arguments.data, arguments.split)
+    reference = PreparedDataset(arguments.data, "train")
+    table = generation_study(
+        pipe,
+        held_out,
+        reference,
+        8,
+        guidance_scale=arguments.guidance_scale,
+        seed=arguments.seed,
+        quiet=arguments.quiet,
+    )
+    note = f"Eight textures from the ratings of each {arguments.split} surface; guidance {arguments.guidance_scale:g}."
+    return table, f"## Generation for unseen surfaces\n\n{note}\n\n{markdown_table(table)}\n"
+
+
 def _sweep(arguments, pipe):
     from ..evaluation.figures import plot_sweeps
     from ..evaluation.study import rating_sweep
@@ -93,7 +113,7 @@ def _long(arguments, pipe):
     return found, f"## Long textures\n\n{note}\n\n{markdown_table({'overlaps': row})}\n"
 
 
-SECTIONS = {"reconstruction": _reconstruction, "sweep": _sweep, "long": _long}
+SECTIONS = {"reconstruction": _reconstruction, "generation": _generation, "sweep": _sweep, "long": _long}
 
 
 def main(argv=None):

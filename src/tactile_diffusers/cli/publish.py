@@ -63,6 +63,7 @@ def parse_arguments(argv=None):
         metavar="FOLDER",
         help="output folders of its trainings, in order",
     )
+    parser.add_argument("--lctg", type=Path, metavar="FOLDER", help="take LCTG from here: same encoder, better decoder")
     parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="what it was trained on")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER")
     arguments = parser.parse_args(argv)
@@ -107,6 +108,21 @@ def describe_run(run, picture):
     )
 
 
+def _replace_lctg(pipe, folder):
+    """Gives `pipe` the LCTG of another pipeline folder.
+
+    Raises:
+        ValueError: if its encoder differs: DALE was trained on the latents of the one that `pipe` has.
+    """
+    from tactile_diffusers import LCTGModel
+
+    other = LCTGModel.from_pretrained(folder, subfolder="lctg", torch_dtype=pipe.lctg.dtype)
+    weights = pipe.lctg.encoder.state_dict()
+    if any(not value.equal(weights[name]) for name, value in other.encoder.state_dict().items()):
+        raise ValueError(f"--lctg {folder} has another encoder than --checkpoint: DALE would speak another language.")
+    pipe.register_modules(lctg=other)
+
+
 def main(argv=None):
     """Runs the command: writes the folder under a temporary name, then renames it."""
     arguments = parse_arguments(argv)
@@ -117,6 +133,8 @@ def main(argv=None):
     from ..data import PreparedDataset
 
     pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint), torch_dtype=torch.float16)
+    if arguments.lctg is not None:
+        _replace_lctg(pipe, arguments.lctg)
     data = PreparedDataset(arguments.data, "train")
     temporary = arguments.output.with_name(f".{arguments.output.name}.unfinished")
     shutil.rmtree(temporary, ignore_errors=True)

@@ -108,6 +108,65 @@ def _set_metrics(points, reference, width):
     }
 
 
+def generation_study(pipe, held_out, reference, takes=8, steps=10, guidance_scale=1.0, seed=0, quiet=True):
+    """Textures generated from the ratings of held-out surfaces, beside those surfaces' own textures.
+
+    Args:
+        pipe (`TactileTexturePipeline`): with a DALE.
+        held_out, reference (`PreparedDataset`): at their native rate, which must be the pipeline's delivery rate;
+            `reference` holds the training surfaces.
+        takes (`int`): textures per surface, and real ones at most.
+        steps (`int`): of both stages.
+        guidance_scale (`float`): 1.0 = off.
+        seed (`int`): of segments and noise.
+        quiet (`bool`): no progress bar.
+
+    Returns:
+        `dict[str, dict[str, float]]`: row -> "ktd", "ftd" against the training surfaces; "surface_nine_band_db", error
+        of each surface's mean spectrum (averaged in dB); "level_r" and "log_friction_r", correlation over surfaces of
+        generated and real means.
+    """
+    from tqdm.auto import tqdm
+
+    rate, edges = held_out.sampling_rate, band_edges(9, held_out.band)
+    train = reference.textures(reference.non_overlapping(4, seed))
+    embedding = TactileEmbedding.fit(train, rate)
+    train_points = embedding(train, rate)
+    train_bands = band_levels_db(train, rate, edges).mean(0)
+    chosen = held_out.non_overlapping(takes, seed)
+    surfaces = np.unique(held_out.surface_ids[chosen])
+    real_sets, made_sets, means = [], [], []
+    for surface in tqdm(surfaces, disable=quiet, desc="unseen surfaces"):
+        rows = chosen[held_out.surface_ids[chosen] == surface]
+        real = held_out.textures(rows)
+        out = pipe(
+            held_out.surface_ratings[surface],
+            num_inference_steps=steps,
+            guidance_scale=guidance_scale,
+            num_textures_per_rating=takes,
+            duration_s=held_out.segment_samples / rate,
+            generator=torch.Generator("cpu").manual_seed(seed + int(surface)),
+        )
+        bands = [band_levels_db(textures, rate, edges).mean(0) for textures in (real, out.textures)]
+        friction = [np.log(held_out.friction_coefficients[rows]).mean(), np.log(out.friction_coefficient).mean()]
+        means.append([*bands, [held_out.levels[rows].mean(), out.level.mean()], friction])
+        real_sets.append(real)
+        made_sets.append(out.textures)
+    real_bands, made_bands, levels, frictions = (np.array(column) for column in zip(*means, strict=True))
+    return {
+        "real (held out)": _set_metrics(embedding(np.concatenate(real_sets), rate), train_points, embedding.width),
+        "generated from their ratings": {
+            **_set_metrics(embedding(np.concatenate(made_sets), rate), train_points, embedding.width),
+            "surface_nine_band_db": float(np.abs(made_bands - real_bands).mean()),
+            "level_r": float(np.corrcoef(levels.T)[0, 1]),
+            "log_friction_r": float(np.corrcoef(frictions.T)[0, 1]),
+        },
+        "mean spectrum of the training set": {
+            "surface_nine_band_db": float(np.abs(train_bands - real_bands).mean()),
+        },
+    }
+
+
 def rating_sweep(pipe, axis, values=SWEEP_VALUES, takes=40, steps=10, guidance_scale=1.0, seed=0):
     """Textures while one rating moves and the others are not specified.
 

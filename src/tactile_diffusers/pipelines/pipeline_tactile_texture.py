@@ -281,7 +281,7 @@ class TactileTexturePipeline(DiffusionPipeline):
             duration_s = frames * hop / rate
         else:
             # at least one window of the trained length; what is too much is cut off at the end
-            frames = max(self.dale.config.latent_frames, math.ceil(duration_s * rate / hop))
+            frames = max(self.dale.config.latent_frames, math.ceil(duration_s * rate / hop - 1e-6))
         return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
 
     def _decode(self, latents, num_inference_steps, generator, bar, callback=None, callback_inputs=(), first_index=0):
