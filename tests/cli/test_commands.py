@@ -27,9 +27,12 @@ def checkpoint(pipe, tmp_path):
 def test_evaluate_writes_report_and_picture(checkpoint, prepared, tmp_path, capsys):
     out = tmp_path / "report"
     arguments = f"--checkpoint {checkpoint} --data {prepared} --output {out} --steps 1 2 --takes 2 --quiet".split()
-    assert evaluate.main(arguments + ["--sections", "reconstruction", "sweep"]) == 0
+    assert evaluate.main(arguments + ["--sections", "reconstruction", "generation", "sweep"]) == 0
     report = json.loads((out / "report.json").read_text())
     assert set(report["reconstruction"]) >= {"silence", "LCTG, 1 steps", "LCTG, 2 steps"}
+    generated = report["generation"]["generated from their ratings"]
+    # random weights know nothing of the surfaces: far from real textures in every respect
+    assert generated["ktd"] > 100 and generated["surface_nine_band_db"] > 3
     assert set(report["sweep"]) == {"roughness", "bumpiness", "slipperiness"}
     assert (out / "sweep.png").stat().st_size > 5000
     assert (out / "report.md").read_text() in capsys.readouterr().out + "\n"
@@ -81,3 +84,14 @@ def test_publish_halves_the_weights_and_keeps_the_texture(checkpoint, prepared, 
     first, second = (p(generator=torch.Generator().manual_seed(0), **make).textures for p in (full, small))
     # half precision keeps 11 bits: weights move by 5e-4 at most, textures by a few times that
     assert abs(first - second).max() < 0.02 * abs(first).max()
+
+
+def test_publish_refuses_another_encoder(checkpoint, make_pipeline, prepared, tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "training.json").write_text("{}")
+    make_pipeline(seed=5).save_pretrained(str(tmp_path / "other"))
+    arguments = f"--checkpoint {checkpoint} --runs {run} --data {prepared} --output {tmp_path / 'small'}".split()
+    with pytest.raises(ValueError, match="another encoder"):
+        publish.main([*arguments, "--lctg", str(tmp_path / "other")])
+    assert not (tmp_path / "small").exists()

@@ -66,6 +66,7 @@ def parse_arguments(argv=None):
     parser.add_argument("--lctg", type=Path, metavar="FOLDER", help="take LCTG from here: same encoder, better decoder")
     parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="what it was trained on")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER")
+    parser.add_argument("--note", default="", help="a sentence on how the trainings were run, for the card")
     arguments = parser.parse_args(argv)
     for run in arguments.runs:
         if not (run / "training.json").is_file():
@@ -157,7 +158,7 @@ def main(argv=None):
         speed=config.reference_speed,
         low=extractor.band[0],
         high=extractor.band[1],
-        runs="\n".join(runs),
+        runs="\n".join([*runs, f"{arguments.note}\n" if arguments.note else ""]),
         ranges=ranges or "not recorded",
     )
     (temporary / "README.md").write_text(card)
