@@ -2,7 +2,6 @@
 
 import math
 
-
 #: how people read the keys of the studies
 LABELS = {
     "nine_band_db": "nine-band error, dB",
