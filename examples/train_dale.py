@@ -44,7 +44,19 @@ def parse_args(argv=None):
     for name in ("condition_dropout", "unconditional"):
         if not 0 <= getattr(args, name) <= 1:
             raise ValueError(f"--{name} must lie in [0, 1], got {getattr(args, name)}.")
+    for name in ("rating_jitter", "scalar_weight", "conditioning_weight"):
+        if not getattr(args, name) >= 0:
+            raise ValueError(f"--{name} must not be negative, got {getattr(args, name)}.")
     return args
+
+
+def read_config(path):
+    """The model config file as a dict, its sections checked before any work starts."""
+    config = json.loads(Path(path).read_text()) if path else {}
+    unknown = set(config) - {"dale", "dale_scheduler"}
+    if unknown:
+        raise ValueError(f"--model_config_name_or_path has unknown sections {sorted(unknown)}.")
+    return config
 
 
 class DALETrainingStep(nn.Module):
@@ -108,9 +120,8 @@ def statistics(values):
     return (float(values.mean()), float(max(values.std(), 1e-3))) if len(values) else (0.0, 1.0)
 
 
-def build_dale(args, pipe, dataset, latents):
+def build_dale(config, pipe, dataset, latents):
     """A new DALE whose config holds the statistics of the training set."""
-    config = json.loads(Path(args.model_config_name_or_path).read_text()) if args.model_config_name_or_path else {}
     level_mean, level_std = statistics(dataset.levels)
     friction_mean, friction_std = statistics(np.log(np.maximum(dataset.friction_coefficients, 1e-3)))
     ratings = dataset.surface_ratings[np.unique(dataset.surface_ids)]
@@ -198,6 +209,7 @@ def make_validation(args, pipe, held_out):
 
 def main(argv=None):
     args = parse_args(argv)
+    config = read_config(args.model_config_name_or_path)
     pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
     accelerator = make_accelerator(args)
     pipe.to(accelerator.device)
@@ -206,7 +218,7 @@ def main(argv=None):
     dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
     held_out = PreparedDataset(args.train_data_dir, "validation", "filtered", rate, max_samples=2000)
     latents = encode_dataset(pipe, dataset, args.quiet)
-    dale, dale_scheduler = build_dale(args, pipe, dataset, latents)
+    dale, dale_scheduler = build_dale(config, pipe, dataset, latents)
     states = make_states(dale, dataset, latents)
     held_out_states = make_states(dale, held_out, encode_dataset(pipe, held_out, args.quiet))
     del latents

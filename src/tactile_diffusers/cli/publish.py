@@ -26,9 +26,9 @@ float32.
 
 ## What it was trained on
 
-{source}: {surfaces}. Its data are simulated unless that line says otherwise: it shows what the method can do, not how
-real surfaces feel. Normal force 0.4-0.6 N, speed about {speed:.0f} mm/s; textures are band-passed to
-{low:g}-{high:g} Hz.
+{source}: {surfaces}. Virtual surfaces are simulated: they show what the method
+can do, not how real surfaces feel. Normal force 0.4-0.6 N, speed about {speed:.0f} mm/s; textures are band-passed to
+{low:g}-{high:g} Hz. Prepared by examples/prepare_data.py.
 
 ## How it was trained
 
@@ -117,7 +117,7 @@ def _replace_lctg(pipe, folder):
     """
     from tactile_diffusers import LCTGModel
 
-    other = LCTGModel.from_pretrained(folder, subfolder="lctg", torch_dtype=pipe.lctg.dtype)
+    other = LCTGModel.from_pretrained(folder, subfolder="lctg", dtype=pipe.lctg.dtype)
     weights = pipe.lctg.encoder.state_dict()
     if any(not value.equal(weights[name]) for name, value in other.encoder.state_dict().items()):
         raise ValueError(f"--lctg {folder} has another encoder than --checkpoint: DALE would speak another language.")
@@ -133,13 +133,17 @@ def main(argv=None):
 
     from ..data import PreparedDataset
 
-    pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint), torch_dtype=torch.float16)
+    pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint), dtype=torch.float16)
     if arguments.lctg is not None:
         _replace_lctg(pipe, arguments.lctg)
     data = PreparedDataset(arguments.data, "train")
     temporary = arguments.output.with_name(f".{arguments.output.name}.unfinished")
     shutil.rmtree(temporary, ignore_errors=True)
     pipe.save_pretrained(str(temporary))
+    for path in temporary.rglob("*.json"):  # where it was on this machine is nobody's business
+        config = json.loads(path.read_text())
+        if config.pop("_name_or_path", None) is not None:
+            path.write_text(json.dumps(config, indent=2, sort_keys=True) + "\n")
     runs = []
     for run in arguments.runs:
         picture = f"loss_{run.name}.png"

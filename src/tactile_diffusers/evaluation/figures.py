@@ -31,7 +31,7 @@ def plot_sweeps(sweeps, output_path):
             lines_panel.plot(
                 values, (track - track.mean()) / spread, marker="o", markersize=3, label=f"{label} / {spread:g}"
             )
-        lines_panel.set(xlabel=f"requested {axis}, z", ylabel="change from the mean, scaled", ylim=(-1.6, 1.6))
+        lines_panel.set(xlabel=f"requested {axis}, z", ylabel="change from the mean, scaled")
         lines_panel.grid(alpha=0.3)
     panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
     panels[1, 0].legend(fontsize=7)

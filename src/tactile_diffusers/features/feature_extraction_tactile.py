@@ -57,7 +57,9 @@ def fit_preemphasis(textures, sampling_rate, band=BAND_HZ, points=33, clip_db=30
         `tuple[list[float], list[float]]`: frequencies in Hz and gains in dB, with the smallest gain at 0 dB.
     """
     textures = np.asarray(textures, dtype=np.float64)
-    loud = rms(textures) > SILENCE
+    loud = rms(textures) > SILENCE if textures.size else np.zeros(0, dtype=bool)
+    if not loud.any():
+        raise ValueError(f"`textures` must hold at least one texture that is not silent, got shape {textures.shape}.")
     textures = textures[loud] / rms(textures[loud])[:, None]
     frequencies, density = power_spectral_density(textures, sampling_rate)
     amplitude = np.sqrt(density).mean(0)
@@ -121,10 +123,20 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             raise ValueError(f"`filter_scale` must be one of {FILTER_SCALES}, got {filter_scale!r}.")
         if not 0 < band[0] < band[1] < sampling_rate / 2:
             raise ValueError(f"`band` must satisfy 0 < low < high < {sampling_rate / 2} Hz, got {tuple(band)}.")
-        if (preemphasis_frequencies is None) != (preemphasis_db is None) or (
-            preemphasis_db is not None and len(preemphasis_db) != len(preemphasis_frequencies)
+        if hop_length < 1:
+            raise ValueError(f"`hop_length` must be at least 1 sample, got {hop_length}.")
+        if not window_lengths or min(window_lengths) < hop_length:
+            raise ValueError(
+                f"`window_lengths` must hold at least one window, none shorter than a hop ({hop_length} samples), got "
+                f"{tuple(window_lengths)}."
+            )
+        frequencies, gains = preemphasis_frequencies, preemphasis_db
+        if (frequencies is None) != (gains is None) or (
+            frequencies is not None and (len(frequencies) != len(gains) or len(frequencies) == 0)
         ):
             raise ValueError("`preemphasis_frequencies` and `preemphasis_db` must be lists of the same length or None.")
+        if frequencies is not None and not (np.diff(frequencies, prepend=0.0) > 0).all():
+            raise ValueError(f"`preemphasis_frequencies` must be positive and ascend, got {list(frequencies)}.")
         self.delivery_rate = delivery_rate
         self.band = tuple(band)
         self.num_filters = num_filters
@@ -227,12 +239,14 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             raise ValueError(
                 "`sampling_rate` is missing: pass the rate of `texture` in Hz; a wrong guess would go unnoticed."
             )
-        if sampling_rate < 2 * self.band[1]:
+        if not (sampling_rate >= 2 * self.band[1] and sampling_rate % 1 == 0):  # NaN and infinity fail too
             raise ValueError(
-                f"`sampling_rate` must be at least {2 * self.band[1]} Hz to hold the band {self.band} Hz, got "
-                f"{sampling_rate}."
+                f"`sampling_rate` must be at least {2 * self.band[1]} Hz, and a whole number, to hold the band "
+                f"{self.band} Hz, got {sampling_rate}."
             )
-        texture = torch.as_tensor(texture).detach().cpu().double().numpy()
+        if isinstance(texture, torch.Tensor):
+            texture = texture.detach().cpu().double().numpy()
+        texture = np.asarray(texture, dtype=np.float64)
         texture = texture[None] if texture.ndim == 1 else texture
         if texture.ndim != 2 or 0 in texture.shape:
             raise ValueError(f"`texture` must be (samples,) or (batch, samples), not empty; got {texture.shape}.")

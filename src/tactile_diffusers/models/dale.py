@@ -98,10 +98,6 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
             kernel_size=kernel_size,
             cross_attention_dim=cross_attention_dim,
         )
-        mean = torch.tensor(latent_mean if latent_mean is not None else [0.0] * latent_channels)
-        std = torch.tensor(latent_std if latent_std is not None else [1.0] * latent_channels)
-        self.register_buffer("_latent_mean", mean[:, None], persistent=False)
-        self.register_buffer("_latent_std", std[:, None], persistent=False)
 
     @property
     def latent_channels(self):
@@ -118,6 +114,13 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         frames = latents.shape[-1]
         return torch.cat([latents, scalars[..., None].expand(-1, -1, frames) / frames**0.5], dim=1)
 
+    def _latent_statistics(self, like):
+        """Mean and standard deviation of the latent channels, (channels, 1); no buffers: offloading would miss them."""
+        mean, std = self.config.latent_mean, self.config.latent_std
+        mean = torch.zeros(self.latent_channels) if mean is None else torch.tensor(mean)
+        std = torch.ones(self.latent_channels) if std is None else torch.tensor(std)
+        return mean.to(like)[:, None], std.to(like)[:, None]
+
     def pack(self, latents, level, friction_coefficient):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
 
@@ -132,15 +135,17 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         config = self.config
         friction = (friction_coefficient.clamp_min(1e-3).log() - config.log_friction_mean) / config.log_friction_std
         scalars = torch.stack([(level - config.level_mean) / config.level_std, torch.nan_to_num(friction)], dim=1)
-        return self.join((latents - self._latent_mean) / self._latent_std, scalars.to(latents))
+        mean, std = self._latent_statistics(latents)
+        return self.join((latents - mean) / std, scalars.to(latents))
 
     def unpack(self, sample):
         """Undoes `pack`: (batch, in_channels, frames) -> latents, level (batch,), friction coefficient (batch,)."""
         config = self.config
         latents, scalars = self.split(sample)
         level, friction = scalars.float().unbind(1)
+        mean, std = self._latent_statistics(latents)
         return (
-            latents * self._latent_std + self._latent_mean,
+            latents * std + mean,
             level * config.level_std + config.level_mean,
             torch.exp(friction * config.log_friction_std + config.log_friction_mean),
         )
@@ -154,6 +159,11 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
             ratings (`torch.Tensor`): (batch, axes) in z-scores; NaN = not specified.
             return_dict (`bool`, *optional*, defaults to `True`): `DALEOutput` or a plain tuple.
         """
+        if ratings.shape[-1] != len(self.config.rating_axes):
+            raise ValueError(
+                f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
+                f"{list(self.config.rating_axes)}, got {tuple(ratings.shape)}."
+            )
         latents, scalars = self.split(sample)
         hidden_states = torch.cat([latents, scalars[..., None].expand(-1, -1, sample.shape[-1])], dim=1)
 

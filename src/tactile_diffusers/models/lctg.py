@@ -6,7 +6,6 @@ import torch
 from diffusers.configuration_utils import ConfigMixin, register_to_config
 from diffusers.models.modeling_utils import ModelMixin
 from diffusers.utils import BaseOutput
-from diffusers.utils.accelerate_utils import apply_forward_hook
 from torch import nn
 
 from .embeddings import TimestepEmbedder, expand_timestep
@@ -131,7 +130,6 @@ class LCTGModel(ModelMixin, ConfigMixin):
             1, 1, list(widths), patch_size, embedding_dim, kernel_size, latent_channels, context_stride=latent_hop
         )
 
-    @apply_forward_hook
     def encode(self, features):
         """Latents of features.
 
@@ -151,9 +149,9 @@ class LCTGModel(ModelMixin, ConfigMixin):
                 f"`features` must be (batch, {self.config.feature_channels}, a multiple of {ratio} frames), got "
                 f"{tuple(features.shape)}. Use the checkpoint's own feature extractor."
             )
-        return self.encoder(features)
+        return self(None, None, None, features=features)
 
-    def forward(self, sample, timestep, latents, return_dict=True):
+    def forward(self, sample, timestep, latents, return_dict=True, features=None):
         """Velocity of a noisy texture.
 
         Args:
@@ -161,7 +159,17 @@ class LCTGModel(ModelMixin, ConfigMixin):
             timestep (`float`, `int` or `torch.Tensor`): t = num_train_timesteps * phi / (pi/2) - 1, (batch,) or scalar.
             latents (`torch.Tensor`): (batch, latent_channels, ceil(samples / latent_hop)).
             return_dict (`bool`, *optional*, defaults to `True`): `LCTGOutput` or a plain tuple.
+            features (`torch.Tensor`, *optional*): encoded instead, see `encode`, which calls `forward` because hooks
+                (offloading, distributed training) see no other method.
         """
+        if features is not None:
+            return self.encoder(features)
+        frames = -(-sample.shape[-1] // self.config.latent_hop)
+        if latents.shape[-1] != frames:
+            raise ValueError(
+                f"`latents` must have {frames} frames for {sample.shape[-1]} samples (one per "
+                f"{self.config.latent_hop}), got {latents.shape[-1]}."
+            )
         embedding = self.time_embedder(expand_timestep(timestep, sample), sample.dtype)
         checkpoint = None
         if torch.is_grad_enabled() and self.gradient_checkpointing:

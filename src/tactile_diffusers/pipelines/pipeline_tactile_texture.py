@@ -12,7 +12,7 @@ from diffusers.utils.torch_utils import randn_tensor
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel
 from ..schedulers import VDDIMScheduler
-from .inputs import check_generator, check_positive_integer, parse_ratings
+from .inputs import check_components, check_folder, check_generator, check_number, check_positive_integer, parse_ratings
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
 from .velocities import rating_velocity, texture_velocity
 
@@ -63,16 +63,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         if scheduler is not None and scheduler is dale_scheduler:
             raise ValueError("`scheduler` and `dale_scheduler` must be two objects: a scheduler has state.")
         if lctg is not None and feature_extractor is not None:
-            if lctg.config.feature_channels != feature_extractor.feature_size:
-                raise ValueError(
-                    f"`lctg` hears {lctg.config.feature_channels} feature channels, `feature_extractor` makes "
-                    f"{feature_extractor.feature_size}: they belong to different checkpoints."
-                )
-            if dale is not None and dale.latent_channels != lctg.config.latent_channels:
-                raise ValueError(
-                    f"`dale` makes {dale.latent_channels} latent channels, `lctg` reads {lctg.config.latent_channels}: "
-                    "they belong to different checkpoints."
-                )
+            check_components(lctg, feature_extractor, dale)
         self.register_modules(
             lctg=lctg,
             feature_extractor=feature_extractor,
@@ -80,6 +71,16 @@ class TactileTexturePipeline(DiffusionPipeline):
             dale=dale,
             dale_scheduler=dale_scheduler,
         )
+
+    @classmethod
+    def from_pretrained(cls, pretrained_model_name_or_path, **kwargs):
+        """Loads a checkpoint, see [`DiffusionPipeline.from_pretrained`].
+
+        Raises:
+            OSError: if a local folder lacks a component, naming it.
+        """
+        check_folder(pretrained_model_name_or_path, kwargs)
+        return super().from_pretrained(pretrained_model_name_or_path, **kwargs)
 
     @classmethod
     def download(cls, pretrained_model_name, **kwargs):
@@ -138,10 +139,9 @@ class TactileTexturePipeline(DiffusionPipeline):
         if num_latent_inference_steps is not None:
             check_positive_integer("num_latent_inference_steps", num_latent_inference_steps)
         check_positive_integer("num_textures_per_rating", num_textures_per_rating)
-        if not (np.isfinite(guidance_scale) and guidance_scale >= 0):
-            raise ValueError(f"`guidance_scale` must be a number >= 0 (1.0 = off), got {guidance_scale!r}.")
-        if duration_s is not None and not (np.isfinite(duration_s) and duration_s > 0):
-            raise ValueError(f"`duration_s` must be a positive number of seconds or None, got {duration_s!r}.")
+        check_number("guidance_scale", guidance_scale, 0, True, " (1.0 = off)")
+        if duration_s is not None:
+            check_number("duration_s", duration_s, 0, False, " (seconds), or None")
         if output_type not in ("np", "pt", "latent"):
             raise ValueError(f'`output_type` must be "np", "pt" or "latent", got {output_type!r}.')
         unknown = set(callback_on_step_end_tensor_inputs) - set(self._callback_tensor_inputs)
@@ -241,7 +241,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         )
         ratings = parse_ratings(ratings, self.dale.config.rating_axes)
         count = len(ratings) * num_textures_per_rating
-        check_generator(generator, count)
+        generator = check_generator(generator, count)
         device = self._execution_device
         ratings = ratings.repeat_interleave(num_textures_per_rating, dim=0).to(device)
         self._guidance_scale = float(guidance_scale)
@@ -358,6 +358,8 @@ class TactileTexturePipeline(DiffusionPipeline):
             ValueError: for any impossible argument, before any work starts.
         """
         check_positive_integer("num_inference_steps", num_inference_steps)
+        if samples is not None:
+            check_positive_integer("samples", samples)
         channels = self.lctg.config.latent_channels
         if latents.ndim != 3 or latents.shape[1] != channels or 0 in latents.shape:
             raise ValueError(f"`latents` must be (batch, {channels}, frames), got {tuple(latents.shape)}.")
@@ -365,7 +367,7 @@ class TactileTexturePipeline(DiffusionPipeline):
             raise ValueError(f"`level` must be ({len(latents)},), one for each texture, got {tuple(level.shape)}.")
         if output_type not in ("np", "pt"):
             raise ValueError(f'`output_type` must be "np" or "pt", got {output_type!r}.')
-        check_generator(generator, len(latents))
+        generator = check_generator(generator, len(latents))
         self._interrupt = False
         latents = latents.to(self._execution_device)
         if friction_coefficient is None:

@@ -50,7 +50,7 @@ class Windows:
             if row > 0:
                 shape[: self.overlap] = ramp
             if row < len(self.starts) - 1:
-                shape[-self.overlap :] = ramp.flip(0)
+                shape[self.size - self.overlap :] = ramp.flip(0)
             weights[row, start : start + self.size] = shape
         return weights / weights.sum(0)
 
@@ -72,14 +72,14 @@ class Windows:
         return fused / left.sqrt().to(fused.dtype)
 
     def _agreement(self, pieces):
-        """Mean correlation of neighbouring windows where they overlap, in [0, 1]."""
-        product = power = 0.0
+        """Mean correlation of neighbouring windows where they overlap, in [0, 1]: (batch, 1, 1)."""
+        product = power = torch.zeros(1, device=pieces.device)
         for row, (start, following) in enumerate(zip(self.starts[:-1], self.starts[1:], strict=True)):
             shift = following - start
             a, b = pieces[row, ..., shift:].float(), pieces[row + 1, ..., : self.size - shift].float()
-            product = product + (a * b).sum()
-            power = power + 0.5 * (a.square().sum() + b.square().sum())
-        return (product / power).clamp(0, 1) if len(self.starts) > 1 else 1.0
+            product = product + (a * b).sum((-2, -1), keepdim=True)
+            power = power + 0.5 * (a.square() + b.square()).sum((-2, -1), keepdim=True)
+        return (product / power.clamp_min(1e-30)).clamp(0, 1)
 
 
 def in_chunks(function, *rows):

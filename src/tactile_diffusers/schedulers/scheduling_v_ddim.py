@@ -86,7 +86,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         Raises:
             ValueError: if `num_inference_steps` is not a whole number >= 1.
         """
-        if int(num_inference_steps) != num_inference_steps or num_inference_steps < 1:
+        if not (num_inference_steps >= 1 and num_inference_steps % 1 == 0):  # NaN and infinity fail too
             raise ValueError(f"`num_inference_steps` must be a whole number >= 1, got {num_inference_steps}.")
         self.num_inference_steps = int(num_inference_steps)
         self._angles = np.linspace(math.pi / 2, 0.0, self.num_inference_steps + 1)
@@ -105,7 +105,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
             return
         distance = (self.timesteps - torch.as_tensor(timestep).to(self.timesteps)).abs()
         self._step_index = int(distance.argmin())
-        if distance[self._step_index] > 1e-3:
+        if not distance[self._step_index] <= 1e-3:  # NaN fails too
             raise ValueError(
                 f"`timestep` must be one of the scheduler's timesteps {self.timesteps.tolist()}, got {timestep}."
             )
@@ -120,7 +120,8 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
             return_dict (`bool`, *optional*, defaults to `True`): `VDDIMSchedulerOutput` or `(prev_sample, x0)`.
 
         Raises:
-            ValueError: before `set_timesteps`, after the last step, or for a foreign timestep.
+            ValueError: before `set_timesteps`, after the last step, or if the first timestep is not one of `timesteps`
+                (comparing at every step would make an accelerator wait).
         """
         if self.num_inference_steps is None:
             raise ValueError(

@@ -55,6 +55,7 @@ def check_training_arguments(args):
         "gradient_accumulation_steps",
         "checkpointing_steps",
         "validation_steps",
+        "validation_samples",
         "max_train_steps",
         "max_train_samples",
         "checkpoints_total_limit",

@@ -83,20 +83,37 @@ def make_accelerator(args):
         dataloader_config=DataLoaderConfiguration(even_batches=False),
     )
     if accelerator.is_main_process:
-        if used and args.overwrite_output_dir and not args.resume_from_checkpoint:
-            for path in [*output.glob("checkpoint-*"), output / args.logging_dir]:
-                shutil.rmtree(path, ignore_errors=True)
-            (output / "log.jsonl").unlink(missing_ok=True)
         output.mkdir(parents=True, exist_ok=True)
     logging.basicConfig(format="%(asctime)s %(message)s", level=logging.INFO if accelerator.is_main_process else 40)
     set_seed(args.seed)
     return accelerator
 
 
+def checkpoints(output_dir):
+    """The checkpoint folders in `output_dir`, by step. Half-written ones and foreign folders have other names."""
+    found = [path for path in Path(output_dir).glob("checkpoint-*") if CHECKPOINT.fullmatch(path.name)]
+    return sorted(found, key=lambda path: int(CHECKPOINT.fullmatch(path.name)[1]))
+
+
 def latest_checkpoint(output_dir):
-    """The checkpoint folder of the largest step in `output_dir`, or `None`. Half-written ones have another name."""
-    found = [(int(m[1]), p) for p in Path(output_dir).glob("checkpoint-*") if (m := CHECKPOINT.fullmatch(p.name))]
-    return max(found)[1] if found else None
+    """The checkpoint folder of the largest step in `output_dir`, or `None`."""
+    return (checkpoints(output_dir) or [None])[-1]
+
+
+def trim_log(path, step):
+    """Drops what a log says of later steps, and a last line that a kill cut off; returns the entries that stay."""
+    entries = []
+    for line in path.read_text().splitlines() if path.is_file() else []:
+        try:
+            entry = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        if entry["step"] <= step:
+            entries.append(entry)
+    temporary = path.with_name(f".{path.name}.unfinished")
+    temporary.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+    os.replace(temporary, path)
+    return entries
 
 
 class Trainer:
@@ -190,28 +207,32 @@ class Trainer:
                     os.fsync(file.fileno())
         shutil.rmtree(final, ignore_errors=True)
         os.replace(temporary, final)
-        kept = sorted(self.output.glob("checkpoint-*"), key=lambda p: int(CHECKPOINT.fullmatch(p.name)[1]))
-        for old in kept[: -self.args.checkpoints_total_limit or None]:
-            shutil.rmtree(old)
+        if self.args.checkpoints_total_limit:
+            for old in checkpoints(self.output)[: -self.args.checkpoints_total_limit]:
+                shutil.rmtree(old)
 
     def _resume(self):
         wanted = self.args.resume_from_checkpoint
+        log = self.output / "log.jsonl"
         if not wanted:
+            if self.accelerator.is_main_process:  # only now, when nothing is left that could refuse to start
+                for path in [*checkpoints(self.output), self.output / self.args.logging_dir]:
+                    shutil.rmtree(path, ignore_errors=True)
+                log.unlink(missing_ok=True)
             return
         folder = latest_checkpoint(self.output) if wanted == "latest" else Path(wanted)
         if folder is None:
             logger.info("No checkpoint in %s yet: starting from the beginning.", self.output)
+            if self.accelerator.is_main_process:
+                trim_log(log, 0)
             return
         if not folder.is_dir() or not CHECKPOINT.fullmatch(folder.name):
             raise ValueError(f"--resume_from_checkpoint {wanted} is neither 'latest' nor a folder checkpoint-<step>.")
         self.accelerator.load_state(str(folder))
         self.step = int(CHECKPOINT.fullmatch(folder.name)[1])
         logger.info("Resumed from %s", folder)
-        log = self.output / "log.jsonl"
-        if self.accelerator.is_main_process and log.is_file():  # what came after the checkpoint will come again
-            entries = [json.loads(line) for line in log.read_text().splitlines()]
-            entries = [entry for entry in entries if entry["step"] <= self.step]
-            log.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+        if self.accelerator.is_main_process:  # what came after the checkpoint will come again
+            entries = trim_log(log, self.step)
             self.seconds = max((entry.get("seconds", 0.0) for entry in entries), default=0.0)
 
     def _describe(self):

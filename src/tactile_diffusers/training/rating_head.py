@@ -46,7 +46,8 @@ def train_rating_head(states, ratings, held_out_states, held_out_ratings, steps=
         seed (`int`): of weights and batches; the global random state is left alone.
 
     Returns:
-        `tuple[RatingHead, list[float]]`: the frozen head in eval mode, and R² per axis on the held-out surfaces.
+        `tuple[RatingHead, list[float]]`: the frozen head in eval mode, and R² per axis on the held-out
+            surfaces, NaN for an axis without different ratings.
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -69,5 +70,6 @@ def train_rating_head(states, ratings, held_out_states, held_out_ratings, steps=
     for axis in range(ratings.shape[1]):
         known = ~torch.isnan(held_out_ratings[:, axis])
         truth, guess = held_out_ratings[known, axis], heard[known, axis]
-        scores.append(float(1 - (truth - guess).square().sum() / (truth - truth.mean()).square().sum().clamp_min(1e-9)))
+        spread = (truth - truth.mean()).square().sum()
+        scores.append(float(1 - (truth - guess).square().sum() / spread) if spread > 0 else float("nan"))
     return head, scores

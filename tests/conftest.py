@@ -1,0 +1,156 @@
+"""What the tests of several rooms share: tiny models with random weights, made-up textures, a recorder of warnings."""
+
+import logging
+import math
+import os
+import warnings
+from contextlib import contextmanager
+
+os.environ.setdefault("HF_HUB_OFFLINE", "1")  # before huggingface_hub is imported: no test needs the network
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers import DALEModel, LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler
+
+LCTG = {
+    "feature_channels": 24,
+    "feature_hop": 8,
+    "latent_channels": 4,
+    "latent_hop": 16,
+    "encoder_width": 12,
+    "widths": [8, 12, 16],
+    "patch_size": 4,
+    "embedding_dim": 16,
+    "segment_samples": 512,
+}
+DALE = {
+    "in_channels": 6,
+    "latent_frames": 32,
+    "widths": [32, 32],
+    "embedding_dim": 16,
+    "cross_attention_dim": 16,
+    "latent_mean": [0.1, -0.1, 0.2, 0.0],
+    "latent_std": [0.5, 0.4, 0.3, 0.6],
+}
+EXTRACTOR = {
+    "feature_size": 24,
+    "num_filters": 16,
+    "hop_length": 8,
+    "window_lengths": [64, 256],
+    "preemphasis_frequencies": [20.0, 100.0, 400.0, 1000.0],
+    "preemphasis_db": [0.0, 8.0, 15.0, 22.0],
+}
+
+
+def _randomized(module, seed=0):
+    """Gives every parameter a random value of a size that keeps signals near 1.
+
+    New models are zero at the output (and new blocks are the identity): without this, no test of outputs could fail.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    with torch.no_grad():
+        for parameter in module.parameters():
+            fan_in = parameter[0].numel() if parameter.ndim > 1 else 25
+            parameter.copy_(torch.randn(parameter.shape, generator=generator) / math.sqrt(fan_in))
+    return module
+
+
+def _make_lctg(seed=0, **changes):
+    return _randomized(LCTGModel(**{**LCTG, **changes}), seed).eval()
+
+
+def _make_dale(seed=1, **changes):
+    return _randomized(DALEModel(**{**DALE, **changes}), seed).eval()
+
+
+def _make_extractor(**changes):
+    return TactileFeatureExtractor(**{**EXTRACTOR, **changes})
+
+
+def _make_pipeline(dale=True, seed=0, dale_config=None):
+    pipe = TactileTexturePipeline(
+        lctg=_make_lctg(seed),
+        feature_extractor=_make_extractor(),
+        scheduler=VDDIMScheduler(),
+        dale=_make_dale(seed + 1, **(dale_config or {})) if dale else None,
+        dale_scheduler=VDDIMScheduler() if dale else None,
+    )
+    pipe.set_progress_bar_config(disable=True)
+    return pipe
+
+
+def _pink_noise(samples, sampling_rate, count=1, seed=0, exponent=1.0, band=(25.0, 900.0), rms=0.01):
+    """(count, samples) noise whose amplitude falls as f**-exponent inside `band`: zero mean, RMS `rms` in N."""
+    rng = np.random.default_rng(seed)
+    length = 2 * samples  # twice as long as needed, so that what is returned is not periodic
+    frequencies = np.fft.rfftfreq(length, 1 / sampling_rate)
+    inside = (frequencies >= band[0]) & (frequencies <= band[1])
+    gains = np.where(inside, np.maximum(frequencies, band[0]) ** -exponent, 0.0)
+    spectrum = gains * rng.normal(size=(count, len(frequencies), 2)).view(np.complex128)[..., 0]
+    noise = np.fft.irfft(spectrum, n=length, axis=-1)[:, :samples]
+    noise -= noise.mean(-1, keepdims=True)
+    return noise / np.sqrt(np.mean(noise**2, axis=-1, keepdims=True)) * rms
+
+
+@contextmanager
+def _recorded_warnings():
+    """Yields a list that fills with every warning, and every log record of level WARNING or more, of any package."""
+
+    class Collector(logging.Handler):
+        def emit(self, record):
+            found.append(f"{record.name}: {record.getMessage()}")
+
+    found, collector = [], Collector(logging.WARNING)
+    loggers = [logging.getLogger(name) for name in (None, "diffusers", "transformers", "accelerate")]
+    for logger in loggers:
+        logger.addHandler(collector)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield found
+        found.extend(f"{warning.category.__name__}: {warning.message}" for warning in caught)
+    finally:
+        for logger in loggers:
+            logger.removeHandler(collector)
+
+
+@pytest.fixture
+def randomized():
+    return _randomized
+
+
+@pytest.fixture
+def make_lctg():
+    return _make_lctg
+
+
+@pytest.fixture
+def make_dale():
+    return _make_dale
+
+
+@pytest.fixture
+def make_extractor():
+    return _make_extractor
+
+
+@pytest.fixture
+def make_pipeline():
+    return _make_pipeline
+
+
+@pytest.fixture
+def pipe():
+    return _make_pipeline()
+
+
+@pytest.fixture
+def pink_noise():
+    return _pink_noise
+
+
+@pytest.fixture
+def recorded_warnings():
+    return _recorded_warnings

@@ -1,0 +1,139 @@
+"""`TactileFeatureExtractor` and `fit_preemphasis` at their edges: short, constant, loud, out of order."""
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers import TactileFeatureExtractor
+from tactile_diffusers.features import fit_preemphasis
+from tactile_diffusers.signal import DEVICE_RATE, rms
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-30, 1e-3, 1e6])
+@pytest.mark.parametrize("samples", [1, 2, 7, 4096])
+def test_constants_of_any_length_give_finite_features_and_come_back_finite(make_extractor, value, samples):
+    extractor = make_extractor()
+    made = extractor(np.full((1, samples), value), DEVICE_RATE)
+    assert all(np.isfinite(made[name]).all() for name in ("input_features", "level"))
+    waveform, levels = extractor.normalize(np.full((1, samples), value), DEVICE_RATE)
+    assert np.isfinite(extractor.denormalize(waveform, levels)).all()
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_gain_of_any_size_is_kept_beside_the_shape(make_extractor, pink_noise, factor):
+    extractor, texture = make_extractor(), pink_noise(8192, DEVICE_RATE)
+    shape, levels = extractor.normalize(texture, DEVICE_RATE)
+    scaled, scaled_levels = extractor.normalize(texture * factor, DEVICE_RATE)
+    np.testing.assert_allclose(scaled, shape, rtol=0, atol=1e-5)  # float32 values up to 5
+    np.testing.assert_allclose(scaled_levels - levels, np.log(factor), rtol=0, atol=5e-6)  # float32 near 20
+
+
+def test_denormalize_delivers_the_samples_that_were_asked_for(make_extractor, pink_noise):
+    extractor = make_extractor()
+    waveform, levels = extractor.normalize(pink_noise(8192, DEVICE_RATE), DEVICE_RATE)
+    assert extractor.denormalize(waveform, levels).shape == (1, 8192)
+    assert extractor.denormalize(waveform, levels, samples=5001).shape == (1, 5001)
+
+
+def test_each_row_keeps_its_own_level(make_extractor, pink_noise):
+    extractor = make_extractor()
+    waveform, _ = extractor.normalize(pink_noise(8192, DEVICE_RATE, count=3), DEVICE_RATE)
+    levels = np.log(np.array([1e-4, 1e-2, 3.0]))
+    np.testing.assert_allclose(rms(extractor.denormalize(waveform, levels)), np.exp(levels), rtol=2e-6)  # float32
+
+
+def test_a_flat_extractor_returns_the_texture_at_the_working_rate(pink_noise):
+    texture = pink_noise(4096, 2500)
+    waveform, _ = TactileFeatureExtractor().normalize(texture, 2500)
+    np.testing.assert_allclose(waveform, texture / rms(texture)[:, None], rtol=0, atol=1e-6)  # float32
+
+
+def test_normalize_pads_the_end_with_zeros_only(make_extractor, pink_noise):
+    extractor = make_extractor()
+    waveform, _ = extractor.normalize(pink_noise(1001, 2500), 2500)
+    assert waveform.shape == (1, 1008)  # whole latents of two hops of 8
+    assert not waveform[:, 1001:].any() and waveform[:, 990:1001].all()
+    assert rms(waveform[:, :1001]) == pytest.approx(1.0, abs=1e-6)  # the padding is no part of the level
+
+
+def test_features_are_local_in_time(make_extractor, pink_noise):
+    extractor, waveform = make_extractor(), np.random.default_rng(0).normal(size=(1, 2048))
+    changed = waveform.copy()
+    changed[:, 1024:1032] += 3.0
+    difference = np.abs(extractor.features(changed) - extractor.features(waveform)).max((0, 1))
+    reach = max(extractor.window_lengths) // 2 // extractor.hop_length + 1
+    assert difference[128] > 0.1 and not difference[: 128 - reach].any() and not difference[128 + reach + 1 :].any()
+
+
+def test_return_tensors(make_extractor, pink_noise):
+    made = make_extractor()(pink_noise(2048, DEVICE_RATE, count=2), DEVICE_RATE, return_tensors="pt")
+    assert made["input_features"].dtype == made["level"].dtype == torch.float32
+    assert made["input_features"].is_contiguous() and made["level"].shape == (2,)
+
+
+def test_the_input_is_left_alone(make_extractor, pink_noise):
+    texture = pink_noise(2048, DEVICE_RATE)
+    before = texture.copy()
+    extractor = make_extractor()
+    extractor(texture, DEVICE_RATE)
+    waveform, levels = extractor.normalize(texture, DEVICE_RATE)
+    kept = waveform.copy()
+    extractor.denormalize(waveform, levels)
+    assert np.array_equal(texture, before) and np.array_equal(waveform, kept)
+
+
+# --- fit_preemphasis
+
+
+def test_the_level_of_a_texture_does_not_weigh_in_the_fit(pink_noise):
+    textures = np.concatenate([pink_noise(8192, DEVICE_RATE, 3, exponent=e, seed=i) for i, e in enumerate((0.3, 1.2))])
+    gains = np.array([[1e-3], [1.0], [50.0], [0.2], [7.0], [1e2]])
+    _, expected = fit_preemphasis(textures, DEVICE_RATE)
+    _, made = fit_preemphasis(textures * gains, DEVICE_RATE)
+    np.testing.assert_allclose(made, expected, rtol=0, atol=1e-3)  # gains are rounded to 1e-4 dB
+
+
+def test_fit_of_white_noise_is_flat():
+    noise = np.random.default_rng(0).normal(size=(40, 16384))
+    _, gains = fit_preemphasis(noise, DEVICE_RATE)
+    assert np.ptp(gains) < 1.0  # 40 x 15 windows: 0.2 dB of noise on each of 33 points
+
+
+@pytest.mark.parametrize("textures", [np.zeros((3, 8192)), np.zeros((0, 8192))], ids=["silence", "none"])
+def test_a_fit_of_nothing_is_refused(textures):
+    # NaN gains would be written into the config and make every feature NaN
+    with pytest.raises(ValueError, match="`textures`"):
+        fit_preemphasis(textures, DEVICE_RATE)
+
+
+# --- configs
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        ({"preemphasis_frequencies": [20.0], "preemphasis_db": None}, "`preemphasis_frequencies`"),
+        ({"band": (1000, 20)}, "`band` must satisfy"),
+        ({"preemphasis_frequencies": [100.0, 20.0], "preemphasis_db": [0.0, 3.0]}, "`preemphasis_frequencies`"),
+        ({"preemphasis_frequencies": [], "preemphasis_db": [0.0]}, "`preemphasis_frequencies`"),
+        ({"preemphasis_frequencies": [], "preemphasis_db": []}, "`preemphasis_frequencies`"),
+        ({"preemphasis_frequencies": [0.0, 20.0], "preemphasis_db": [0.0, 3.0]}, "`preemphasis_frequencies`"),
+        ({"window_lengths": ()}, "`window_lengths`"),
+        ({"hop_length": 0, "feature_size": 48}, "`hop_length`"),
+        ({"window_lengths": (16,)}, "`window_lengths`"),
+    ],
+    ids=[
+        "half a pre-emphasis",
+        "band",
+        "descending frequencies",
+        "gains only",
+        "no gains",
+        "0 Hz",
+        "no window",
+        "no hop",
+        "window shorter than a hop",
+    ],
+)
+def test_configs_that_would_fail_later_are_refused(config, message):
+    with pytest.raises(ValueError, match=message):
+        TactileFeatureExtractor(**config)

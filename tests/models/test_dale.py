@@ -1,0 +1,204 @@
+"""`DALEModel`: ratings that are heard, axes left out, and the two numbers that travel with the latents."""
+
+import pytest
+import torch
+
+from tactile_diffusers.models.embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep, sinusoidal_embedding
+
+
+def _normal(*shape, seed=0):
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
+
+
+@pytest.fixture
+def dale(make_dale):
+    return make_dale()
+
+
+def _velocity(model, ratings, sample=None, timestep=400.0):
+    ratings = torch.as_tensor(ratings)
+    with torch.no_grad():
+        return model(_normal(len(ratings), 6, 32) if sample is None else sample, timestep, ratings).sample
+
+
+# --- ratings
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_every_rating_reaches_the_output(dale, axis):
+    ratings = torch.zeros(2, 3)
+    ratings[1, axis] = 1.0
+    one, other = _velocity(dale, ratings, _normal(1, 6, 32).expand(2, -1, -1))
+    assert (one - other).norm() / one.norm() > 0.02
+    # latents, level and friction alike
+    assert not torch.allclose(one[:4], other[:4], atol=1e-3)
+    assert not torch.allclose(one[4], other[4], atol=1e-5) and not torch.allclose(one[5], other[5], atol=1e-5)
+
+
+def test_ratings_reach_every_level_through_cross_attention(dale):
+    # attention alone: the pooled ratings in the time embedding are switched off
+    torch.nn.init.zeros_(dale.rating_pool.weight)
+    ratings = torch.tensor([[0.0, 0.0, 0.0], [2.0, -1.0, 0.5]])
+    sample = _normal(1, 6, 32).expand(2, -1, -1)
+    one, other = _velocity(dale, ratings, sample)
+    assert (one - other).norm() / one.norm() > 0.01
+    # ... and with the learnable scale at zero in every block, nothing is left
+    scales = [p for name, p in dale.named_parameters() if name.endswith("context_scale")]
+    assert len(scales) == 5
+    for scale in scales:
+        torch.nn.init.zeros_(scale)
+    one, other = _velocity(dale, ratings, sample)
+    torch.testing.assert_close(one, other, rtol=0, atol=1e-6)
+
+
+def test_axes_are_not_interchangeable(dale):
+    one, other = _velocity(dale, [[1.5, -0.5, 0.0], [-0.5, 1.5, 0.0]], _normal(1, 6, 32).expand(2, -1, -1))
+    assert not torch.allclose(one, other, atol=1e-3)
+
+
+def test_not_specified_is_not_zero(dale):
+    ratings = torch.tensor([[0.0, 0.0, 0.0], [torch.nan] * 3])
+    one, other = _velocity(dale, ratings, _normal(1, 6, 32).expand(2, -1, -1))
+    assert other.isfinite().all() and (one - other).norm() / one.norm() > 0.02
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_axis_left_out_is_its_null_token_and_changes_no_other(randomized, axis):
+    embedder = randomized(RatingEmbedder(3, 16))
+    full = torch.tensor([[0.7, -1.2, 0.4]])
+    partial = full.clone()
+    partial[0, axis] = torch.nan
+    with torch.no_grad():
+        tokens, expected = embedder(partial, torch.float32), embedder(full, torch.float32).clone()
+    assert torch.equal(tokens[0, axis], embedder.null_tokens[axis].detach())
+    expected[0, axis] = embedder.null_tokens[axis].detach()
+    assert torch.equal(tokens, expected)
+
+
+def test_null_tokens_learn_without_nan(make_dale):
+    model = make_dale().train()
+    ratings = torch.tensor([[torch.nan, 1.0, torch.nan], [0.5, torch.nan, torch.nan]])
+    model(_normal(2, 6, 32), 400.0, ratings).sample.square().mean().backward()
+    assert all(p.grad.isfinite().all() for p in model.parameters())
+    assert all(row.any() for row in model.rating_embedder.null_tokens.grad)
+
+
+def test_ratings_of_another_width_are_refused(dale):
+    for width in (1, 2, 4):
+        with pytest.raises(ValueError, match="`ratings`"):
+            dale(_normal(2, 6, 32), 400.0, torch.zeros(2, width))
+
+
+@pytest.mark.parametrize("axes", [["warmth"], ["a", "b", "c", "d"]])
+def test_other_axes(make_dale, axes):
+    model = make_dale(rating_axes=axes)
+    with torch.no_grad():
+        assert model(_normal(2, 6, 8), 1.0, torch.zeros(2, len(axes))).sample.isfinite().all()
+
+
+# --- latents, level and friction coefficient
+
+
+def test_pack_and_unpack_are_inverse(dale):
+    latents = _normal(4, 4, 32).tanh()
+    level = torch.tensor([-6.0, -5.0, -4.2, -3.0])
+    friction = torch.tensor([0.1, 0.5, 1.0, 2.5])
+    state = dale.pack(latents, level, friction)
+    assert state.shape == (4, 6, 32) and state.dtype == torch.float32
+    made = dale.unpack(state)
+    for value, expected in zip(made, (latents, level, friction), strict=True):
+        torch.testing.assert_close(value, expected, rtol=1e-5, atol=1e-5)  # float32 sums of 32 frames
+
+
+def test_the_state_has_unit_variance(make_dale):
+    model = make_dale(level_mean=-5.0, level_std=0.5, log_friction_mean=-0.4, log_friction_std=0.3)
+    count = 20_000
+    mean, std = torch.tensor(model.config.latent_mean), torch.tensor(model.config.latent_std)
+    latents = _normal(count, 4, 4) * std[:, None] + mean[:, None]
+    level, friction = -5 + 0.5 * _normal(count, seed=1), torch.exp(-0.4 + 0.3 * _normal(count, seed=2))
+    state = model.pack(latents, level, friction)
+    channels, scalars = model.split(state)
+    # 20,000 draws: the standard error of a deviation is 0.5 %
+    torch.testing.assert_close(channels.std((0, 2)), torch.ones(4), rtol=0, atol=0.02)
+    torch.testing.assert_close(scalars.std(0), torch.ones(2), rtol=0, atol=0.02)
+    torch.testing.assert_close(scalars.mean(0), torch.zeros(2), rtol=0, atol=0.03)
+    # noise is read with unit variance too
+    assert model.split(_normal(count, 6, 16, seed=3))[1].std() == pytest.approx(1.0, abs=0.02)
+
+
+def test_split_and_join_are_inverse(dale):
+    sample = _normal(3, 6, 20)
+    latents, scalars = dale.split(sample)
+    assert latents.shape == (3, 4, 20) and scalars.shape == (3, 2)
+    again = dale.split(dale.join(latents, scalars))
+    torch.testing.assert_close(again[0], latents, rtol=0, atol=0)
+    torch.testing.assert_close(again[1], scalars, rtol=1e-5, atol=1e-6)
+
+
+def test_unknown_friction_is_packed_as_the_training_mean(dale):
+    state = dale.pack(torch.zeros(1, 4, 8), torch.tensor([-5.0]), torch.tensor([torch.nan]))
+    assert state.isfinite().all()
+    assert dale.unpack(state)[2].item() == pytest.approx(torch.tensor(dale.config.log_friction_mean).exp().item())
+
+
+def test_scalar_channels_are_read_by_their_sum_only(dale):
+    sample = _normal(2, 6, 32)
+    ratings = torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])
+    shuffled = sample.clone()
+    shuffled[:, 4:] = sample[:, 4:, torch.randperm(32, generator=torch.Generator().manual_seed(1))]
+    expected = _velocity(dale, ratings, sample)
+    torch.testing.assert_close(_velocity(dale, ratings, shuffled), expected, rtol=0, atol=1e-5)  # order of a sum
+    moved = sample.clone()
+    moved[:, 4] += 0.2
+    assert not torch.allclose(_velocity(dale, ratings, moved), expected, atol=1e-3)
+    for channel in (4, 5):  # the velocity of a number is the same at every frame
+        assert torch.equal(expected[:, channel], expected[:, channel, :1].expand(-1, 32))
+
+
+def test_unpack_gives_positive_friction_and_float32(dale):
+    latents, level, friction = dale.unpack(_normal(8, 6, 32) * 3)
+    assert (friction > 0).all() and level.dtype == friction.dtype == torch.float32
+    model = dale.to(torch.bfloat16)
+    latents, level, friction = model.unpack(_normal(8, 6, 32).bfloat16())
+    assert latents.dtype == torch.bfloat16 and level.dtype == friction.dtype == torch.float32
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        ({"in_channels": 2, "latent_mean": None, "latent_std": None}, "`in_channels` must exceed 2"),
+        ({"latent_mean": [0.0]}, r"`latent_mean` must hold 4 numbers \(in_channels - 2\), got 1"),
+        ({"latent_std": [1.0] * 5}, "`latent_std` must hold 4 numbers"),
+        ({"widths": [48]}, "`widths` must be multiples of the attention head width 32, got 48"),
+        ({"widths": []}, "`widths` must hold at least one positive"),
+        ({"kernel_size": 2}, "`kernel_size` must be odd, got 2"),
+    ],
+)
+def test_configs_that_cannot_be_built_are_refused(make_dale, config, message):
+    with pytest.raises(ValueError, match=message):
+        make_dale(**config)
+
+
+# --- embeddings
+
+
+def test_sinusoids_equal_their_formula():
+    values = torch.tensor([0.0, 0.5, -2.0])
+    made = sinusoidal_embedding(values, 6, 1.0, 16.0)
+    frequencies = torch.tensor([1.0, 4.0, 16.0])
+    expected = torch.cat([torch.sin(values[:, None] * frequencies), torch.cos(values[:, None] * frequencies)], dim=-1)
+    torch.testing.assert_close(made, expected, rtol=0, atol=1e-5)  # angles up to 32 in float32
+
+
+def test_time_is_embedded_in_float32(randomized):
+    embedder = randomized(TimestepEmbedder(8)).bfloat16()
+    one, other = embedder(torch.tensor([998.0, 999.0]), torch.bfloat16)  # both are 1000 in bfloat16
+    assert not torch.equal(one, other) and one.dtype == torch.bfloat16
+
+
+def test_timesteps_are_expanded():
+    sample = torch.zeros(3, 1, 4, dtype=torch.bfloat16)
+    for timestep in (999, 999.0, torch.tensor(999), torch.tensor([999.0])):
+        made = expand_timestep(timestep, sample)
+        assert made.dtype == torch.float32 and made.tolist() == [999.0] * 3
+    assert expand_timestep(torch.tensor([1, 2, 3]), sample).tolist() == [1, 2, 3]

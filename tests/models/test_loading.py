@@ -1,0 +1,146 @@
+"""Devices, hooks, adapters and inputs of the models that a caller can get wrong."""
+
+import pytest
+import torch
+from accelerate import cpu_offload, dispatch_model
+from accelerate.hooks import ModelHook, add_hook_to_module
+
+from tactile_diffusers import DALEModel, LCTGModel
+
+
+def _normal(*shape, seed=0):
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
+
+
+@pytest.fixture(params=["lctg", "dale"])
+def case(request, make_lctg, make_dale):
+    """A model with random weights, its inputs, its output."""
+    if request.param == "lctg":
+        model, inputs = make_lctg(), (_normal(2, 1, 256), 300, _normal(2, 4, 16, seed=1))
+    else:
+        model, inputs = make_dale(), (_normal(2, 6, 32), 300, _normal(2, 3, seed=1))
+    with torch.no_grad():
+        out = model(*inputs).sample
+    assert out.std() > 0.1
+    return model, inputs, out
+
+
+def test_hooks_of_accelerate_change_nothing(case):
+    model, inputs, expected = case
+    dispatch_model(model, {"": "cpu"}, force_hooks=True)
+    with torch.no_grad():
+        torch.testing.assert_close(model(*inputs).sample, expected, rtol=0, atol=1e-6)  # order of sums
+
+
+def test_weights_that_come_only_for_the_call_change_nothing(case):
+    model, inputs, expected = case
+    cpu_offload(model, execution_device=torch.device("cpu"))
+    assert all(parameter.is_meta for parameter in model.parameters())
+    with torch.no_grad():
+        torch.testing.assert_close(model(*inputs).sample, expected, rtol=0, atol=1e-6)
+    assert all(parameter.is_meta for parameter in model.parameters())
+
+
+def test_the_encoder_wakes_the_hook_of_an_offloaded_model(make_lctg):
+    """`encode` goes through `forward`: otherwise a model offloaded as a whole would stay away."""
+    model, features, calls = make_lctg(), _normal(1, 24, 8), []
+    with torch.no_grad():
+        expected = model.encode(features)
+
+    class Recorder(ModelHook):
+        def pre_forward(self, module, *args, **kwargs):
+            calls.append(module)
+            return args, kwargs
+
+    add_hook_to_module(model, Recorder())
+    with torch.no_grad():
+        made = model.encode(features)
+    assert calls == [model] and torch.equal(made, expected)
+
+
+def test_device_map(case, tmp_path):
+    model, inputs, expected = case
+    model.save_pretrained(tmp_path)
+    loaded = type(model).from_pretrained(tmp_path, device_map={"": "cpu"})
+    with torch.no_grad():
+        torch.testing.assert_close(loaded(*inputs).sample, expected, rtol=0, atol=1e-6)
+
+
+def test_adding_an_attention_axis_does_not_load_in_silence(make_dale, tmp_path, recorded_warnings):
+    make_dale().save_pretrained(tmp_path)
+    with recorded_warnings() as found:
+        try:
+            DALEModel.from_pretrained(tmp_path, rating_axes=["a", "b", "c", "d"])
+        except (ValueError, RuntimeError) as error:
+            found.append(str(error))
+    assert found
+
+
+def test_regional_compilation_finds_its_blocks(case):
+    model, _, _ = case
+    model.compile_repeated_blocks(backend="eager")  # nothing runs: only the names are resolved
+    blocks = [module for module in model.modules() if type(module).__name__ == "ResnetBlock1D"]
+    assert blocks and all(block._compiled_call_impl is not None for block in blocks)
+
+
+def test_a_partial_rating_keeps_what_the_other_axes_say(make_dale):
+    model, sample = make_dale(), _normal(1, 6, 32).expand(2, -1, -1)
+    ratings = torch.tensor([[torch.nan, -1.0, 0.5], [torch.nan, 1.0, 0.5]])
+    with torch.no_grad():
+        one, other = model(sample, 300, ratings).sample
+    assert (one - other).norm() / one.norm() > 0.02
+
+
+def test_a_row_without_ratings_equals_the_whole_batch_without(make_dale):
+    # as classifier-free guidance batches conditional and unconditional rows
+    model, sample = make_dale(), _normal(2, 6, 32)
+    mixed = torch.tensor([[0.3, -1.0, 0.5], [torch.nan] * 3])
+    with torch.no_grad():
+        made = model(sample, 300, mixed).sample
+        alone = model(sample, 300, torch.full((2, 3), torch.nan)).sample
+    torch.testing.assert_close(made[1], alone[1], rtol=0, atol=1e-5)  # float32, values near 1
+    assert not torch.allclose(made[0], alone[0], atol=1e-2)
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float16, torch.int64])
+def test_ratings_of_another_dtype(make_dale, dtype):
+    model, sample = make_dale(), _normal(2, 6, 32)
+    ratings = torch.tensor([[1, -1, 0], [0, 2, -2]])
+    with torch.no_grad():
+        expected = model(sample, 300, ratings.float()).sample
+        assert torch.equal(model(sample, 300, ratings.to(dtype)).sample, expected)
+
+
+def test_latents_of_a_wide_dtype_follow_the_sample(make_lctg):
+    model = make_lctg().bfloat16()
+    with torch.no_grad():
+        out = model(_normal(1, 1, 64).bfloat16(), 300, _normal(1, 4, 4)).sample
+    assert out.dtype == torch.bfloat16 and out.isfinite().all()
+
+
+def test_a_timestep_of_another_batch_is_refused(case):
+    model, (sample, _, condition), _ = case
+    with pytest.raises((ValueError, RuntimeError)), torch.no_grad():
+        model(sample, torch.tensor([1.0, 2.0, 3.0]), condition)
+
+
+def test_the_whole_time_axis_is_finite_and_told_apart(case):
+    model, (sample, _, condition), _ = case
+    with torch.no_grad():
+        outs = [model(sample, t, condition).sample for t in (-1, -0.5, 0, 499.5, 998.9, 999)]
+    assert all(out.isfinite().all() for out in outs)
+    assert all(not torch.equal(a, b) for a, b in zip(outs, outs[1:], strict=False))
+
+
+def test_packed_scalars_are_ratings_free_numbers_of_one_texture(make_dale):
+    """Level and friction of one row do not leak into another, and come back after a round trip in float32."""
+    model, latents = make_dale(), _normal(2, 4, 8).tanh()
+    one = model.pack(latents, torch.tensor([-5.0, -4.0]), torch.tensor([0.4, 0.9]))
+    other = model.pack(latents, torch.tensor([-5.0, -2.0]), torch.tensor([0.4, 0.1]))
+    assert torch.equal(one[0], other[0]) and not torch.equal(one[1], other[1])
+    assert torch.equal(one[:, :4], other[:, :4])
+
+
+def test_models_are_named_by_the_package():
+    for cls in (LCTGModel, DALEModel):
+        assert cls.__module__ == "tactile_diffusers"

@@ -1,0 +1,565 @@
+"""`TactileTexturePipeline.__call__`: seeds, batches, ratings, guidance, callbacks, durations, outputs."""
+
+import copy
+import doctest
+import os
+
+import numpy as np
+import pytest
+import torch
+from diffusers import DDIMScheduler
+
+from tactile_diffusers import TactileLatents, TactileTexturePipeline, TactileTexturePipelineOutput, bundled_checkpoint
+from tactile_diffusers.signal import power_spectral_density, rms
+
+#: Batched and single convolutions add in another order: float32 errors of 1e-6 grow by the steps of two stages.
+BATCH_TOLERANCE = 1e-4  # of a texture's RMS
+SAMPLES = 2048  # of the tiny pipeline's segment, 0.2048 s
+
+
+def _generator(seed=0):
+    return torch.Generator().manual_seed(seed)
+
+
+def _run(pipe, ratings=(1.0, -0.5, 0.3), seed=0, **kwargs):
+    kwargs = {"num_inference_steps": 3, "generator": _generator(seed), **kwargs}
+    return pipe(list(ratings) if isinstance(ratings, tuple) else ratings, **kwargs)
+
+
+def _assert_same_textures(made, expected, tolerance=BATCH_TOLERANCE):
+    assert made.shape == expected.shape
+    assert (np.abs(made - expected).max(-1) <= tolerance * rms(expected)).all()
+
+
+# --- output
+
+
+def test_output_is_what_the_contract_says(pipe):
+    out = _run(pipe, [[1.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
+    assert isinstance(out, TactileTexturePipelineOutput)
+    assert out.textures.shape == (2, SAMPLES) and out.textures.dtype == np.float32
+    assert out.level.shape == out.friction_coefficient.shape == (2,)
+    assert out.level.dtype == out.friction_coefficient.dtype == np.float32
+    assert out.sampling_rate == 10_000 and out.reference_speed == pipe.dale.config.reference_speed
+    assert np.isfinite(out.textures).all() and (out.friction_coefficient > 0).all()
+    # zero mean, and the RMS that the level says: float32 samples
+    assert (abs(out.textures.mean(-1)) < 1e-6 * rms(out.textures)).all()
+    np.testing.assert_allclose(rms(out.textures), np.exp(out.level), rtol=1e-5)
+    assert not np.allclose(out.textures[0], out.textures[1], atol=1e-3)
+
+
+def test_tuple_output(pipe):
+    out, plain = _run(pipe), _run(pipe, return_dict=False)
+    assert isinstance(plain, tuple) and len(plain) == 5
+    assert np.array_equal(plain[0], out.textures) and np.array_equal(plain[1], out.friction_coefficient)
+    assert np.array_equal(plain[2], out.level) and plain[3:] == (out.sampling_rate, out.reference_speed)
+    latents = _run(pipe, output_type="latent", return_dict=False)
+    assert isinstance(latents, tuple) and [part.shape for part in latents] == [(1, 4, 32), (1,), (1,)]
+
+
+def test_torch_output_equals_numpy_output(pipe):
+    out, tensors = _run(pipe), _run(pipe, output_type="pt")
+    for name in ("textures", "level", "friction_coefficient"):
+        value = getattr(tensors, name)
+        assert isinstance(value, torch.Tensor) and value.dtype == torch.float32 and value.device.type == "cpu"
+        assert np.array_equal(value.numpy(), getattr(out, name))
+
+
+def test_latent_output_is_what_the_textures_are_decoded_from(pipe):
+    def not_run(*args, **kwargs):
+        raise AssertionError("LCTG must not run")
+
+    out = _run(pipe)
+    hook = pipe.lctg.register_forward_pre_hook(not_run)
+    made = _run(pipe, output_type="latent")
+    hook.remove()
+    assert isinstance(made, TactileLatents) and made.latents.shape == (1, 4, 32)
+    assert np.array_equal(made.level.numpy(), out.level)
+    assert np.array_equal(made.friction_coefficient.numpy(), out.friction_coefficient)
+    # the noise of the second stage is drawn after that of the first
+    generator = _generator()
+    torch.randn((1, 6, 32), generator=generator)
+    again = pipe.decode(made.latents, made.level, made.friction_coefficient, 3, generator)
+    assert np.array_equal(again.textures, out.textures)
+    assert np.array_equal(again.friction_coefficient, out.friction_coefficient)
+
+
+def test_nothing_is_felt_above_the_band(make_pipeline):
+    # even where random weights make noise at all frequencies: the decoder runs at 2.5 kHz
+    pipe = make_pipeline()
+    out = _run(pipe, [[0.0, 0.0, 0.0]] * 4, num_inference_steps=6)
+    frequencies, density = power_spectral_density(out.textures, out.sampling_rate, window_seconds=0.1)
+    band = density[:, (frequencies >= 20) & (frequencies <= 1000)].mean(-1)
+    above = density[:, frequencies > 1300]
+    assert (10 * np.log10(band / above.mean(-1)) > 40).all()
+    # frequency by frequency, from where the anti-alias filter stops
+    assert (10 * np.log10(band[:, None] / density[:, frequencies > 1400]) > 40).all()
+
+
+# --- seeds, takes and batches
+
+
+def test_same_seed_same_texture_and_another_seed_another_take(pipe):
+    first = _run(pipe)
+    assert np.array_equal(_run(pipe).textures, first.textures)
+    other = _run(pipe, seed=1)
+    assert abs(np.corrcoef(first.textures[0], other.textures[0])[0, 1]) < 0.9
+    assert first.level != other.level
+
+
+def test_global_random_state_is_left_alone_when_a_generator_is_given(pipe):
+    torch_state, numpy_state = torch.get_rng_state(), np.random.get_state()
+    _run(pipe, duration_s=0.5)
+    _run(pipe, [[0.0] * 3] * 2, generator=[_generator(0), _generator(1)])
+    assert torch.equal(torch.get_rng_state(), torch_state)
+    assert all(np.array_equal(a, b) for a, b in zip(np.random.get_state(), numpy_state, strict=True))
+
+
+def test_without_a_generator_the_global_seed_counts(pipe):
+    torch.manual_seed(3)
+    first = _run(pipe, generator=None)
+    torch.manual_seed(3)
+    assert np.array_equal(_run(pipe, generator=None).textures, first.textures)
+    assert not np.allclose(_run(pipe, generator=None).textures, first.textures)
+
+
+@pytest.mark.parametrize("duration_s", [None, 0.5], ids=["a segment", "fused windows"])
+def test_a_list_of_generators_equals_single_calls(pipe, duration_s):
+    ratings = np.random.default_rng(0).uniform(-2, 2, size=(8, 3)).tolist()
+    together = _run(pipe, ratings, generator=[_generator(seed) for seed in range(8)], duration_s=duration_s)
+    for row in range(8):
+        alone = _run(pipe, ratings[row], seed=row, duration_s=duration_s)
+        _assert_same_textures(together.textures[row : row + 1], alone.textures)
+        # numbers near 5 and 1, float32
+        np.testing.assert_allclose(together.level[row], alone.level[0], atol=1e-5)
+        np.testing.assert_allclose(together.friction_coefficient[row], alone.friction_coefficient[0], rtol=1e-4)
+
+
+def test_one_generator_draws_for_dale_and_then_for_lctg(pipe):
+    ratings, generator = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], _generator(4)
+    state = torch.randn((2, 6, 32), generator=generator)  # DALE's noise, the whole batch
+    waveform = torch.randn((2, 1, 512), generator=generator)  # then LCTG's
+    dale, lctg = [], []
+    pipe.dale.register_forward_pre_hook(lambda module, args: dale.append(args[0].clone()))
+    pipe.lctg.register_forward_pre_hook(lambda module, args: lctg.append(args[0].clone()))
+    used = _generator(4)
+    _run(pipe, ratings, generator=used)
+    assert torch.equal(dale[0], state) and torch.equal(lctg[0], waveform)
+    assert torch.equal(torch.randn(3, generator=used), torch.randn(3, generator=generator))  # and nothing else
+
+
+def test_each_generator_of_a_list_draws_for_dale_and_then_for_lctg(pipe):
+    seen = []
+    hook = pipe.lctg.register_forward_pre_hook(lambda module, args: seen.append(args[0].clone()))
+    _run(pipe, [[0.0] * 3] * 2, generator=[_generator(7), _generator(8)])
+    hook.remove()
+    for row, seed in enumerate((7, 8)):
+        generator = _generator(seed)
+        torch.randn((1, 6, 32), generator=generator)
+        assert torch.equal(seen[0][row : row + 1], torch.randn((1, 1, 512), generator=generator))
+
+
+def test_a_tuple_of_generators_is_a_list(pipe):
+    ratings = [[0.0] * 3] * 2
+    expected = _run(pipe, ratings, generator=[_generator(7), _generator(8)])
+    made = _run(pipe, ratings, generator=(_generator(7), _generator(8)))
+    assert np.array_equal(made.textures, expected.textures)
+
+
+def test_textures_per_rating_are_ordered_rating_by_rating(pipe):
+    ratings = [[2.0, 0.0, 0.0], [-2.0, 0.0, 1.0]]
+    out = _run(pipe, ratings, num_textures_per_rating=3, generator=[_generator(seed) for seed in range(6)])
+    assert out.textures.shape == (6, SAMPLES)
+    for row in range(6):
+        alone = _run(pipe, ratings[row // 3], seed=row)
+        _assert_same_textures(out.textures[row : row + 1], alone.textures)
+
+
+# --- ratings
+
+
+def test_forms_of_ratings_are_equal(pipe):
+    expected = _run(pipe, [[1.0, -0.5, 0.3]])
+    for form in (
+        [1.0, -0.5, 0.3],
+        (1.0, -0.5, 0.3),
+        {"roughness": 1.0, "bumpiness": -0.5, "slipperiness": 0.3},
+        {"slipperiness": 0.3, "bumpiness": -0.5, "roughness": 1.0},
+        [{"roughness": 1.0, "bumpiness": -0.5, "slipperiness": 0.3}],
+        np.array([1.0, -0.5, 0.3]),
+        np.array([[1.0, -0.5, 0.3]], dtype=np.float32),
+        [np.array([1.0, -0.5, 0.3])],
+        torch.tensor([1.0, -0.5, 0.3]),
+        torch.tensor([[1.0, -0.5, 0.3]], dtype=torch.float64),
+        torch.tensor([[1.0, -0.5, 0.3]], requires_grad=True),
+        [torch.tensor([1.0, -0.5, 0.3])],
+    ):
+        assert np.array_equal(
+            _run(pipe, form if not isinstance(form, tuple) else list(form)).textures, expected.textures
+        )
+    assert np.array_equal(
+        pipe((1.0, -0.5, 0.3), num_inference_steps=3, generator=_generator()).textures, expected.textures
+    )
+
+
+def test_forms_of_not_specified_are_equal(pipe):
+    expected = _run(pipe, [[1.0, float("nan"), float("nan")]])
+    for form in (
+        [1.0, None, None],
+        [[1.0, None, float("nan")]],
+        {"roughness": 1.0},
+        [{"roughness": 1.0, "bumpiness": None}],
+        np.array([1.0, np.nan, np.nan]),
+        torch.tensor([1.0, torch.nan, torch.nan]),
+    ):
+        assert np.array_equal(_run(pipe, form).textures, expected.textures)
+    free = _run(pipe, [None, None, None])
+    for form in (None, {}, [{}], [[None] * 3]):
+        assert np.array_equal(_run(pipe, form).textures, free.textures)
+    assert not np.allclose(free.textures, expected.textures, atol=1e-4)
+
+
+def test_half_precision_tensors_are_ratings_too(pipe):
+    expected = _run(pipe, [1.0, -0.5, 0.25])
+    for dtype in (torch.float16, torch.bfloat16):
+        assert np.array_equal(_run(pipe, torch.tensor([1.0, -0.5, 0.25], dtype=dtype)).textures, expected.textures)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_every_rating_changes_the_texture(pipe, axis):
+    ratings = np.zeros((2, 3))
+    ratings[1, axis] = 1.5
+    out = _run(pipe, ratings, generator=[_generator(0), _generator(0)])
+    assert rms(out.textures[0] - out.textures[1]) > 0.02 * rms(out.textures[0])
+    assert out.level[0] != out.level[1] and out.friction_coefficient[0] != out.friction_coefficient[1]
+
+
+# --- guidance
+
+
+def _watch(model):
+    """Records the batch size (and for DALE the ratings) of every forward call."""
+    calls = []
+    model.register_forward_pre_hook(lambda module, args: calls.append((len(args[0]), args[2].clone())))
+    return calls
+
+
+def test_without_guidance_no_null_batch_is_evaluated(pipe):
+    dale, lctg = _watch(pipe.dale), _watch(pipe.lctg)
+    _run(pipe, [[1.0, None, 0.0], [0.0, 1.0, 0.0]], guidance_scale=1.0, num_latent_inference_steps=4)
+    assert [size for size, _ in dale] == [2] * 4 and [size for size, _ in lctg] == [2] * 3
+    assert not any(torch.isnan(ratings).all(-1).any() for _, ratings in dale)
+    assert not pipe.do_classifier_free_guidance and pipe.guidance_scale == 1.0
+
+
+def test_guidance_is_one_batched_forward(pipe):
+    dale, lctg = _watch(pipe.dale), _watch(pipe.lctg)
+    _run(pipe, [[1.0, None, 0.0], [0.0, 1.0, 0.0]], guidance_scale=2.5)
+    assert [size for size, _ in dale] == [4] * 3 and [size for size, _ in lctg] == [2] * 3
+    for _, ratings in dale:
+        assert torch.isnan(ratings[:2]).all() and torch.equal(ratings[3], torch.tensor([0.0, 1.0, 0.0]))
+    assert pipe.do_classifier_free_guidance and pipe.guidance_scale == 2.5
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.0, 3.0])
+def test_guidance_equals_its_formula(pipe, scale):
+    # one step from pure noise: x0 = -v
+    noise, ratings = torch.randn((1, 6, 32), generator=_generator(2)), torch.tensor([[1.0, 0.0, -1.0]])
+    made = _run(pipe, ratings, latents=noise, num_inference_steps=1, guidance_scale=scale, output_type="latent")
+    with torch.no_grad():
+        free = pipe.dale(noise, 999.0, torch.full((1, 3), torch.nan)).sample
+        steered = pipe.dale(noise, 999.0, ratings).sample
+        expected = pipe.dale.unpack(-(free + scale * (steered - free)))
+    torch.testing.assert_close(made.latents, expected[0], rtol=0, atol=1e-5)  # float32, numbers near 3
+    torch.testing.assert_close(made.level, expected[1], rtol=0, atol=1e-5)
+    torch.testing.assert_close(made.friction_coefficient, expected[2], rtol=1e-4, atol=0)
+
+
+def test_the_encoder_does_not_run(pipe, monkeypatch):
+    def not_run(*args, **kwargs):
+        raise AssertionError("the encoder must not run")
+
+    monkeypatch.setattr(pipe.lctg.encoder, "forward", not_run)
+    assert np.isfinite(_run(pipe).textures).all()
+
+
+# --- steps and callbacks
+
+
+def test_steps_of_the_stages_are_separate(pipe):
+    dale, lctg = _watch(pipe.dale), _watch(pipe.lctg)
+    _run(pipe, num_inference_steps=2, num_latent_inference_steps=5)
+    assert len(dale) == 5 and len(lctg) == 2 and pipe.num_timesteps == 7
+    one = _run(pipe, num_inference_steps=4)
+    assert np.array_equal(_run(pipe, num_inference_steps=4, num_latent_inference_steps=4).textures, one.textures)
+    assert np.isfinite(_run(pipe, num_inference_steps=1).textures).all()
+
+
+def test_callbacks_see_every_step_of_both_stages(pipe):
+    seen = []
+
+    def look(pipeline, index, timestep, tensors):
+        assert pipeline is pipe and set(tensors) == {"latents"}
+        seen.append((index, float(timestep), tuple(tensors["latents"].shape)))
+        return {}
+
+    out = _run(pipe, num_inference_steps=2, num_latent_inference_steps=3, callback_on_step_end=look)
+    assert [index for index, _, _ in seen] == [0, 1, 2, 3, 4] == list(range(pipe.num_timesteps))
+    assert [round(t, 2) for _, t, _ in seen] == [999.0, 665.67, 332.33, 999.0, 499.0]
+    assert [shape for _, _, shape in seen] == [(1, 6, 32)] * 3 + [(1, 1, 512)] * 2
+    expected = _run(pipe, num_inference_steps=2, num_latent_inference_steps=3)
+    assert np.array_equal(out.textures, expected.textures)
+
+
+def test_a_callback_may_return_nothing(pipe):
+    out = _run(pipe, callback_on_step_end=lambda *args: None, callback_on_step_end_tensor_inputs=[])
+    assert np.array_equal(out.textures, _run(pipe).textures)
+
+
+def test_a_callback_may_change_the_latents(pipe):
+    def blank(pipeline, index, timestep, tensors):
+        return {"latents": torch.zeros_like(tensors["latents"])} if index == 2 else {}
+
+    made = _run(pipe, callback_on_step_end=blank, output_type="latent")
+    expected = torch.tensor(pipe.dale.config.latent_mean)[None, :, None].expand(1, 4, 32)
+    torch.testing.assert_close(made.latents, expected)
+    assert made.level.item() == pytest.approx(pipe.dale.config.level_mean)
+
+
+def test_a_callback_may_interrupt(pipe):
+    dale, lctg, indices = _watch(pipe.dale), _watch(pipe.lctg), []
+
+    def stop(pipeline, index, timestep, tensors):
+        indices.append(index)
+        pipeline._interrupt = index == 1
+        return {}
+
+    out = _run(pipe, num_inference_steps=5, callback_on_step_end=stop)
+    assert pipe.interrupt and indices == [0, 1] and len(dale) == 2 and not lctg
+    assert out.textures.shape == (1, SAMPLES)
+    assert np.array_equal(_run(pipe).textures, _run(pipe).textures) and not pipe.interrupt  # the next call is whole
+
+
+# --- supplied latents
+
+
+def test_supplied_latents_are_dale_s_noise(pipe):
+    noise = torch.randn((2, 6, 32), generator=_generator(9))
+    kept = noise.clone()
+    one = _run(pipe, [[0.0] * 3] * 2, latents=noise)
+    assert torch.equal(noise, kept)
+    made = _run(pipe, [[0.0] * 3] * 2, latents=noise.double())  # cast to the model's dtype
+    assert np.array_equal(made.textures, one.textures)
+    assert not np.allclose(_run(pipe, [[0.0] * 3] * 2, latents=-noise).level, one.level)
+    # the generator then draws for LCTG alone
+    used, expected = _generator(1), _generator(1)
+    _run(pipe, latents=noise[:1], generator=used)
+    torch.randn((1, 1, 512), generator=expected)
+    assert torch.equal(torch.randn(3, generator=used), torch.randn(3, generator=expected))
+
+
+@pytest.mark.parametrize("shape", [(1, 6, 31), (2, 6, 32), (1, 4, 32), (6, 32)])
+def test_latents_of_another_shape_are_refused(pipe, shape):
+    with pytest.raises(ValueError, match=r"`latents` must have the shape \(1, 6, 32\)"):
+        _run(pipe, latents=torch.zeros(shape))
+
+
+# --- durations
+
+
+@pytest.mark.parametrize("duration_s", [0.2048, 0.0001, 0.1, 0.12345, 0.33333, 0.5, 1, 1.23457])
+def test_durations_are_exact(pipe, duration_s):
+    out = _run(pipe, duration_s=duration_s, num_inference_steps=2)
+    assert out.textures.shape == (1, round(duration_s * 10_000)) and np.isfinite(out.textures).all()
+    if out.textures.shape[1] > 1:
+        np.testing.assert_allclose(rms(out.textures), np.exp(out.level), rtol=1e-5)  # float32
+
+
+def test_one_segment_is_the_default_duration(pipe):
+    assert np.array_equal(_run(pipe, duration_s=0.2048).textures, _run(pipe).textures)
+
+
+def test_a_shorter_texture_is_a_piece_of_a_segment(pipe):
+    whole, piece = _run(pipe).textures[0], _run(pipe, duration_s=0.1).textures[0]
+    # the same waveform, but for its own mean and RMS
+    assert np.corrcoef(whole[:1000], piece)[0, 1] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_long_textures_do_not_repeat(pipe):
+    out = _run(pipe, duration_s=1.0)
+    pieces = out.textures[0, : 4 * 2000].reshape(4, 2000)
+    correlation = np.corrcoef(pieces)[np.triu_indices(4, 1)]
+    assert np.abs(correlation).max() < 0.9 and rms(pieces).min() > 0
+
+
+def test_batches_of_long_textures(pipe):
+    out = _run(pipe, [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], duration_s=0.7, num_textures_per_rating=2, guidance_scale=2.0)
+    assert out.textures.shape == (4, 7000) and np.isfinite(out.textures).all()
+    assert len({row.tobytes() for row in out.textures}) == 4
+
+
+# --- bad input
+
+
+@pytest.mark.parametrize(
+    "ratings",
+    [
+        [],
+        [[]],
+        [1.0],
+        [1.0, 2.0],
+        [1.0, 2.0, 3.0, 4.0],
+        [[1.0, 2.0, 3.0], [1.0, 2.0]],
+        [[1.0, 2.0, 3.0], {"roughness": 1.0}, 5],
+        1.0,
+        "rough",
+        ["a", "b", "c"],
+        [object(), 1.0, 1.0],
+        {"warmth": 1.0},
+        [{"roughness": 1.0}, {"roughnes": 1.0}],
+        {"roughness": "high"},
+        {"roughness": [1.0, 2.0]},
+        [float("inf"), 0.0, 0.0],
+        [0.0, -float("inf"), 0.0],
+        [0.0, 6.01, 0.0],
+        {"slipperiness": -7},
+        np.zeros((0, 3)),
+        np.zeros((2, 1)),
+        np.zeros((2, 3, 5)),
+        torch.zeros(2, 4),
+        torch.tensor(1.0),
+        torch.full((1, 3), torch.inf),
+    ],
+    ids=str,
+)
+def test_bad_ratings_are_refused(pipe, ratings):
+    calls = _watch(pipe.dale)
+    with pytest.raises(ValueError, match="`ratings`"):
+        _run(pipe, ratings)
+    assert not calls
+
+
+def test_messages_about_ratings_name_the_axis_and_the_scale(pipe):
+    with pytest.raises(ValueError, match="z-scores between -6 and 6 .* got bumpiness = 6.5 in row 1"):
+        _run(pipe, [[0.0, 0.0, 0.0], [0.0, 6.5, 0.0]])
+    with pytest.raises(ValueError, match=r"unknown axes \['warmth'\]; the axes are \['roughness', 'bumpiness', 'sl"):
+        _run(pipe, {"warmth": 1.0})
+    with pytest.raises(ValueError, match=r"3 values per texture, in the order \['roughness', .* got 2"):
+        _run(pipe, [0.0, 1.0])
+    assert _run(pipe, [6.0, -6.0, 6.0]).textures.shape == (1, SAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("num_inference_steps", value) for value in (0, -1, 2.5, True, None, "3")),
+        *(("num_latent_inference_steps", value) for value in (0, -1, 2.5)),
+        *(("num_textures_per_rating", value) for value in (0, -2, 1.5, None)),
+        *(("guidance_scale", value) for value in (-0.1, float("nan"), float("inf"))),
+        *(("duration_s", value) for value in (0, 0.0, -1.5, float("nan"), float("inf"))),
+        *(("output_type", value) for value in ("pil", "", None)),
+        ("callback_on_step_end_tensor_inputs", ["noise"]),
+        ("generator", [torch.Generator()]),
+        ("generator", [torch.Generator()] * 3),
+        ("generator", []),
+        ("generator", 42),
+        ("generator", [torch.Generator(), 42]),
+    ],
+    ids=str,
+)
+def test_bad_arguments_are_refused_by_name_before_any_work(pipe, name, value):
+    calls = _watch(pipe.dale)
+    with pytest.raises(ValueError, match=f"`{name}`"):
+        _run(pipe, [[0.0] * 3] * 2, **{name: value})
+    assert not calls
+
+
+@pytest.mark.parametrize(("name", "value"), [("guidance_scale", "3"), ("guidance_scale", None), ("duration_s", "2")])
+def test_arguments_of_another_type_are_refused_by_name(pipe, name, value):
+    with pytest.raises((ValueError, TypeError), match=f"`{name}`"):
+        _run(pipe, **{name: value})
+
+
+# --- devices, dtypes, schedulers
+
+
+@pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
+def test_half_precision(pipe, dtype):
+    pipe = pipe.to(dtype)
+    assert pipe.dale.dtype == pipe.lctg.dtype == dtype
+    out = _run(pipe, duration_s=0.5, guidance_scale=2.0)
+    assert out.textures.dtype == np.float32 and np.isfinite(out.textures).all()
+    np.testing.assert_allclose(rms(out.textures), np.exp(out.level), rtol=1e-5)
+    assert _run(pipe, output_type="latent").latents.dtype == dtype
+
+
+def test_components_make_another_pipeline(pipe):
+    other = TactileTexturePipeline(**pipe.components)
+    other.set_progress_bar_config(disable=True)
+    assert set(pipe.components) == {"lctg", "dale", "scheduler", "dale_scheduler", "feature_extractor"}
+    assert np.array_equal(_run(other).textures, _run(pipe).textures)
+
+
+def test_a_call_leaves_the_components_alone(pipe):
+    before = copy.deepcopy({**pipe.dale.state_dict(), **pipe.lctg.state_dict()})
+    config = copy.deepcopy(dict(pipe.config))
+    _run(pipe, duration_s=0.4)
+    after = {**pipe.dale.state_dict(), **pipe.lctg.state_dict()}
+    assert all(torch.equal(value, after[name]) for name, value in before.items())
+    assert dict(pipe.config) == config and not any(p.grad is not None for p in pipe.dale.parameters())
+
+
+def test_a_scheduler_of_diffusers_takes_our_place(pipe):
+    angles = np.arange(1, 1001) / 1000 * np.pi / 2
+    alphas_bar = np.cos(angles) ** 2
+    betas = (1 - alphas_bar / np.concatenate([[1.0], alphas_bar[:-1]])).tolist()
+    expected = _run(pipe, num_inference_steps=10)
+    pipe.scheduler, pipe.dale_scheduler = (
+        DDIMScheduler(
+            trained_betas=betas, prediction_type="v_prediction", timestep_spacing="trailing", clip_sample=False
+        )
+        for _ in range(2)
+    )
+    # 1e-5 a loop (see tests/schedulers), through two loops and a network between them
+    _assert_same_textures(_run(pipe, num_inference_steps=10).textures, expected.textures, 1e-3)
+
+
+@pytest.mark.parametrize("offload_type", ["block_level", "leaf_level"])
+def test_group_offload(pipe, pink_noise, tmp_path, offload_type):
+    # offloading to the disk leaves nothing usable behind, even on a machine without an accelerator
+    texture = pink_noise(SAMPLES, 10_000)
+    expected, latents = _run(pipe, duration_s=0.5), pipe.encode(texture, 10_000).latents
+    blocks = {"num_blocks_per_group": 1} if offload_type == "block_level" else {}
+    for name in ("dale", "lctg"):
+        getattr(pipe, name).enable_group_offload(
+            onload_device=torch.device("cpu"),
+            offload_device=torch.device("cpu"),
+            offload_type=offload_type,
+            offload_to_disk_path=str(tmp_path / name),
+            **blocks,
+        )
+    assert torch.equal(pipe.encode(texture, 10_000).latents, latents)
+    _assert_same_textures(_run(pipe, duration_s=0.5).textures, expected.textures)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs an accelerator")
+@pytest.mark.parametrize("how", ["to", "enable_model_cpu_offload", "enable_sequential_cpu_offload"])
+def test_accelerators_and_offload(pipe, how):
+    expected = _run(pipe)
+    pipe.to("cuda") if how == "to" else getattr(pipe, how)()
+    made = _run(pipe)  # a CPU generator draws the same noise
+    _assert_same_textures(made.textures, expected.textures, 1e-2)  # TF32 and another order of sums
+
+
+# --- documentation
+
+
+def test_the_example_of_the_docstring_runs():
+    docstring = TactileTexturePipeline.__call__.__doc__
+    assert docstring.count("Examples:") == 1 and "from_pretrained(bundled_checkpoint())" in docstring
+    if not os.path.isfile(os.path.join(bundled_checkpoint(), "model_index.json")):
+        pytest.skip("the bundled checkpoint is not there yet")
+    example = docstring.split("```py")[1].split("```")[0]
+    test = doctest.DocTestParser().get_doctest(example, {}, "example", None, 0)
+    assert len(test.examples) >= 4
+    assert doctest.DocTestRunner(verbose=False).run(test).failed == 0

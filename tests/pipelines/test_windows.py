@@ -1,0 +1,102 @@
+"""Overlapping windows of long textures: nothing is lost, nothing is weaker, and rows stay apart."""
+
+import pytest
+import torch
+
+from tactile_diffusers.pipelines.windows import Windows, in_chunks
+
+
+def _normal(*shape, seed=0):
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
+
+
+@pytest.mark.parametrize(
+    ("total", "size"), [(32, 32), (33, 32), (55, 32), (56, 32), (80, 32), (81, 32), (200, 32), (9, 4)]
+)
+def test_windows_cover_everything(total, size):
+    windows = Windows(total, size)
+    assert windows.starts[0] == 0 and windows.starts[-1] == total - size
+    covered = torch.zeros(total)
+    for start in windows.starts:
+        covered[start : start + size] += 1
+    assert covered.min() >= 1
+    for start, following in zip(windows.starts[:-1], windows.starts[1:], strict=True):
+        assert 0 < following - start <= size - windows.overlap  # neighbours overlap by at least a quarter
+    weights = windows.weights("cpu")
+    assert (weights >= 0).all()
+    torch.testing.assert_close(weights.sum(0), torch.ones(total))
+
+
+@pytest.mark.parametrize("total", [32, 33, 56, 80, 131])
+def test_windows_that_agree_are_put_together_unchanged(total):
+    windows, field = Windows(total, 32), _normal(3, 2, total)
+    pieces = windows.split(field)
+    assert pieces.shape == (3 * len(windows.starts), 2, 32)
+    torch.testing.assert_close(windows.fuse(pieces), field, rtol=0, atol=1e-5)  # float32
+
+
+def test_fusing_keeps_the_variance_of_windows_that_disagree():
+    windows = Windows(512, 128)
+    pieces = _normal(len(windows.starts) * 400, 1, 128)
+    power = windows.fuse(pieces).square().mean((0, 1))
+    # 400 rows: the standard error of a power is 7 % a position; averaged over 16 positions below 4 % of the rest
+    assert power.mean() == pytest.approx(1.0, abs=0.02)
+    assert (power.unflatten(0, (32, 16)).mean(1) - 1).abs().max() < 0.1
+
+
+def test_rows_do_not_depend_on_the_rest_of_the_batch():
+    # a list of generators must equal single calls, so how well windows agree is measured row by row
+    windows = Windows(80, 32)
+    count = len(windows.starts)
+    agreeing = windows.split(_normal(1, 2, 80))
+    disagreeing = _normal(count, 2, 32, seed=1)
+    both = torch.stack([agreeing, disagreeing], dim=1).flatten(0, 1)  # window by window, as `split` orders them
+    fused = windows.fuse(both)
+    torch.testing.assert_close(fused[:1], windows.fuse(agreeing), rtol=0, atol=1e-5)
+    torch.testing.assert_close(fused[1:], windows.fuse(disagreeing), rtol=0, atol=1e-5)
+
+
+def test_order_of_split_and_repeat():
+    windows, field = Windows(48, 32), _normal(3, 1, 48)
+    rows = torch.arange(3.0)[:, None]
+    pieces, repeated = windows.split(field), windows.repeat(rows)
+    for index in range(len(pieces)):
+        start = windows.starts[index // 3]
+        assert torch.equal(pieces[index], field[int(repeated[index]), :, start : start + 32])
+
+
+def test_scaled_windows_are_the_same_in_finer_units():
+    windows = Windows(80, 32)
+    fine = windows.scaled(16)
+    assert fine.starts == [start * 16 for start in windows.starts]
+    assert (fine.total, fine.size, fine.overlap) == (1280, 512, 128)
+    field = _normal(1, 1, 1280)
+    torch.testing.assert_close(fine.fuse(fine.split(field)), field, rtol=0, atol=1e-5)
+
+
+def test_silent_windows_are_not_nan():
+    windows = Windows(80, 32)
+    assert not windows.fuse(torch.zeros(len(windows.starts), 1, 32)).any()
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_very_short_windows(size):
+    windows, field = Windows(10, size), _normal(1, 1, 10)
+    torch.testing.assert_close(windows.fuse(windows.split(field)), field, rtol=0, atol=1e-5)
+
+
+def test_too_short_a_total_is_refused():
+    with pytest.raises(ValueError, match=r"`total` \(31\) must be at least the window size \(32\)"):
+        Windows(31, 32)
+
+
+def test_chunks_equal_the_whole():
+    sizes = []
+
+    def double(x, y):
+        sizes.append(len(x))
+        return 2 * x + y
+
+    x, y = _normal(70, 3), _normal(70, 3, seed=1)
+    assert torch.equal(in_chunks(double, x, y), 2 * x + y)
+    assert sizes == [32, 32, 6]

@@ -1,0 +1,108 @@
+"""`VDDIMScheduler` used wrongly or started again, and its use by other schedulers: what the formulas do not show."""
+
+import math
+import re
+
+import pytest
+import torch
+from diffusers import DDIMScheduler
+
+from tactile_diffusers import VDDIMScheduler
+
+
+@pytest.fixture
+def noise():
+    return torch.randn(1, 2, 16, generator=torch.Generator().manual_seed(0))
+
+
+def _started(steps):
+    scheduler = VDDIMScheduler()
+    scheduler.set_timesteps(steps)
+    return scheduler
+
+
+def test_the_text_before_set_timesteps_is_that_of_diffusers(noise):
+    text = "Number of inference steps is 'None', you need to run 'set_timesteps' after creating the scheduler"
+    with pytest.raises(ValueError, match=f"^{re.escape(text)}$"):
+        VDDIMScheduler().step(noise, 999, noise)
+
+
+@pytest.mark.parametrize("timestep", [500, 998.9, -1, 1000, float("nan")])
+def test_a_foreign_first_timestep_is_refused_and_nothing_is_broken(noise, timestep):
+    scheduler = _started(3)
+    with pytest.raises(ValueError, match="`timestep` must be one of the scheduler's timesteps .*, got "):
+        scheduler.step(noise, timestep, noise)
+    made = scheduler.step(noise.flip(-1), scheduler.timesteps[0], noise).prev_sample
+    fresh = _started(3)
+    assert torch.equal(made, fresh.step(noise.flip(-1), fresh.timesteps[0], noise).prev_sample)
+
+
+@pytest.mark.parametrize("count", [None, "ten"])
+def test_counts_that_are_no_numbers_are_refused(count):
+    with pytest.raises((TypeError, ValueError)):
+        VDDIMScheduler().set_timesteps(count)
+
+
+def test_a_refused_count_keeps_the_old_timesteps():
+    scheduler = _started(5)
+    before = scheduler.timesteps.clone()
+    with pytest.raises(ValueError):
+        scheduler.set_timesteps(0)
+    assert torch.equal(scheduler.timesteps, before) and scheduler.num_inference_steps == 5
+
+
+def test_a_whole_float_is_a_count():
+    scheduler = _started(10.0)
+    assert scheduler.num_inference_steps == 10 and isinstance(scheduler.num_inference_steps, int)
+
+
+@pytest.mark.parametrize("timestep", [999, 999.0, torch.tensor(999), torch.tensor(999.0), torch.tensor([999.0])])
+def test_step_takes_timesteps_of_any_form(noise, timestep):
+    scheduler = _started(3)
+    made = scheduler.step(noise.flip(-1), timestep, noise).prev_sample
+    # one of three equal turns of 30 degrees; float32
+    expected = math.cos(math.pi / 6) * noise - math.sin(math.pi / 6) * noise.flip(-1)
+    torch.testing.assert_close(made, expected, rtol=0, atol=1e-6)
+
+
+def test_step_leaves_its_inputs_alone(noise):
+    scheduler, sample, velocity = _started(2), noise.clone(), noise.flip(-1).clone()
+    scheduler.step(velocity, scheduler.timesteps[0], sample)
+    assert torch.equal(sample, noise) and torch.equal(velocity, noise.flip(-1))
+
+
+def test_a_half_precision_model_does_not_narrow_a_wide_sample(noise):
+    scheduler = _started(10)
+    assert scheduler.step(noise.half(), scheduler.timesteps[0], noise).prev_sample.dtype == torch.float32
+
+
+def test_a_begin_index_runs_to_the_end_and_is_forgotten_by_set_timesteps(noise):
+    scheduler = _started(6)
+    scheduler.set_begin_index(4)
+    x = noise
+    for timestep in scheduler.timesteps[4:]:
+        x = scheduler.step(torch.zeros_like(x), timestep, x).prev_sample
+    assert scheduler.step_index == 6
+    # at v = 0 each of the two turns of 15 degrees multiplies by its cosine; float32
+    torch.testing.assert_close(x, noise * math.cos(math.pi / 12) ** 2, rtol=0, atol=1e-6)
+    scheduler.set_timesteps(6)
+    assert scheduler.begin_index is None
+    scheduler.step(noise, scheduler.timesteps[0], noise)
+    assert scheduler.step_index == 1
+
+
+def test_the_ends_are_exact(noise):
+    scheduler, clean = VDDIMScheduler(), noise.flip(-1)
+    assert torch.equal(scheduler.add_noise(clean, noise, -1), clean)
+    assert torch.equal(scheduler.get_velocity(clean, noise, -1), noise)
+    # cos(pi/2) is 6e-17 in float64: no trace of the data is left in float32
+    assert torch.equal(scheduler.add_noise(clean, noise, 999), noise)
+    assert torch.equal(scheduler.get_velocity(clean, noise, 999), -clean)
+    assert torch.equal(scheduler.get_original_sample(-clean, noise, 999), clean)
+
+
+def test_ddim_of_diffusers_samples_with_our_config(noise):
+    other = DDIMScheduler.from_config(VDDIMScheduler(num_train_timesteps=400).config, prediction_type="v_prediction")
+    other.set_timesteps(4)
+    made = other.step(noise.flip(-1), other.timesteps[0], noise).prev_sample
+    assert len(other) == 400 and made.shape == noise.shape and made.isfinite().all()
