@@ -274,9 +274,9 @@ class Trainer:
         self.module, self.optimizer, self.lr_scheduler = accelerator.prepare(
             self.module, self.optimizer, self.lr_scheduler
         )
+        sampler = EndlessBatches(len(self.dataset), args.train_batch_size, args.seed)
         self._resume()
-        micro_batches = self.step * args.gradient_accumulation_steps * accelerator.num_processes
-        sampler = EndlessBatches(len(self.dataset), args.train_batch_size, args.seed, micro_batches)
+        sampler.start = self.step * args.gradient_accumulation_steps * accelerator.num_processes
         loader = torch.utils.data.DataLoader(
             self.dataset, batch_sampler=sampler, collate_fn=self.collate, num_workers=args.dataloader_num_workers
         )

@@ -1,0 +1,156 @@
+"""What the tests of training share: a prepared data set, the scripts as modules, tiny trainings."""
+
+import argparse
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from accelerate.state import AcceleratorState, GradientState
+
+from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
+from tactile_diffusers.training.loop import Trainer, make_accelerator
+from tactile_diffusers.training.losses import velocity_loss
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+#: segments of 0.2048 s: 2048 samples at 10 kHz, 512 at the working rate, 32 latent frames
+SECONDS = 0.2048
+LCTG_CONFIG = {
+    "feature_extractor": {"feature_size": 24, "num_filters": 16, "hop_length": 8, "window_lengths": [64, 256]},
+    "lctg": {
+        "latent_channels": 4,
+        "encoder_width": 12,
+        "widths": [8, 12, 16],
+        "patch_size": 4,
+        "embedding_dim": 16,
+        "segment_samples": 512,
+    },
+}
+DALE_CONFIG = {"dale": {"widths": [32, 32], "embedding_dim": 16, "cross_attention_dim": 16}}
+
+
+def _reset_accelerate():
+    """Accelerate keeps its state in the process."""
+    AcceleratorState._reset_state(reset_partial_state=True)
+    GradientState._reset_state()
+
+
+@pytest.fixture(autouse=True)
+def fresh_accelerate():
+    yield
+    _reset_accelerate()
+
+
+@pytest.fixture(scope="session")
+def script():
+    """`script("train_lctg")` is the script as a module, a fresh one each time."""
+
+    def load(name):
+        spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def prepared(tmp_path_factory):
+    """Six virtual surfaces of 5 s each, in short segments."""
+    folder = tmp_path_factory.mktemp("prepared")
+    generate_recordings(folder / "recordings.h5", surfaces=6, seconds=5, explorers=1, seed=3, quiet=True)
+    limits = SegmentLimits(seconds=SECONDS)
+    prepare_recordings(folder / "recordings.h5", folder / "prepared.h5", limits, validation=1, test=1, quiet=True)
+    return folder / "prepared.h5"
+
+
+@pytest.fixture(scope="session")
+def tiny_configs(tmp_path_factory):
+    """Model configs of tiny models: {"lctg": path, "dale": path}."""
+    folder = tmp_path_factory.mktemp("configs")
+    for name, config in (("lctg", LCTG_CONFIG), ("dale", DALE_CONFIG)):
+        (folder / f"{name}.json").write_text(json.dumps(config))
+    return {name: folder / f"{name}.json" for name in ("lctg", "dale")}
+
+
+def command_line(options):
+    """{"max_train_steps": 3, "quiet": True} -> ["--max_train_steps", "3", "--quiet"]; `None` leaves an option out."""
+    words = []
+    for name, value in options.items():
+        if value is not None:
+            words += [f"--{name}"] if value is True else [f"--{name}={value}"]
+    return words
+
+
+@pytest.fixture(scope="session")
+def options_of_a_tiny_training(prepared, tiny_configs):
+    """`options_of_a_tiny_training("lctg", output, **changes)`: the command line's words; four steps by default."""
+
+    def make(name, output, **changes):
+        options = {
+            "train_data_dir": prepared,
+            "output_dir": output,
+            "model_config_name_or_path": tiny_configs[name],
+            "max_train_steps": 4,
+            "train_batch_size": 4,
+            "learning_rate": 1e-3,
+            "lr_warmup_steps": 1,
+            "checkpointing_steps": 2,
+            "validation_steps": 1000,
+            "validation_samples": 2,
+            "report_to": "none",
+            "quiet": True,
+        }
+        return command_line(options | changes)
+
+    return make
+
+
+# --- a training without any data, to see what the loop itself does
+
+
+class _Step(torch.nn.Module):
+    """The v-objective on random states; `at` maps the number of a call to what happens to its loss."""
+
+    def __init__(self, model, at):
+        super().__init__()
+        self.model, self.at, self.calls = model, at, 0
+
+    def forward(self, batch, generator):
+        self.calls += 1
+        noise = torch.randn(batch["state"].shape, generator=generator)
+        velocity = self.model(batch["state"] + noise, 500.0, batch["ratings"], return_dict=False)[0]
+        loss = velocity_loss(velocity, batch["state"] - noise).mean()
+        loss = self.at.get(self.calls, lambda value: value)(loss)
+        return loss, {"velocity": loss.detach()}
+
+
+class _Rows(torch.utils.data.Dataset):
+    def __init__(self, count):
+        generator = torch.Generator().manual_seed(0)
+        self.states = torch.randn((count, 6, 8), generator=generator)
+        self.ratings = torch.randn((count, 3), generator=generator)
+
+    def __len__(self):
+        return len(self.states)
+
+    def __getitem__(self, index):
+        return {"state": self.states[index], "ratings": self.ratings[index]}
+
+
+@pytest.fixture
+def make_trainer(make_dale):
+    """`make_trainer(folder, max_train_steps=3, at={2: function})` makes a `Trainer` of a tiny DALE on random states."""
+
+    def make(output, at=None, validate=None, rows=13, **options):
+        _reset_accelerate()
+        fixed = {"train_data_dir": "none", "output_dir": output, "report_to": "none", "quiet": True}
+        fixed |= {"train_batch_size": 3, "lr_warmup_steps": 1, "learning_rate": 1e-2, "max_train_steps": 4}
+        args = add_training_arguments(argparse.ArgumentParser()).parse_args(command_line(fixed | options))
+        check_training_arguments(args)
+        validate = validate or (lambda model, step: {"nothing": 0.0})
+        return Trainer(make_accelerator(args), args, _Step(make_dale(), at or {}), "dale", _Rows(rows), None, validate)
+
+    return make

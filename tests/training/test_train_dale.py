@@ -1,0 +1,163 @@
+"""`examples/train_dale.py` on a tiny data set: learning, the auxiliary head, exact resume, refusals."""
+
+import json
+import shutil
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+WEIGHTS = "diffusion_pytorch_model.safetensors"
+
+
+def _train(script, prepared, config, lctg, output, **options):
+    """Runs the script's `main` on the tiny data set, by default without the auxiliary loss; returns the folder."""
+    options = {
+        "train_data_dir": prepared,
+        "pretrained_model_name_or_path": lctg,
+        "output_dir": output,
+        "model_config_name_or_path": config,
+        "train_batch_size": 4,
+        "gradient_accumulation_steps": 2,
+        "max_train_steps": 4,
+        "lr_warmup_steps": 1,
+        "checkpointing_steps": 2,
+        "validation_steps": 1000,
+        "validation_samples": 2,
+        "conditioning_weight": 0,
+        "report_to": "none",
+        "quiet": True,
+        **options,
+    }
+    words = []
+    for name, value in options.items():
+        words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    with torch.random.fork_rng(devices=[]):  # the script seeds the global random state
+        script.main(words)
+    return output
+
+
+def _small_figures(module):
+    """The validation figure with one take and three values: it is tested with the figures."""
+    plot = module.plot_axis_sweep
+    module.plot_axis_sweep = lambda pipe, path, takes=1: plot(pipe, path, takes=1, values=(-1.0, 0.0, 1.0))
+    return module
+
+
+@pytest.fixture(scope="module")
+def lctg(script, prepared, tiny_configs, tmp_path_factory):
+    """The output folder of two steps of LCTG."""
+    output = tmp_path_factory.mktemp("lctg") / "lctg"
+    words = "--max_train_steps 2 --lr_warmup_steps 1 --train_batch_size 4 --validation_samples 2 --report_to none"
+    arguments = ["--train_data_dir", str(prepared), "--output_dir", str(output), "--quiet"]
+    arguments += ["--model_config_name_or_path", str(tiny_configs["lctg"]), *words.split()]
+    with torch.random.fork_rng(devices=[]):
+        script("train_lctg").main(arguments)
+    return output
+
+
+@pytest.fixture
+def dale_script(script):
+    """A fresh module of the script, free to be patched."""
+    return _small_figures(script("train_dale"))
+
+
+@pytest.fixture
+def train(dale_script, prepared, tiny_configs, lctg):
+    """`train(output, **options)`."""
+    return lambda output, **options: _train(dale_script, prepared, tiny_configs["dale"], lctg, output, **options)
+
+
+@pytest.fixture(scope="module")
+def trained(script, prepared, tiny_configs, lctg, tmp_path_factory):
+    """The output folder of four steps of two accumulated batches, unbroken."""
+    output = tmp_path_factory.mktemp("trained") / "dale"
+    return _train(_small_figures(script("train_dale")), prepared, tiny_configs["dale"], lctg, output)
+
+
+def _weights(folder):
+    return load_file(str(folder / WEIGHTS))
+
+
+def _assert_equal_weights(first, second):
+    first, second = _weights(first), _weights(second)
+    assert first.keys() == second.keys()
+    assert [name for name in first if not torch.equal(first[name], second[name])] == []
+
+
+def _read_log(output):
+    entries = [json.loads(line) for line in (output / "log.jsonl").read_text().splitlines()]
+    return [{key: value for key, value in entry.items() if key != "seconds"} for entry in entries]
+
+
+def test_auxiliary_loss_is_trained_with_a_head_that_is_not_saved(dale_script, train, tmp_path, monkeypatch):
+    fit = dale_script.train_rating_head
+    monkeypatch.setattr(dale_script, "train_rating_head", lambda *a, **k: fit(*a, **k, steps=5, batch_size=8))
+    output = train(tmp_path / "dale", conditioning_weight=0.05, max_train_steps=2)
+    assert any("train/conditioning" in entry for entry in _read_log(output))
+    assert not any("head" in name for name in _weights(output / "dale"))
+
+
+def test_resumed_training_equals_an_unbroken_one_bit_for_bit(train, trained, tmp_path):
+    output = shutil.copytree(trained, tmp_path / "dale")
+    shutil.rmtree(output / "checkpoint-4")
+    shutil.rmtree(output / "dale")
+    train(output, resume_from_checkpoint="latest")
+    for part in ("dale", "checkpoint-4/dale", "checkpoint-4/dale_ema"):
+        _assert_equal_weights(output / part, trained / part)
+    assert [entry["step"] for entry in _read_log(output)] == [entry["step"] for entry in _read_log(trained)]
+
+
+def test_sixty_steps_reduce_the_loss(train, tmp_path):
+    logs = []
+    for steps in (1, 60):
+        output = train(
+            tmp_path / str(steps),
+            max_train_steps=steps,
+            learning_rate=4e-3,
+            gradient_accumulation_steps=1,
+            train_batch_size=16,
+            checkpointing_steps=1000,
+            ema_decay=0.9,
+        )
+        logs.append({key: value for entry in _read_log(output) for key, value in entry.items()})
+    first, last = logs  # means over step 1 and over steps 51 to 60
+    assert first["train/velocity"] == pytest.approx(1.0, abs=0.2)  # v = 0 at the start, of states of unit variance
+    # latents of an encoder of two steps are almost white: what can be learned of them in a minute is little but clear,
+    # level and friction follow from the ratings much sooner
+    assert last["train/velocity"] < 0.93 * first["train/velocity"]
+    assert last["train/scalars"] < 0.75 * first["train/scalars"]
+    assert last["train/loss"] < 0.9 * first["train/loss"]
+    # on a surface it has not seen
+    assert last["validation/velocity_rated"] < 0.97 * first["validation/velocity_rated"]
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"condition_dropout": 1.5}, ValueError, "--condition_dropout"),
+        ({"unconditional": -0.1}, ValueError, "--unconditional"),
+        ({"learning_rate": 0}, ValueError, "--learning_rate"),
+        ({"train_batch_size": 100_000}, ValueError, "train_batch_size"),
+        ({"pretrained_model_name_or_path": "/nowhere/lctg"}, (OSError, ValueError), "/nowhere/lctg"),
+        ({"train_data_dir": "/nowhere/prepared.h5"}, FileNotFoundError, "/nowhere/prepared.h5"),
+    ],
+    ids=lambda value: str(value) if isinstance(value, dict) else None,
+)
+def test_bad_arguments_are_refused_by_name(train, tmp_path, options, error, message):
+    with pytest.raises(error, match=message):
+        train(tmp_path / "dale", **options)
+    assert not list(tmp_path.glob("dale/checkpoint-*"))
+
+
+def test_unknown_section_of_the_model_config(train, tmp_path):
+    (tmp_path / "config.json").write_text('{"dal": {}}')
+    with pytest.raises(ValueError, match="--model_config_name_or_path"):
+        train(tmp_path / "dale", model_config_name_or_path=tmp_path / "config.json")
+
+
+def test_output_folder_in_use(train, trained):
+    before = sorted(path.name for path in trained.iterdir())
+    with pytest.raises(ValueError, match="--output_dir .* already holds a training"):
+        train(trained)
+    assert sorted(path.name for path in trained.iterdir()) == before

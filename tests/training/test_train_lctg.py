@@ -1,0 +1,291 @@
+"""`examples/train_lctg.py` on a tiny data set: outputs, learning, exact resume, checkpoints, refusals."""
+
+import hashlib
+import json
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from tactile_diffusers import TactileTexturePipeline
+from tactile_diffusers.data import PreparedDataset
+
+WEIGHTS = "diffusion_pytorch_model.safetensors"
+
+
+def _train(script, prepared, tiny_configs, output, **options):
+    """Runs the script's `main` on the tiny data set and returns the output folder."""
+    options = {
+        "train_data_dir": prepared,
+        "output_dir": output,
+        "model_config_name_or_path": tiny_configs["lctg"],
+        "train_batch_size": 4,
+        "max_train_steps": 4,
+        "lr_warmup_steps": 1,
+        "checkpointing_steps": 2,
+        "validation_steps": 1000,
+        "validation_samples": 3,
+        "report_to": "none",
+        "quiet": True,
+        **options,
+    }
+    words = []
+    for name, value in options.items():
+        words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    with torch.random.fork_rng(devices=[]):  # the script seeds the global random state
+        script.main(words)
+    return output
+
+
+@pytest.fixture
+def lctg_script(script):
+    """A fresh module of the script, free to be patched."""
+    return script("train_lctg")
+
+
+@pytest.fixture
+def train(lctg_script, prepared, tiny_configs):
+    """`train(output, **options)`."""
+    return lambda output, **options: _train(lctg_script, prepared, tiny_configs, output, **options)
+
+
+@pytest.fixture(scope="module")
+def trained(script, prepared, tiny_configs, tmp_path_factory):
+    """The output folder of four steps, unbroken. Copy it before changing anything in it."""
+    return _train(script("train_lctg"), prepared, tiny_configs, tmp_path_factory.mktemp("trained") / "lctg")
+
+
+@pytest.fixture
+def copy_of_trained(trained, tmp_path):
+    return shutil.copytree(trained, tmp_path / "lctg")
+
+
+def _read_log(output):
+    """The entries of a training's log without the running time."""
+    entries = [json.loads(line) for line in (output / "log.jsonl").read_text().splitlines()]
+    return [{key: value for key, value in entry.items() if key != "seconds"} for entry in entries]
+
+
+def _weights(folder):
+    return load_file(str(folder / WEIGHTS))
+
+
+def _assert_equal_weights(first, second):
+    first, second = _weights(first), _weights(second)
+    assert first.keys() == second.keys()
+    assert [name for name in first if not torch.equal(first[name], second[name])] == []
+
+
+def _names(folder, pattern="*checkpoint-*"):
+    return sorted(path.name for path in folder.glob(pattern))
+
+
+class TestOutput:
+    def test_folder_is_a_pipeline_that_reconstructs(self, trained, prepared, recorded_warnings):
+        with recorded_warnings() as found:
+            pipe = TactileTexturePipeline.from_pretrained(str(trained))
+        assert found == [] and pipe.dale is None
+        assert pipe.lctg.config.segment_samples == 512 and pipe.lctg.config.latent_hop == 16
+        assert len(pipe.feature_extractor.preemphasis_db) == len(pipe.feature_extractor.preemphasis_frequencies) > 8
+        assert max(pipe.feature_extractor.preemphasis_db) <= 30
+        pipe.set_progress_bar_config(disable=True)
+        texture = PreparedDataset(prepared, "test").textures([0])
+        out = pipe.reconstruct(texture, 10_000, 3, torch.Generator().manual_seed(0))
+        assert out.textures.shape == texture.shape and np.isfinite(out.textures).all()
+
+    def test_losses_and_validation_are_logged(self, trained):
+        entries = {key: value for entry in _read_log(trained) for key, value in entry.items()}
+        assert entries["step"] == 4
+        for key in ("train/loss", "train/velocity", "validation/nine_band_db", "validation/snr_db"):
+            assert np.isfinite(entries[key]), key
+        assert entries["lr"] == pytest.approx(0, abs=1e-9)  # the cosine has come to its end: steps are counted once
+
+    def test_pictures_and_facts_for_the_model_card(self, trained):
+        for name in ("loss.png", "validation.png"):
+            assert (trained / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+        facts = json.loads((trained / "training.json").read_text())
+        assert facts["steps"] == 4 and facts["segments"] > 4 and facts["arguments"]["seed"] == 0
+
+    def test_averaged_weights_are_the_ones_saved(self, trained):
+        _assert_equal_weights(trained / "lctg", trained / "checkpoint-4" / "lctg_ema")
+        raw = _weights(trained / "checkpoint-4" / "lctg")
+        assert any(not torch.equal(value, raw[name]) for name, value in _weights(trained / "lctg").items())
+
+    def test_without_averaging_the_last_weights_are_the_ones_saved(self, train, trained, tmp_path):
+        output = train(tmp_path / "raw", **{"no-use_ema": True})
+        _assert_equal_weights(output / "lctg", trained / "checkpoint-4" / "lctg")
+        assert not (output / "checkpoint-4" / "lctg_ema").exists()
+
+
+class TestResume:
+    def test_resumed_training_equals_an_unbroken_one_bit_for_bit(self, train, trained, copy_of_trained):
+        # as if killed while writing the checkpoint of step 4
+        (copy_of_trained / "checkpoint-4").rename(copy_of_trained / "unfinished-checkpoint-4")
+        (copy_of_trained / "unfinished-checkpoint-4" / "lctg" / WEIGHTS).write_bytes(b"")
+        shutil.rmtree(copy_of_trained / "lctg")
+        train(copy_of_trained, resume_from_checkpoint="latest")
+        _assert_equal_weights(copy_of_trained / "lctg", trained / "lctg")
+        for part in ("lctg", "lctg_ema"):
+            _assert_equal_weights(copy_of_trained / "checkpoint-4" / part, trained / "checkpoint-4" / part)
+        resumed, unbroken = (
+            torch.load(folder / "checkpoint-4" / "optimizer.bin", weights_only=True)["state"]
+            for folder in (copy_of_trained, trained)
+        )
+        for index, state in unbroken.items():
+            assert all(torch.equal(value, resumed[index][name]) for name, value in state.items())
+        # what was logged after the checkpoint is not there twice; means over fewer steps than unbroken may differ
+        resumed, unbroken = _read_log(copy_of_trained), _read_log(trained)
+        assert [entry["step"] for entry in resumed] == [entry["step"] for entry in unbroken]
+        assert resumed[-1] == unbroken[-1]
+        assert _names(copy_of_trained) == ["checkpoint-2", "checkpoint-4"]
+
+    def test_named_checkpoint(self, train, trained, copy_of_trained):
+        train(copy_of_trained, resume_from_checkpoint=copy_of_trained / "checkpoint-2")
+        _assert_equal_weights(copy_of_trained / "lctg", trained / "lctg")
+
+    def test_finished_training_is_left_as_it_is(self, train, trained, copy_of_trained):
+        train(copy_of_trained, resume_from_checkpoint="latest")
+        _assert_equal_weights(copy_of_trained / "lctg", trained / "lctg")
+        assert _read_log(copy_of_trained) == _read_log(trained)
+
+    def test_latest_before_the_first_checkpoint_starts_from_the_beginning(self, train, trained, tmp_path):
+        output = tmp_path / "killed"
+        output.mkdir()
+        (output / "log.jsonl").write_text('{"step": 1, "train/loss": 123.0, "lr": 0.1, "seconds": 9.0}\n')
+        train(output, resume_from_checkpoint="latest")
+        _assert_equal_weights(output / "lctg", trained / "lctg")
+        assert _read_log(output) == _read_log(trained)  # nothing of the run that left no checkpoint
+
+    def test_half_written_last_line_of_the_log_is_forgotten(self, train, trained, copy_of_trained):
+        shutil.rmtree(copy_of_trained / "checkpoint-4")
+        with open(copy_of_trained / "log.jsonl", "a") as log:
+            log.write('{"step": 3, "train/lo')
+        train(copy_of_trained, resume_from_checkpoint="latest")
+        assert [entry["step"] for entry in _read_log(copy_of_trained)] == [e["step"] for e in _read_log(trained)]
+
+    @pytest.mark.parametrize("wanted", ["nowhere", "lctg"])
+    def test_what_is_no_checkpoint_is_refused(self, train, copy_of_trained, wanted):
+        with pytest.raises(ValueError, match="--resume_from_checkpoint"):
+            train(copy_of_trained, resume_from_checkpoint=copy_of_trained / wanted)
+
+
+class TestCheckpoints:
+    def test_the_oldest_are_removed_and_foreign_folders_are_not(self, train, tmp_path):
+        output = tmp_path / "lctg"
+        (output / "checkpoint-best").mkdir(parents=True)
+        train(output, checkpointing_steps=1, checkpoints_total_limit=3, max_train_steps=4)
+        assert _names(output) == ["checkpoint-2", "checkpoint-3", "checkpoint-4", "checkpoint-best"]
+
+    def test_the_end_is_saved_even_between_checkpoints(self, train, tmp_path):
+        output = train(tmp_path / "lctg", checkpointing_steps=2, max_train_steps=3)
+        assert _names(output) == ["checkpoint-2", "checkpoint-3"]
+
+    def test_a_loss_that_is_nan_stops_the_training_and_leaves_the_last_checkpoint(
+        self, lctg_script, train, tmp_path, monkeypatch
+    ):
+        calls, velocity_loss = [], lctg_script.velocity_loss
+
+        def broken(*arguments):
+            calls.append(None)
+            return velocity_loss(*arguments) * (float("nan") if len(calls) > 3 else 1.0)
+
+        monkeypatch.setattr(lctg_script, "velocity_loss", broken)
+        with pytest.raises(FloatingPointError, match=r"loss is nan at step 3\b.*checkpoint-2"):
+            train(tmp_path / "lctg", max_train_steps=6)
+        weights = _weights(tmp_path / "lctg" / "checkpoint-2" / "lctg")
+        assert all(torch.isfinite(value).all() for value in weights.values())
+        assert not (tmp_path / "lctg" / "model_index.json").exists()
+
+
+def _snapshot(folder):
+    """Every file's name and hash."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()[:12] for path in files}
+
+
+class TestRefusals:
+    def test_output_folder_in_use(self, train, copy_of_trained):
+        before = _snapshot(copy_of_trained)
+        with pytest.raises(ValueError, match="--output_dir .* already holds a training.*--overwrite_output_dir"):
+            train(copy_of_trained)
+        assert _snapshot(copy_of_trained) == before
+
+    def test_overwriting_starts_again(self, train, copy_of_trained):
+        (copy_of_trained / "checkpoint-4").rename(copy_of_trained / "checkpoint-900")
+        train(copy_of_trained, overwrite_output_dir=True, max_train_steps=2, seed=1)
+        assert _names(copy_of_trained) == ["checkpoint-2"]
+        assert {entry["step"] for entry in _read_log(copy_of_trained)} == {2}
+
+    @pytest.mark.parametrize(
+        ("options", "error", "message"),
+        [
+            ({"train_data_dir": "/nowhere/prepared.h5"}, FileNotFoundError, "/nowhere/prepared.h5"),
+            ({"train_batch_size": 100_000}, ValueError, "train_batch_size"),
+            ({"spectral_loss_weight": -1}, ValueError, "--spectral_loss_weight"),
+            ({"preemphasis_clip_db": -1}, ValueError, "--preemphasis_clip_db"),
+            ({"octave_exponent": -1}, ValueError, "--octave_exponent"),
+            ({"train_batch_size": 0}, ValueError, "--train_batch_size"),
+            ({"lr_scheduler": "zigzag"}, ValueError, "zigzag"),
+        ],
+        ids=lambda value: str(value) if isinstance(value, dict) else None,
+    )
+    def test_bad_arguments_damage_nothing(self, train, copy_of_trained, options, error, message):
+        before = _snapshot(copy_of_trained)
+        with pytest.raises(error, match=message):
+            train(copy_of_trained, overwrite_output_dir=True, **options)
+        assert _snapshot(copy_of_trained) == before
+
+    def test_unknown_section_of_the_model_config(self, train, tmp_path):
+        (tmp_path / "config.json").write_text('{"lctgg": {}}')
+        with pytest.raises(ValueError, match=r"--model_config_name_or_path .*\['lctgg'\]"):
+            train(tmp_path / "out", model_config_name_or_path=tmp_path / "config.json")
+
+
+class TestLearning:
+    def test_sixty_steps_reduce_the_loss(self, train, tmp_path):
+        options = {"train_batch_size": 8, "learning_rate": 4e-3, "checkpointing_steps": 1000}
+        # not whitened: white noise has nothing to learn but what the latents say, which takes longer
+        options |= {"octave_exponent": 0, "preemphasis_clip_db": 0}
+        losses = []
+        for steps in (1, 60):  # the mean over step 1, and over steps 51 to 60
+            output = train(tmp_path / str(steps), max_train_steps=steps, **options)
+            losses.append([entry["train/velocity"] for entry in _read_log(output) if "train/velocity" in entry][-1])
+        assert losses[0] == pytest.approx(1.0, abs=0.25)  # v = 0 at the start, of data of unit variance
+        assert losses[1] < 0.9 * losses[0]
+
+    def test_spectral_loss_is_added(self, train, tmp_path):
+        options = {"max_train_steps": 1, "spectral_loss_weight": 0.5, "octave_exponent": 0}
+        output = train(tmp_path / "lctg", **options)
+        entry = next(entry for entry in _read_log(output) if "train/loss" in entry)
+        assert entry["train/spectral"] > 0
+        expected = entry["train/velocity"] + 0.5 * entry["train/spectral"]
+        assert entry["train/loss"] == pytest.approx(expected, rel=1e-5)  # float32
+
+    def test_second_phase_goes_on_from_the_first(self, train, trained, tmp_path):
+        options = {"pretrained_model_name_or_path": trained, "subset": "full", "freeze_encoder": True}
+        output = train(tmp_path / "second", max_train_steps=2, **options)
+        before, after = _weights(trained / "lctg"), _weights(output / "lctg")
+        moved = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
+        assert moved == {"decoder", "time_embedder"}
+        extractor = "feature_extractor/preprocessor_config.json"
+        assert (output / extractor).read_bytes() == (trained / extractor).read_bytes()
+        assert (
+            json.loads((output / "training.json").read_text())["segments"]
+            > json.loads((trained / "training.json").read_text())["segments"]
+        )
+
+    def test_gradient_checkpointing_changes_nothing(self, train, trained, tmp_path):
+        output = train(tmp_path / "lctg", gradient_checkpointing=True)
+        expected = _weights(trained / "lctg")
+        for name, value in _weights(output / "lctg").items():
+            # the same sums computed twice; Adam turns float32 noise in tiny gradients into steps of the rate, 1e-3
+            torch.testing.assert_close(value, expected[name], rtol=0, atol=1e-4)
+
+    def test_seed_decides_everything(self, train, trained, tmp_path):
+        torch.manual_seed(123)
+        again = train(tmp_path / "again")
+        _assert_equal_weights(again / "lctg", trained / "lctg")
+        other = train(tmp_path / "other", seed=1)
+        assert not torch.equal(*(_weights(f / "lctg")["decoder.conv_in.weight"] for f in (again, other)))

@@ -1,0 +1,142 @@
+"""`Trainer` on a tiny model without data: accumulation, averaging, interrupted checkpoints, trackers."""
+
+import json
+import os
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from tactile_diffusers.training.loop import latest_checkpoint
+
+
+def _state(model):
+    return {name: value.detach().clone() for name, value in model.state_dict().items()}
+
+
+def _assert_equal(first, second):
+    assert first.keys() == second.keys()
+    assert [name for name in first if not torch.equal(first[name], second[name])] == []
+
+
+class Killed(Exception):
+    pass
+
+
+def _killed(loss):
+    raise Killed
+
+
+@pytest.mark.parametrize("accumulation", [1, 2])
+def test_a_killed_and_resumed_training_equals_an_unbroken_one(make_trainer, tmp_path, accumulation):
+    options = {"max_train_steps": 7, "checkpointing_steps": 3, "gradient_accumulation_steps": accumulation}
+    unbroken = _state(make_trainer(tmp_path / "unbroken", **options).run())
+    with pytest.raises(Killed):
+        make_trainer(tmp_path / "killed", at={5 * accumulation: _killed}, **options).run()
+    assert latest_checkpoint(tmp_path / "killed").name == "checkpoint-3"
+    resumed = make_trainer(tmp_path / "killed", resume_from_checkpoint="latest", **options)
+    model = resumed.run()
+    assert resumed.module.calls == 4 * accumulation  # steps 4 to 7 only
+    _assert_equal(_state(model), unbroken)
+
+
+def test_accumulated_batches_are_one_large_batch(make_trainer, tmp_path):
+    # plain averages of gradients: compared after one step, whose direction Adam takes from the sign alone
+    options = {"max_train_steps": 1, "rows": 12, "lr_warmup_steps": 0, "use_ema": None, "no-use_ema": True}
+    seen = []
+
+    def look(loss):
+        seen.append(loss.detach().item())
+        return loss
+
+    trainer = make_trainer(tmp_path / "parts", at=dict.fromkeys((1, 2), look), gradient_accumulation_steps=2, **options)
+    trainer.run()
+    assert len(seen) == 2 and trainer.step == 1
+    [entry] = [json.loads(line) for line in (tmp_path / "parts" / "log.jsonl").read_text().splitlines()][:1]
+    assert entry["train/loss"] == pytest.approx(np.mean(seen), rel=1e-6)  # float32
+
+
+def test_averaged_weights_are_validated_and_returned_and_the_raw_ones_trained_on(make_trainer, tmp_path):
+    seen = []
+
+    def validate(model, step):
+        assert not model.training and not torch.is_grad_enabled()
+        seen.append(_state(model))
+        return {"score": 1.0}
+
+    trainer = make_trainer(tmp_path, validate=validate, validation_steps=2, ema_decay=0.9)
+    model = trainer.run()
+    assert len(seen) == 2 and not model.training
+    _assert_equal(_state(model), seen[-1])
+    raw = load_file(tmp_path / "checkpoint-4" / "dale" / "diffusion_pytorch_model.safetensors")
+    assert any(not torch.equal(raw[name], value) for name, value in _state(model).items())
+    without = make_trainer(tmp_path / "no_validation", validation_steps=1000, ema_decay=0.9).run()
+    _assert_equal(_state(without), _state(model))  # looking changes nothing
+
+
+def test_weights_learn_and_the_rate_follows_its_schedule(make_trainer, tmp_path):
+    trainer = make_trainer(tmp_path, max_train_steps=200, checkpointing_steps=1000, lr_warmup_steps=10)
+    trainer.run()
+    log = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    losses = [entry["train/loss"] for entry in log if "train/loss" in entry]
+    rates = [entry["lr"] for entry in log if "lr" in entry]
+    assert losses[-1] < 0.8 * losses[0]
+    assert len(rates) == 4 and rates == sorted(rates, reverse=True) and rates[-1] == pytest.approx(0, abs=1e-8)
+
+
+def test_a_kill_while_writing_leaves_the_checkpoint_before(make_trainer, tmp_path, monkeypatch):
+    replace, calls = os.replace, []
+
+    def dying(source, target):
+        calls.append(target)
+        if len(calls) > 2:
+            raise Killed
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", dying)
+    with pytest.raises(Killed):
+        make_trainer(tmp_path, checkpointing_steps=1, checkpoints_total_limit=1, max_train_steps=5).run()
+    monkeypatch.undo()
+    # the older one goes only when the newer one is whole
+    assert latest_checkpoint(tmp_path).name == "checkpoint-2" and (tmp_path / "unfinished-checkpoint-3").is_dir()
+    model = make_trainer(
+        tmp_path, checkpointing_steps=1, checkpoints_total_limit=1, max_train_steps=5, resume_from_checkpoint="latest"
+    ).run()
+    assert sorted(path.name for path in tmp_path.glob("*checkpoint-*")) == ["checkpoint-5"]
+    shutil.rmtree(tmp_path)
+    _assert_equal(_state(model), _state(make_trainer(tmp_path, max_train_steps=5).run()))
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_loss_that_is_no_number_stops_with_its_step(make_trainer, tmp_path, value):
+    trainer = make_trainer(tmp_path, at={3: lambda loss: loss * value}, checkpointing_steps=1)
+    before = None
+    with pytest.raises(FloatingPointError, match=rf"The loss is {value} at step 2\..*checkpoint-2"):
+        trainer.run()
+    assert before is None and latest_checkpoint(tmp_path).name == "checkpoint-2"
+    assert all(p.isfinite().all() for p in trainer.module.parameters())
+
+
+def test_tensorboard_gets_scalars(make_trainer, tmp_path):
+    event_accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    make_trainer(tmp_path, report_to="tensorboard", validate=lambda model, step: {"score": 0.25}).run()
+    [file] = (tmp_path / "logs").rglob("events.*.0")
+    events = event_accumulator.EventAccumulator(str(file)).Reload()
+    assert {"train/loss", "lr", "validation/score"} <= set(events.Tags()["scalars"])
+    [score] = events.Scalars("validation/score")
+    assert score.step == 4 and score.value == 0.25
+
+
+def test_the_module_is_trained_as_given(make_trainer, tmp_path):
+    trainer = make_trainer(tmp_path, max_train_steps=1, gradient_checkpointing=True)
+    assert trainer.module.model.is_gradient_checkpointing
+    scaled = make_trainer(tmp_path / "scaled", scale_lr=True, gradient_accumulation_steps=2)
+    assert scaled.optimizer.param_groups[0]["initial_lr"] == pytest.approx(1e-2 * 2 * 3)
+
+
+def test_epochs_count_updates(make_trainer, tmp_path):
+    options = {"max_train_steps": None, "rows": 13, "num_train_epochs": 5}
+    assert make_trainer(tmp_path, **options).total_steps == 5 * 4
+    assert make_trainer(tmp_path, gradient_accumulation_steps=2, **options).total_steps == 5 * 2
