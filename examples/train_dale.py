@@ -174,13 +174,13 @@ class Rows(torch.utils.data.Dataset):
         return {name: values[index] for name, values in self.tensors.items()}
 
 
-def make_validation(args, pipe, held_out):
+def make_validation(args, pipe, dale_scheduler, held_out):
     """Velocity error on unseen surfaces with and without their ratings, and one axis swept (picture)."""
     count = min(args.validation_samples * 4, len(held_out["state"]))
     rows = torch.randperm(len(held_out["state"]), generator=torch.Generator().manual_seed(0))[:count]
     clean, ratings = held_out["state"][rows], held_out["ratings"][rows]
     noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(1))
-    scheduler = VDDIMScheduler()
+    scheduler = VDDIMScheduler.from_config(dale_scheduler.config)
     timesteps = torch.linspace(0, scheduler.config.num_train_timesteps - 1, count)
     noisy, target = scheduler.add_noise(clean, noise, timesteps), scheduler.get_velocity(clean, noise, timesteps)
 
@@ -198,7 +198,7 @@ def make_validation(args, pipe, held_out):
             feature_extractor=pipe.feature_extractor,
             scheduler=pipe.scheduler,
             dale=model,
-            dale_scheduler=VDDIMScheduler(),
+            dale_scheduler=scheduler,
         )
         whole.set_progress_bar_config(disable=True)
         plot_axis_sweep(whole, Path(args.output_dir) / "validation.png", takes=8)
@@ -236,7 +236,7 @@ def main(argv=None):
         "dale",
         Rows(states),
         None,
-        make_validation(args, pipe, held_out_states),
+        make_validation(args, pipe, dale_scheduler, held_out_states),
     )
     dale = trainer.run()
     if accelerator.is_main_process:

@@ -58,11 +58,7 @@ class LCTGTrainingStep(nn.Module):
         super().__init__()
         self.model, self.scheduler, self.num_filters = model, scheduler, extractor.num_filters
         self.spectral_loss_weight = args.spectral_loss_weight
-        weights = None
-        if args.octave_exponent:
-            samples = model.config.segment_samples
-            weights = octave_weights(samples, extractor.sampling_rate, extractor.band, args.octave_exponent)
-        self.register_buffer("frequency_weights", weights, persistent=False)
+        self.weighting = (extractor.sampling_rate, extractor.band, args.octave_exponent)
 
     def forward(self, batch, generator):
         clean, features = batch["waveform"][:, None], batch["input_features"]
@@ -85,7 +81,8 @@ class LCTGTrainingStep(nn.Module):
         noisy = self.scheduler.add_noise(clean, noise, timesteps)
         velocity = self.model(noisy, timesteps, latents, return_dict=False)[0]
         target = self.scheduler.get_velocity(clean, noise, timesteps)
-        loss = velocity_loss(velocity, target, self.frequency_weights).mean()
+        weights = octave_weights(clean.shape[-1], *self.weighting).to(clean.device)
+        loss = velocity_loss(velocity, target, weights).mean()
         scalars = {"velocity": loss.detach()}
         if self.spectral_loss_weight:
             predicted = self.scheduler.get_original_sample(velocity.float(), noisy, timesteps)

@@ -99,7 +99,7 @@ class ResnetBlock1D(nn.Module):
         residual = hidden_states
         hidden_states = self.conv1(self.act(self.norm1(hidden_states)))
         scale, shift = self.time_proj(embedding)[:, :, None].chunk(2, dim=1)
-        hidden_states = self.norm2(hidden_states) * (1 + scale) + shift
+        hidden_states = torch.addcmul(shift, self.norm2(hidden_states), 1 + scale)
         if self.context_proj is not None:
             hidden_states = hidden_states + self.context_proj(context)
         hidden_states = residual + self.conv2(self.act(hidden_states))
