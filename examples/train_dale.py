@@ -39,8 +39,11 @@ def parse_args(argv=None):
     )
     parser.add_argument("--scalar_weight", type=float, default=0.2, help="loss weight of level and log friction")
     parser.add_argument("--conditioning_weight", type=float, default=0.05, help="of the auxiliary loss; 0 = off")
+    parser.add_argument("--rating_head_steps", type=int, default=600, help="updates of the head of the auxiliary loss")
     args = parser.parse_args(argv)
     check_training_arguments(args)
+    if args.rating_head_steps < 1:
+        raise ValueError(f"--rating_head_steps must be at least 1, got {args.rating_head_steps}.")
     for name in ("condition_dropout", "unconditional"):
         if not 0 <= getattr(args, name) <= 1:
             raise ValueError(f"--{name} must lie in [0, 1], got {getattr(args, name)}.")
@@ -225,7 +228,12 @@ def main(argv=None):
     head = None
     if args.conditioning_weight:
         head, scores = train_rating_head(
-            states["state"], states["ratings"], held_out_states["state"], held_out_states["ratings"], seed=args.seed
+            states["state"],
+            states["ratings"],
+            held_out_states["state"],
+            held_out_states["ratings"],
+            steps=args.rating_head_steps,
+            seed=args.seed,
         )
         accelerator.print("rating head, R² on unseen surfaces:", [round(score, 3) for score in scores])
         head.to(accelerator.device)

@@ -92,8 +92,8 @@ def _read_log(output):
 
 def test_auxiliary_loss_is_trained_with_a_head_that_is_not_saved(dale_script, train, tmp_path, monkeypatch):
     fit = dale_script.train_rating_head
-    monkeypatch.setattr(dale_script, "train_rating_head", lambda *a, **k: fit(*a, **k, steps=5, batch_size=8))
-    output = train(tmp_path / "dale", conditioning_weight=0.05, max_train_steps=2)
+    monkeypatch.setattr(dale_script, "train_rating_head", lambda *a, **k: fit(*a, **k, batch_size=8))
+    output = train(tmp_path / "dale", conditioning_weight=0.05, max_train_steps=2, rating_head_steps=5)
     assert any("train/conditioning" in entry for entry in _read_log(output))
     assert not any("head" in name for name in _weights(output / "dale"))
 
