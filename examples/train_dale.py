@@ -8,7 +8,6 @@ The output folder is the whole pipeline: TactileTexturePipeline.from_pretrained(
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,12 @@ from tqdm.auto import tqdm
 from tactile_diffusers import DALEModel, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.models.dale import NUM_SCALARS
-from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
+from tactile_diffusers.training.arguments import (
+    add_training_arguments,
+    check_not_negative,
+    check_training_arguments,
+    read_model_config,
+)
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss, velocity_loss
@@ -47,19 +51,8 @@ def parse_args(argv=None):
     for name in ("condition_dropout", "unconditional"):
         if not 0 <= getattr(args, name) <= 1:
             raise ValueError(f"--{name} must lie in [0, 1], got {getattr(args, name)}.")
-    for name in ("rating_jitter", "scalar_weight", "conditioning_weight"):
-        if not getattr(args, name) >= 0:
-            raise ValueError(f"--{name} must not be negative, got {getattr(args, name)}.")
+    check_not_negative(args, "rating_jitter", "scalar_weight", "conditioning_weight")
     return args
-
-
-def read_config(path):
-    """The model config file as a dict, its sections checked before any work starts."""
-    config = json.loads(Path(path).read_text()) if path else {}
-    unknown = set(config) - {"dale", "dale_scheduler"}
-    if unknown:
-        raise ValueError(f"--model_config_name_or_path has unknown sections {sorted(unknown)}.")
-    return config
 
 
 class DALETrainingStep(nn.Module):
@@ -212,7 +205,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
 
 def main(argv=None):
     args = parse_args(argv)
-    config = read_config(args.model_config_name_or_path)
+    config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler"})
     pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
     accelerator = make_accelerator(args)
     pipe.to(accelerator.device)

@@ -11,7 +11,6 @@ The output folder is a pipeline that reconstructs: TactileTexturePipeline.from_p
 """
 
 import argparse
-import json
 import math
 from pathlib import Path
 
@@ -23,7 +22,12 @@ from tactile_diffusers import LCTGModel, TactileFeatureExtractor, TactileTexture
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.features import fit_preemphasis
 from tactile_diffusers.signal import nine_band_error_db, resample
-from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
+from tactile_diffusers.training.arguments import (
+    add_training_arguments,
+    check_not_negative,
+    check_training_arguments,
+    read_model_config,
+)
 from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
@@ -45,9 +49,7 @@ def parse_args(argv=None):
     parser.add_argument("--preemphasis_clip_db", type=float, default=30.0, help="largest whitening gain; 0 = none")
     args = parser.parse_args(argv)
     check_training_arguments(args)
-    for name in ("spectral_loss_weight", "preemphasis_clip_db", "octave_exponent"):
-        if getattr(args, name) < 0:
-            raise ValueError(f"--{name} must not be negative, got {getattr(args, name)}.")
+    check_not_negative(args, "spectral_loss_weight", "preemphasis_clip_db", "octave_exponent")
     return args
 
 
@@ -58,7 +60,8 @@ class LCTGTrainingStep(nn.Module):
         super().__init__()
         self.model, self.scheduler, self.num_filters = model, scheduler, extractor.num_filters
         self.spectral_loss_weight = args.spectral_loss_weight
-        self.weighting = (extractor.sampling_rate, extractor.band, args.octave_exponent)
+        self.octave_exponent = args.octave_exponent
+        self.rate_and_band = (extractor.sampling_rate, extractor.band)
 
     def forward(self, batch, generator):
         clean, features = batch["waveform"][:, None], batch["input_features"]
@@ -81,7 +84,9 @@ class LCTGTrainingStep(nn.Module):
         noisy = self.scheduler.add_noise(clean, noise, timesteps)
         velocity = self.model(noisy, timesteps, latents, return_dict=False)[0]
         target = self.scheduler.get_velocity(clean, noise, timesteps)
-        weights = octave_weights(clean.shape[-1], *self.weighting).to(clean.device)
+        weights = None
+        if self.octave_exponent:
+            weights = octave_weights(clean.shape[-1], *self.rate_and_band, self.octave_exponent).to(clean.device)
         loss = velocity_loss(velocity, target, weights).mean()
         scalars = {"velocity": loss.detach()}
         if self.spectral_loss_weight:
@@ -99,10 +104,7 @@ def build_components(args):
     if args.pretrained_model_name_or_path:
         pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
         return pipe.feature_extractor, pipe.lctg, pipe.scheduler
-    config = json.loads(Path(args.model_config_name_or_path).read_text()) if args.model_config_name_or_path else {}
-    unknown = set(config) - {"feature_extractor", "lctg", "scheduler"}
-    if unknown:
-        raise ValueError(f"--model_config_name_or_path has unknown sections {sorted(unknown)}.")
+    config = read_model_config(args.model_config_name_or_path, {"feature_extractor", "lctg", "scheduler"})
     native = PreparedDataset(args.train_data_dir, "train", "filtered")  # the spectrum of what will be generated
     settings = {"band": tuple(native.band), **config.get("feature_extractor", {})}
     if args.preemphasis_clip_db:

@@ -6,7 +6,7 @@ from scipy.signal import fftconvolve
 from scipy.stats import spearmanr
 
 from ..pipelines.windows import Windows
-from ..signal import band_edges, band_levels_db, nine_band_error_db, power_spectral_density, resample, rms
+from ..signal import BAND_HZ, band_edges, band_levels_db, nine_band_error_db, power_spectral_density, resample, rms
 from .distances import frechet_tactile_distance, kernel_tactile_distance
 from .embedding import TactileEmbedding
 from .reconstruction import signed_band_error_db, snr_db
@@ -14,6 +14,8 @@ from .reconstruction import signed_band_error_db, snr_db
 #: bands of the signed error, Hz: where lows fade and where noise appears (paper section 4)
 SIGNED_BANDS_HZ = ((20, 60), (60, 150), (150, 400), (400, 650), (650, 1000))
 
+#: band whose share of the power a sweep reports, Hz
+SHARE_BAND_HZ = (150.0, 400.0)
 #: ratings of a sweep, z-scores (paper section 3.4)
 SWEEP_VALUES = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)
 
@@ -71,9 +73,7 @@ def reconstruction_study(pipe, held_out, reference, steps=(10,), per_surface=4, 
     chosen, pair = chosen[pair >= 0], pair[pair >= 0]
     different = other_segments(held_out, chosen, False, seed)
     real = held_out.textures(chosen)
-    train = reference.textures(reference.non_overlapping(per_surface, seed))
-    embedding = TactileEmbedding.fit(train, rate)
-    train_points = embedding(train, rate)
+    _, embedding, train_points = _reference_points(reference, rate, per_surface, seed)
 
     rows = {
         "silence": np.zeros_like(real),
@@ -99,6 +99,13 @@ def reconstruction_study(pipe, held_out, reference, steps=(10,), per_surface=4, 
     if held_out.unit == "N":
         table["real (held out)"]["rms_mn"] = float(1e3 * rms(real).mean())
     return table
+
+
+def _reference_points(reference, rate, per_surface, seed):
+    """Training textures, the embedding fitted on them, and them embedded: what distances refer to."""
+    train = reference.textures(reference.non_overlapping(per_surface, seed))
+    embedding = TactileEmbedding.fit(train, rate)
+    return train, embedding, embedding(train, rate)
 
 
 def _set_metrics(points, reference, width):
@@ -130,9 +137,7 @@ def generation_study(pipe, held_out, reference, takes=8, steps=10, guidance_scal
     from tqdm.auto import tqdm
 
     rate, edges = held_out.sampling_rate, band_edges(9, held_out.band)
-    train = reference.textures(reference.non_overlapping(4, seed))
-    embedding = TactileEmbedding.fit(train, rate)
-    train_points = embedding(train, rate)
+    train, embedding, train_points = _reference_points(reference, rate, 4, seed)
     train_bands = band_levels_db(train, rate, edges).mean(0)
     chosen = held_out.non_overlapping(takes, seed)
     surfaces = np.unique(held_out.surface_ids[chosen])
@@ -195,7 +200,9 @@ def rating_sweep(pipe, axis, values=SWEEP_VALUES, takes=40, steps=10, guidance_s
             num_textures_per_rating=takes,
             generator=generator,
         )
-        power = 10 ** (band_levels_db(out.textures, out.sampling_rate, np.array([20.0, 150.0, 400.0, 1000.0])) / 10)
+        power = 10 ** (
+            band_levels_db(out.textures, out.sampling_rate, np.array([BAND_HZ[0], *SHARE_BAND_HZ, BAND_HZ[1]])) / 10
+        )
         shares.append(float((power[:, 1] / power.sum(-1)).mean()))
         levels.append(float(20 / np.log(10) * out.level.mean()))
         frictions.append(float(np.log(out.friction_coefficient).mean()))

@@ -8,6 +8,7 @@ from diffusers.models.attention import AttentionMixin
 from diffusers.models.modeling_utils import ModelMixin
 from diffusers.utils import BaseOutput
 
+from ..signal import RATING_AXES
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
 from .unet_1d import UNet1D
 
@@ -59,7 +60,7 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         self,
         in_channels: int = 16 + NUM_SCALARS,
         latent_frames: int = 64,
-        rating_axes: tuple[str, ...] = ("roughness", "bumpiness", "slipperiness"),
+        rating_axes: tuple[str, ...] = RATING_AXES,
         widths: tuple[int, ...] = (128, 160, 192),
         embedding_dim: int = 256,
         cross_attention_dim: int = 128,

@@ -42,17 +42,23 @@ class Windows:
         return rows.repeat(len(self.starts), *([1] * (rows.ndim - 1)))
 
     def weights(self, device):
-        """(windows, total) float32: one where a window is alone, crossfaded (linear) where it overlaps others."""
+        """(windows, size) float32: one where a window is alone, crossfaded (linear) where it overlaps others."""
         ramp = (torch.arange(self.overlap, device=device) + 0.5) / self.overlap
-        weights = torch.zeros(len(self.starts), self.total, device=device)
-        for row, start in enumerate(self.starts):
-            shape = torch.ones(self.size, device=device)
-            if row > 0:
-                shape[: self.overlap] = ramp
-            if row < len(self.starts) - 1:
-                shape[self.size - self.overlap :] = ramp.flip(0)
-            weights[row, start : start + self.size] = shape
-        return weights / weights.sum(0)
+        weights = torch.ones(len(self.starts), self.size, device=device)
+        weights[1:, : self.overlap] = ramp
+        weights[:-1, self.size - self.overlap :] = ramp.flip(0)
+        total = self._add_up(weights)
+        return weights / torch.stack([total[place] for place in self._places()])
+
+    def _places(self):
+        return [slice(start, start + self.size) for start in self.starts]
+
+    def _add_up(self, pieces):
+        """(windows, ..., size) -> (..., total): overlapping windows are summed."""
+        field = pieces.new_zeros(*pieces.shape[1:-1], self.total)
+        for piece, place in zip(pieces, self._places(), strict=True):
+            field[..., place] += piece
+        return field
 
     def fuse(self, pieces):
         """Velocities of all windows, in the order of `split`, as one field (batch, channels, total).
@@ -62,12 +68,9 @@ class Windows:
         sqrt(sum w_i^2 + rho (1 - sum w_i^2)), so that the variance is that of a single window.
         """
         pieces = pieces.unflatten(0, (len(self.starts), -1))
-        weights = self.weights(pieces.device).to(pieces.dtype)
-        fused = pieces.new_zeros(*pieces.shape[1:3], self.total)
-        for piece, weight, start in zip(pieces, weights, self.starts, strict=True):
-            place = slice(start, start + self.size)
-            fused[..., place] += weight[place] * piece
-        squares = weights.float().square().sum(0)
+        weights = self.weights(pieces.device)
+        fused = self._add_up(weights[:, None, None].to(pieces.dtype) * pieces)
+        squares = self._add_up(weights.square())
         left = squares + self._agreement(pieces) * (1 - squares)
         return fused / left.sqrt().to(fused.dtype)
 

@@ -1,6 +1,8 @@
 """Arguments of the training scripts, with the names and defaults of diffusers' own examples."""
 
 import argparse
+import json
+from pathlib import Path
 
 
 def add_training_arguments(parser):
@@ -68,3 +70,23 @@ def check_training_arguments(args):
         raise ValueError(f"--learning_rate must be positive, got {args.learning_rate}.")
     if not 0 <= args.ema_decay < 1:
         raise ValueError(f"--ema_decay must lie in [0, 1), got {args.ema_decay}.")
+
+
+def check_not_negative(args, *names):
+    """Raises a `ValueError` naming the first of `names` whose value in `args` is negative or NaN."""
+    for name in names:
+        if not getattr(args, name) >= 0:
+            raise ValueError(f"--{name} must not be negative, got {getattr(args, name)}.")
+
+
+def read_model_config(path, sections):
+    """The model config file as a dict of sections, empty if `path` is `None`.
+
+    Raises:
+        ValueError: if it has a section that is not among `sections`.
+    """
+    config = json.loads(Path(path).read_text()) if path else {}
+    unknown = set(config) - sections
+    if unknown:
+        raise ValueError(f"--model_config_name_or_path has unknown sections {sorted(unknown)}.")
+    return config
