@@ -69,9 +69,9 @@ def _make_extractor(**changes):
     return TactileFeatureExtractor(**{**EXTRACTOR, **changes})
 
 
-def _make_pipeline(dale=True, seed=0, dale_config=None):
+def _make_pipeline(dale=True, seed=0, dale_config=None, lctg_config=None):
     pipe = TactileTexturePipeline(
-        lctg=_make_lctg(seed),
+        lctg=_make_lctg(seed, **(lctg_config or {})),
         feature_extractor=_make_extractor(),
         scheduler=VDDIMScheduler(),
         dale=_make_dale(seed + 1, **(dale_config or {})) if dale else None,
@@ -144,6 +144,12 @@ def make_pipeline():
 @pytest.fixture
 def pipe():
     return _make_pipeline()
+
+
+@pytest.fixture
+def evaluable_pipe():
+    """A function (dale=True) -> a pipeline whose segments, 0.82 s, are long enough for `TactileEmbedding`."""
+    return lambda dale=True: _make_pipeline(dale, 0, {"latent_frames": 128}, {"segment_samples": 2048})
 
 
 @pytest.fixture

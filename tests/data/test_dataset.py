@@ -1,5 +1,6 @@
 """Preparation as a whole and its reader."""
 
+import json
 import pickle
 
 import h5py
@@ -42,6 +43,24 @@ def test_item(virtual_prepared):
     assert (data.sampling_rate, data.unit, data.band) == (DEVICE_RATE, "N", BAND_HZ)
     with pytest.raises(IndexError):
         data[len(data)]
+
+
+def test_attributes_are_plain_values(virtual_prepared):
+    data = PreparedDataset(virtual_prepared)
+    assert data.attributes["source"] == data.source == "virtual surfaces"
+    assert data.attributes["seed"] == 3 and type(data.attributes["seed"]) is int
+    assert data.attributes["agreement"] == 1.0 and type(data.attributes["agreement"]) is float
+    assert data.attributes["band"] == list(BAND_HZ) and data.attributes["recipe_version"] == 1
+    assert (data.attributes["filter_order"], data.attributes["filter_passes"]) == (4, 2)
+    assert SegmentLimits(**data.attributes["limits"]).samples(DEVICE_RATE) == data.segment_samples
+    assert json.loads(json.dumps(data.attributes)) == data.attributes
+    assert data.explorers == 1
+
+
+def test_explorers_are_counted_once(tmp_path):
+    generate_recordings(tmp_path / "r.h5", surfaces=2, seconds=8, explorers=2, seed=3, quiet=True)
+    prepare_recordings(tmp_path / "r.h5", tmp_path / "p.h5", validation=0, test=0, quiet=True)
+    assert PreparedDataset(tmp_path / "p.h5", subset="full").explorers == 2
 
 
 def test_splits_are_by_surface(virtual_prepared):

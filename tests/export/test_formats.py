@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import soundfile
 
+from tactile_diffusers.data.files import atomic_path
 from tactile_diffusers.export import read_wav, write_figure, write_npz, write_wav
-from tactile_diffusers.export.atomic import atomic_path
 
 RATE = 10000
 COMMON = {"sampling_rate": RATE, "friction_coefficient": 0.62, "ratings": [1.5, float("nan"), -1.0]}

@@ -9,6 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+from . import readme
+
 #: what a child process does so that its peak memory is that of generating one texture
 _GENERATE_ONCE = """
 import sys, torch
@@ -26,9 +28,11 @@ def parse_arguments(argv=None):
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="benchmark.json, benchmark.md")
     parser.add_argument("--threads", type=int, help="of torch; default: its own choice")
     parser.add_argument("--repeats", type=int, default=5, help="the median counts")
+    readme.add_arguments(parser, "benchmark")
     arguments = parser.parse_args(argv)
     if arguments.repeats < 1 or (arguments.threads is not None and arguments.threads < 1):
         parser.error("arguments --repeats and --threads must be at least 1")
+    readme.check_arguments(parser, arguments)
     return arguments
 
 
@@ -109,11 +113,13 @@ def main(argv=None):
         "duration": durations,
         "memory": _peak_memory(checkpoint),
     }
-    text = [f"# Speed and memory\n\n{report['machine']}; medians of {arguments.repeats}.\n"]
     titles = {"steps": "One segment", "batch": "Batch, 10 + 10 steps", "duration": "Duration", "memory": "Memory"}
-    text += [f"## {title}\n\n{markdown_table(report[key], 3)}\n" for key, title in titles.items()]
+    tables = [f"#### {title}\n\n{markdown_table(report[key], 3)}\n" for key, title in titles.items()]
+    text = [f"### Speed and memory\n\n{report['machine']}; medians of {arguments.repeats}.\n", *tables]
     arguments.output.mkdir(parents=True, exist_ok=True)
     (arguments.output / "benchmark.json").write_text(json.dumps(report, indent=2) + "\n")
     (arguments.output / "benchmark.md").write_text("\n".join(text))
+    if arguments.readme is not None:
+        readme.write_between(arguments.readme, arguments.readme_name, "\n".join(text))
     print("\n".join(text))
     return 0

@@ -1,8 +1,13 @@
-"""`python examples/evaluate.py`: what a checkpoint does on held-out surfaces, as tables and pictures."""
+"""`python examples/evaluate.py`: what a checkpoint does on held-out surfaces, as report.json, tables and pictures."""
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
+
+from . import readme
+
+_SECTIONS = ("reconstruction", "generation", "control", "paper", "speed", "long_textures")
 
 
 def parse_arguments(argv=None):
@@ -11,126 +16,92 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(prog="evaluate.py", description="Evaluate a checkpoint on held-out surfaces.")
+    parser = argparse.ArgumentParser(
+        prog="evaluate.py",
+        description="Evaluate a checkpoint on held-out surfaces. What is done is kept under OUTPUT/sections: the same "
+        "command goes on where it was cut off.",
+    )
     parser.add_argument("--checkpoint", metavar="FOLDER", help="default: the bundled checkpoint")
     parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="report.json, report.md, pictures")
+    parser.add_argument("--quick", action="store_true", help="few textures, under five minutes on two cores")
     parser.add_argument("--split", choices=["validation", "test"], default="test", help="held-out surfaces")
-    parser.add_argument("--steps", type=int, nargs="+", default=[4, 10, 25], help="LCTG steps to compare")
-    parser.add_argument("--per-surface", type=int, default=4, help="non-overlapping segments per surface")
-    parser.add_argument("--takes", type=int, default=40, help="textures per rating of the sweeps")
-    parser.add_argument("--guidance-scale", type=float, default=1.0, help="of the sweeps")
-    parser.add_argument("--sections", nargs="+", choices=SECTIONS, default=list(SECTIONS))
+    parser.add_argument("--sections", nargs="+", choices=_SECTIONS, default=list(_SECTIONS), help="default: all")
+    parser.add_argument("--steps", type=int, nargs="+", help="LCTG steps of the sweep, in place of the default ones")
+    parser.add_argument("--per-surface", type=int, help="non-overlapping segments per surface")
+    parser.add_argument(
+        "--guidance-scale", type=float, nargs="+", default=[], help="besides 1 (off) and the pipeline's default"
+    )
+    parser.add_argument(
+        "--embedding", metavar="MODULE:NAME", help="embedding of the audio distance; default: log-mel, ours"
+    )
+    parser.add_argument("--vibromaf", action="store_true", help="add vibromaf's metrics to reconstructions")
+    readme.add_arguments(parser, "results")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--quiet", action="store_true", help="no progress bars")
     arguments = parser.parse_args(argv)
     if not arguments.data.is_file():
         parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
-    for name in ("per_surface", "takes"):
-        if getattr(arguments, name) < 1:
-            parser.error(f"argument --{name.replace('_', '-')}: must be at least 1, got {getattr(arguments, name)}")
-    if min(arguments.steps) < 1:
+    if arguments.per_surface is not None and arguments.per_surface < 1:
+        parser.error(f"argument --per-surface: must be at least 1, got {arguments.per_surface}")
+    if arguments.steps is not None and min(arguments.steps) < 1:
         parser.error(f"argument --steps: must be at least 1, got {arguments.steps}")
+    if arguments.seed < 0:
+        parser.error(f"argument --seed: must be at least 0, got {arguments.seed}")
+    if any(not 0 <= scale < float("inf") for scale in arguments.guidance_scale):
+        parser.error(f"argument --guidance-scale: must be 0 or more, got {arguments.guidance_scale}")
+    readme.check_arguments(parser, arguments)
     return arguments
 
 
-def _reconstruction(arguments, pipe):
-    from ..data import PreparedDataset
-    from ..evaluation.study import reconstruction_study
-    from ..evaluation.tables import markdown_table
+def write_readme(path, name, report, output):
+    """Puts a report's results between the markers of a README, and the report itself under examples/results/`name`."""
+    from ..evaluation.summary import readme_markdown
 
-    held_out = PreparedDataset(arguments.data, arguments.split)
-    reference = PreparedDataset(arguments.data, "train")
-    table = reconstruction_study(
-        pipe, held_out, reference, arguments.steps, arguments.per_surface, arguments.seed, arguments.quiet
-    )
-    surfaces = len(set(held_out.surface_ids))
-    note = (
-        f"{table['real (held out)']['segments']} segments of {surfaces} {arguments.split} surfaces, {held_out.source}."
-    )
-    return table, f"## Reconstruction\n\n{note}\n\n{markdown_table(table)}\n"
-
-
-def _generation(arguments, pipe):
-    from ..data import PreparedDataset
-    from ..evaluation.study import generation_study
-    from ..evaluation.tables import markdown_table
-
-    held_out = PreparedDataset(arguments.data, arguments.split)
-    reference = PreparedDataset(arguments.data, "train")
-    table = generation_study(
-        pipe,
-        held_out,
-        reference,
-        8,
-        guidance_scale=arguments.guidance_scale,
-        seed=arguments.seed,
-        quiet=arguments.quiet,
-    )
-    note = f"Eight textures from the ratings of each {arguments.split} surface; guidance {arguments.guidance_scale:g}."
-    return table, f"## Generation for unseen surfaces\n\n{note}\n\n{markdown_table(table)}\n"
-
-
-def _sweep(arguments, pipe):
-    from ..evaluation.figures import plot_sweeps
-    from ..evaluation.study import rating_sweep
-    from ..evaluation.tables import markdown_table
-
-    sweeps = {
-        axis: rating_sweep(
-            pipe, axis, takes=arguments.takes, guidance_scale=arguments.guidance_scale, seed=arguments.seed
-        )
-        for axis in pipe.dale.config.rating_axes
-    }
-    plot_sweeps(sweeps, arguments.output / "sweep.png")
-    rows = {
-        axis: {
-            "level, first to last value, dB": sweep["level_db"][-1] - sweep["level_db"][0],
-            "nine-band shape change, dB": sweep["shape_db"],
-            "log friction change": sweep["log_friction"][-1] - sweep["log_friction"][0],
-            "Spearman level": sweep["spearman"]["level_db"],
-            "Spearman 150-400 Hz share": sweep["spearman"]["share_150_400"],
-            "Spearman log friction": sweep["spearman"]["log_friction"],
-        }
-        for axis, sweep in sweeps.items()
-    }
-    plain = {
-        axis: {k: v for k, v in sweep.items() if k not in ("frequencies", "spectrum_db")}
-        for axis, sweep in sweeps.items()
-    }
-    note = f"One rating from -2 to 2 in nine values, the others not specified, {arguments.takes} takes each."
-    return plain, f"## One rating at a time\n\n{note}\n\n{markdown_table(rows)}\n\n![spectra](sweep.png)\n"
-
-
-def _long(arguments, pipe):
-    from ..evaluation.study import long_texture_study
-    from ..evaluation.tables import markdown_table
-
-    found = long_texture_study(pipe, [[None] * 3] * 4, seed=arguments.seed)
-    row = {"level, dB": found["overlap_rms_db"], "largest band, dB": max(found["overlap_bands_db"], key=abs)}
-    row["largest correlation with itself a second or more away"] = found["largest_correlation"]
-    note = "Four textures of 30 s, nothing specified: where windows overlap against elsewhere."
-    return found, f"## Long textures\n\n{note}\n\n{markdown_table({'overlaps': row})}\n"
-
-
-SECTIONS = {"reconstruction": _reconstruction, "generation": _generation, "sweep": _sweep, "long": _long}
+    folder = Path("examples") / "results" / name
+    readme.copy_results(output, path.parent / folder)
+    readme.write_between(path, name, readme_markdown(report, folder.as_posix()))
 
 
 def main(argv=None):
-    """Runs the command; sections that need DALE are left out for a pipeline without one."""
+    """Runs the command; sections that need DALE are null for a pipeline without one."""
     arguments = parse_arguments(argv)
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
-    pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint or bundled_checkpoint()))
+    from ..data.files import atomic_path
+    from ..evaluation.audio_distance import load_embedding
+    from ..evaluation.report import run_sections
+    from ..evaluation.sections import FULL, QUICK, Context
+    from ..evaluation.summary import report_markdown
+
+    settings = QUICK if arguments.quick else FULL
+    if arguments.steps:
+        settings = replace(settings, steps=tuple(sorted(set(arguments.steps))))
+    if arguments.per_surface:
+        settings = replace(settings, per_surface=arguments.per_surface)
+        settings = replace(settings, takes=max(settings.takes, settings.per_surface))
+    checkpoint = str(arguments.checkpoint or bundled_checkpoint())
+    pipe = TactileTexturePipeline.from_pretrained(checkpoint)
     pipe.set_progress_bar_config(disable=True)
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    report, text = {}, []
-    for name in arguments.sections:
-        if pipe.dale is None and name != "reconstruction":
-            continue
-        report[name], section = SECTIONS[name](arguments, pipe)
-        text.append(section)
-        print(section)
-    (arguments.output / "report.json").write_text(json.dumps(report, indent=2) + "\n")
-    (arguments.output / "report.md").write_text("\n".join(text))
+    context = Context(
+        pipe,
+        arguments.data,
+        arguments.split,
+        settings,
+        arguments.seed,
+        arguments.output,
+        arguments.guidance_scale,
+        load_embedding(arguments.embedding) if arguments.embedding else None,
+        arguments.vibromaf,
+        arguments.quiet,
+    )
+    report = run_sections(context, arguments.sections, checkpoint)
+    with atomic_path(arguments.output / "report.json") as temporary:
+        temporary.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n")
+    markdown = report_markdown(report)
+    with atomic_path(arguments.output / "report.md") as temporary:
+        temporary.write_text(markdown)
+    if arguments.readme is not None:
+        write_readme(arguments.readme, arguments.readme_name, report, arguments.output)
+    print(markdown)
     return 0

@@ -1,5 +1,6 @@
 """`PreparedDataset`: textures, levels, friction coefficients and ratings by index."""
 
+import json
 import os
 
 import numpy as np
@@ -29,6 +30,9 @@ class PreparedDataset(torch.utils.data.Dataset):
         band (`tuple[float, float]`): Hz.
         unit (`str`): "N", or "1" if uncalibrated.
         source (`str`): where the recordings come from.
+        attributes (`dict`): everything that the source and the preparation noted of the file, as plain numbers, strings
+            and lists ("limits" as a dict): "source", "licence", "filter_order"; a virtual one also "seed" and others.
+        explorers (`int`): distinct explorers in the whole file.
         surfaces (`tuple[str, ...]`): names of all surfaces of the file; `surface_ids` index them.
         ratings_mean, ratings_scale (`np.ndarray`): (3,) typical rater's mean and scale on the 0-8 scale.
         surface_ratings, surface_ratings_std, surface_ratings_count (`np.ndarray`): (surfaces, 3) of all surfaces.
@@ -66,6 +70,8 @@ class PreparedDataset(torch.utils.data.Dataset):
         self._native_samples = int(attributes["segment_samples"])
         self.band = tuple(float(edge) for edge in attributes["band"])
         self.unit, self.source = str(attributes["unit"]), str(attributes["source"])
+        self.attributes = _plain(attributes)
+        self.explorers = len({name.split("/")[1] for name in as_strings(file["recordings/name"])})
         self.surfaces = as_strings(file["surfaces/name"])
         self.surface_ratings, self.surface_ratings_std, self.surface_ratings_count = (
             file[f"ratings/{name}"][()] for name in ("mean", "std", "count")
@@ -181,3 +187,9 @@ class PreparedDataset(torch.utils.data.Dataset):
             "surface": torch.tensor(surface),
             "index": torch.tensor(index),
         }
+
+
+def _plain(attributes):
+    """Attributes of an HDF5 file as a dict of plain Python values."""
+    plain = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in attributes.items()}
+    return {**plain, "limits": json.loads(plain["limits"])}

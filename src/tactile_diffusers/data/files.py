@@ -8,6 +8,18 @@ import h5py
 
 
 @contextmanager
+def atomic_path(path):
+    """Yields a temporary path beside `path`, renamed to `path` at the end, or removed if the block raises."""
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
 def whole_file(path):
     """Yields an `h5py.File` under a temporary name beside `path`, renamed to `path` only if the block succeeds.
 
@@ -20,13 +32,8 @@ def whole_file(path):
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with h5py.File(temporary, "w") as file:
-            yield file
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
+        yield file
 
 
 def open_whole(path):

@@ -1,28 +1,55 @@
-"""Numbers that say how good textures are: against a reference, and as a set."""
+"""Numbers that say how good textures are: against a reference, as a set, and against what was asked for."""
 
+from .audio_distance import frechet_audio_distance, log_mel_embedding
+from .baselines import SLUGS, BaselineRequest, TrainingTextures, default_baselines
 from .distances import frechet_tactile_distance, kernel_tactile_distance
 from .embedding import FEATURE_NAMES, TactileEmbedding, tactile_features
+from .judge import Judge, response_matrix
+from .novelty import TrainingWaveforms, closer_share, diversity, nearest_distance, precision_recall
 from .reconstruction import (
     goodness_of_fit,
     level_error_db,
     log_spectral_distance_db,
     out_of_band_ratio_db,
+    power_difference,
     rmse,
     signed_band_error_db,
     snr_db,
 )
+from .reference import Reference
+from .statistics import jackknife, leaf
+from .truth import RatedTextures, truth_of
 
 __all__ = [
     "FEATURE_NAMES",
+    "SLUGS",
+    "BaselineRequest",
+    "Judge",
+    "RatedTextures",
+    "Reference",
     "TactileEmbedding",
+    "TrainingTextures",
+    "TrainingWaveforms",
+    "closer_share",
+    "default_baselines",
+    "diversity",
+    "frechet_audio_distance",
     "frechet_tactile_distance",
     "goodness_of_fit",
+    "jackknife",
     "kernel_tactile_distance",
+    "leaf",
     "level_error_db",
+    "log_mel_embedding",
     "log_spectral_distance_db",
+    "nearest_distance",
     "out_of_band_ratio_db",
+    "power_difference",
+    "precision_recall",
+    "response_matrix",
     "rmse",
     "signed_band_error_db",
     "snr_db",
     "tactile_features",
+    "truth_of",
 ]

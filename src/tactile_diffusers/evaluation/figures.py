@@ -1,39 +1,183 @@
-"""Pictures of the studies."""
+"""Pictures of a report."""
+
+from contextlib import contextmanager
+
+import numpy as np
+
+from ..data.files import atomic_path
+from ..signal import RATING_AXES, nine_band_error_db, power_spectral_density
+
+_DPI = 90
 
 
-def plot_sweeps(sweeps, output_path):
-    """Mean spectra while one rating moves, one panel an axis, and the quantities that move, as a PNG.
-
-    Args:
-        sweeps (`dict[str, dict]`): axis -> result of `rating_sweep`.
-        output_path (`str` or `Path`): the PNG.
-    """
+@contextmanager
+def _figure(output_path, rows, columns, size):
+    """Yields an array of panels, then writes the PNG."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
-    import numpy as np
 
-    quantities = {"level_db": "level, dB re 1 N", "share_150_400": "share 150–400 Hz", "log_friction": "log friction"}
-    figure, panels = plt.subplots(
-        2, len(sweeps), figsize=(4.6 * len(sweeps), 6.2), constrained_layout=True, squeeze=False
-    )
-    for (spectrum_panel, lines_panel), (axis, sweep) in zip(panels.T, sweeps.items(), strict=True):
-        values = np.array(sweep["values"])
-        for value, spectrum in zip(values, sweep["spectrum_db"], strict=True):
-            colour = plt.cm.coolwarm((value - values[0]) / (values[-1] - values[0]))
-            spectrum_panel.semilogx(sweep["frequencies"][1:], spectrum[1:], color=colour, label=f"{value:+.1f}")
-        spectrum_panel.set(title=axis, xlim=(15, 1300), ylim=(-115, -45), xlabel="Hz", ylabel="dB re 1 N²/Hz")
-        spectrum_panel.grid(alpha=0.3)
-        for name, label in quantities.items():
-            track = np.array(sweep[name])
-            spread = {"level_db": 10.0, "share_150_400": 0.3, "log_friction": 0.5}[name]
-            lines_panel.plot(
-                values, (track - track.mean()) / spread, marker="o", markersize=3, label=f"{label} / {spread:g}"
+    figure, panels = plt.subplots(rows, columns, figsize=size, constrained_layout=True, squeeze=False)
+    try:
+        yield panels
+        with atomic_path(output_path) as temporary:
+            figure.savefig(temporary, dpi=_DPI, format="png")
+    finally:
+        plt.close(figure)
+
+
+def plot_overlays(real, made, sampling_rate, edges, output_path, seconds=0.2):
+    """Best, median and worst segment by nine-band error: original and reconstruction in time and frequency.
+
+    Args:
+        real, made (`np.ndarray`): (n, samples).
+        sampling_rate (`float`): Hz.
+        edges (`np.ndarray`): of the nine bands, Hz.
+        output_path (`Path`): the PNG.
+        seconds (`float`): shown of each waveform.
+    """
+    errors = nine_band_error_db(made, real, sampling_rate, edges)
+    order = np.argsort(errors)
+    shown = {"best": order[0], "median": order[len(order) // 2], "worst": order[-1]}
+    start = real.shape[-1] // 2
+    piece = slice(start, start + int(seconds * sampling_rate))
+    with _figure(output_path, 2, 3, (13, 6)) as panels:
+        for (waves, spectra), (name, row) in zip(panels.T, shown.items(), strict=True):
+            for texture, label in ((real[row], "original"), (made[row], "reconstruction")):
+                time = np.arange(piece.start, piece.stop) / sampling_rate
+                waves.plot(time, 1e3 * texture[piece], linewidth=0.8, label=label)
+                frequencies, density = power_spectral_density(texture, sampling_rate)
+                spectra.semilogx(frequencies[1:], 10 * np.log10(density[1:] + 1e-20), linewidth=0.9, label=label)
+            waves.set(title=f"{name}: nine-band error {errors[row]:.2f} dB", xlabel="s", ylabel="mN")
+            spectra.set(xlim=(15, 2000), ylim=(-130, -40), xlabel="Hz", ylabel="dB re 1 N²/Hz")
+            spectra.grid(alpha=0.3)
+        panels[0, 0].legend(fontsize=8)
+
+
+def plot_steps(result, output_path):
+    """Error, distance and cost against the number of steps, with another take of the surface as the yardstick."""
+    steps = np.array([int(count) for count in result["steps"]])
+    other = result["baselines"]["other_take"]
+    quantities = {
+        "nine_band_db": "nine-band error, dB",
+        "ktd": "KTD to the training surfaces",
+        "snr_db": "SNR, dB",
+        "seconds_per_segment": "s per segment",
+        "efficiency_score": "efficiency score (RMSE × s), N·s",
+    }
+    with _figure(output_path, 1, len(quantities), (3.4 * len(quantities), 3.2)) as panels:
+        for panel, (name, label) in zip(panels[0], quantities.items(), strict=True):
+            means = [_mean(result["steps"][str(count)][name]) for count in steps]
+            panel.plot(steps, means, marker="o", markersize=3, label="LCTG")
+            reference = other.get(name)
+            if reference is not None and reference["mean"] is not None:
+                panel.axhline(reference["mean"], color="grey", linestyle="--", linewidth=1, label="another take")
+            if name == "ktd":
+                panel.axhline(_mean(result["real"]["ktd"]), color="green", linewidth=1, label="real, held out")
+            panel.set(xscale="log", xlabel="steps", title=label)
+            panel.set_xticks(steps, [str(count) for count in steps], fontsize=6)
+            panel.minorticks_off()
+            panel.grid(alpha=0.3)
+            panel.legend(fontsize=7)
+
+
+def plot_control(control, guidance, output_path):
+    """Level, shape and friction against one requested rating: generated, ridge baseline, and the truth."""
+    quantities = {"level_db": "level, dB re 1 N", "shape_db": "shape change, dB", "log_friction": "log friction"}
+    sources = {"generated": control[str(guidance)]["axes"], "ridge": control["baselines"]["ridge"]["axes"]}
+    with _figure(output_path, len(quantities), len(RATING_AXES), (12, 8.5)) as panels:
+        for row, (name, label) in zip(panels, quantities.items(), strict=True):
+            for panel, axis in zip(row, RATING_AXES, strict=True):
+                values = [float(value) for value in sources["generated"][axis]]
+                for source, axes in sources.items():
+                    means = [_mean(entry[name]) for entry in axes[axis].values()]
+                    style = {"color": "C0"} if source == "generated" else {"color": "C1", "linestyle": ":"}
+                    panel.plot(values, means, marker="o", markersize=3, label=source, **style)
+                leaves = [entry[f"{name}_truth"] for entry in sources["generated"][axis].values()]
+                panel.plot(
+                    values, [_mean(leaf) for leaf in leaves], color="black", marker="s", markersize=3, label="real"
+                )
+                bounds = np.array([leaf["interval"] or [np.nan] * 2 for leaf in leaves], dtype=float)
+                panel.fill_between(values, *bounds.T, color="black", alpha=0.15, linewidth=0)
+                panel.set(xlabel=f"requested {axis}, z", ylabel=label)
+                panel.grid(alpha=0.3)
+            limits = [panel.get_ylim() for panel in row]  # one scale, so that axes can be compared
+            for panel in row:
+                panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+        panels[0, 0].legend(fontsize=8)
+
+
+def plot_responses(control, guidance, output_path):
+    """Response matrices: slope of what the judge recovers on what was requested."""
+    matrices = {
+        "real, held out": control["response_real"],
+        f"generated, guidance {guidance:g}": control[str(guidance)]["response"],
+        **{slug: entry["response"] for slug, entry in control["baselines"].items()},
+    }
+    with _figure(output_path, 1, len(matrices), (3.4 * len(matrices), 3.3)) as panels:
+        for panel, (name, matrix) in zip(panels[0], matrices.items(), strict=True):
+            slopes = np.array([[_mean(leaf) for leaf in row] for row in matrix])
+            panel.imshow(slopes, cmap="RdBu_r", vmin=-1, vmax=1)
+            for (i, j), slope in np.ndenumerate(slopes):
+                panel.text(
+                    j, i, f"{slope:.2f}", ha="center", va="center", color="white" if abs(slope) > 0.6 else "black"
+                )
+            panel.set_xticks(range(3), RATING_AXES, fontsize=8)
+            panel.set_yticks(range(3), RATING_AXES, fontsize=8, rotation=90, va="center")
+            panel.set(title=name, xlabel="requested", ylabel="recovered")
+
+
+def plot_latent_shift(shift, output_path):
+    """The paper's Figure 2: shift of the latent against one rating, the noise fixed."""
+    with _figure(output_path, 1, 1, (5.5, 3.6)) as panels:
+        panel = panels[0, 0]
+        for axis, values in shift.items():
+            panel.plot(
+                [float(v) for v in values],
+                [_mean(leaf) for leaf in values.values()],
+                marker="o",
+                markersize=3,
+                label=axis,
             )
-        lines_panel.set(xlabel=f"requested {axis}, z", ylabel="change from the mean, scaled")
-        lines_panel.grid(alpha=0.3)
-    panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
-    panels[1, 0].legend(fontsize=7)
-    figure.savefig(output_path, dpi=90)
-    plt.close(figure)
+        panel.axhspan(0, 2, color="grey", alpha=0.3, linewidth=0, label="range in the paper")
+        panel.set(xlabel="rating, z (others 0)", ylabel="latent shift, %", ylim=(0, None))
+        panel.grid(alpha=0.3)
+        panel.legend(fontsize=8)
+
+
+def plot_spectra(densities, frequencies, output_path):
+    """Average spectra while one rating runs (paper section 3.4)."""
+    import matplotlib
+
+    colours = matplotlib.colormaps["coolwarm"]
+    with _figure(output_path, 1, len(densities), (13, 3.8)) as panels:
+        for panel, (axis, spectra) in zip(panels[0], densities.items(), strict=True):
+            low, high = min(spectra), max(spectra)
+            for value, density in spectra.items():
+                colour = colours((value - low) / (high - low))
+                panel.semilogx(frequencies[1:], density[1:], color=colour, label=f"{value:+.1f}")
+            panel.set(title=axis, xlim=(15, 1300), ylim=(-115, -45), xlabel="Hz", ylabel="dB re 1 N²/Hz")
+            panel.grid(alpha=0.3)
+        panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
+
+
+def plot_unseen(bands, output_path):
+    """Mean spectra of unseen surfaces: real against generated, one dot a surface and band.
+
+    Args:
+        bands (`dict[str, tuple]`): name -> (real, made), each (surfaces, 9) dB.
+        output_path (`Path`): the PNG.
+    """
+    with _figure(output_path, 1, len(bands), (3.6 * len(bands), 3.6)) as panels:
+        for panel, (name, (real, made)) in zip(panels[0], bands.items(), strict=True):
+            colour = np.tile(np.arange(real.shape[1]), (len(real), 1))
+            panel.scatter(real, made, c=colour, cmap="viridis", s=6)
+            ends = [real.min(), real.max()]
+            panel.plot(ends, ends, color="grey", linewidth=1)
+            panel.set(title=f"{name}: {np.abs(made - real).mean():.2f} dB", xlabel="real, dB re 1 N²", ylabel="made")
+            panel.grid(alpha=0.3)
+
+
+def _mean(leaf):
+    return np.nan if leaf["mean"] is None else leaf["mean"]

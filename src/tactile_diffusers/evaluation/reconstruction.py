@@ -44,6 +44,13 @@ def snr_db(texture, reference):
     return _power_db(rms(reference) ** 2) - _power_db(rms(texture - reference) ** 2)
 
 
+def power_difference(texture, reference):
+    """Mean power of a texture minus that of its reference, N^2: (...,) (the paper's section 3.2, which gives it
+    without its sign)."""
+    texture, reference = check_pair(texture, reference)
+    return rms(texture) ** 2 - rms(reference) ** 2
+
+
 def level_error_db(texture, reference):
     """How much stronger a texture is than its reference: signed ratio of their RMS, dB: (...,)."""
     texture, reference = check_pair(texture, reference)

@@ -1,45 +1,49 @@
-"""Tables for people: Markdown from rows of numbers."""
+"""Tables for people: Markdown from rows of numbers or leaves."""
 
 import math
 
-#: how people read the keys of the studies
-LABELS = {
-    "nine_band_db": "nine-band error, dB",
-    "snr_db": "SNR, dB",
-    "ktd": "KTD",
-    "ftd": "FTD",
-    "rms_mn": "RMS, mN",
-    "surface_nine_band_db": "error of the surface's mean spectrum, dB",
-    "level_r": "r of level",
-    "log_friction_r": "r of log friction",
-}
+from .statistics import is_leaf
 
 
-def label(key):
-    """A column's heading; band keys such as "signed_20_60_db" become "20–60 Hz, dB"."""
-    if key.startswith("signed_"):
-        low, high = key.split("_")[1:3]
-        return f"{low}–{high} Hz, dB"
-    return LABELS.get(key, key)
-
-
-def markdown_table(rows, digits=2):
-    """Rows of a study as Markdown.
+def text(value, digits=2, interval=False):
+    """A number, a leaf or a string as people read it; a dash where there is nothing.
 
     Args:
-        rows (`dict[str, dict[str, float]]`): row name -> column -> value; missing or NaN values become a dash.
+        value: number, leaf, string or None.
+        digits (`int`): after the point; numbers below 0.01 get three significant digits.
+        interval (`bool`): whether a leaf's 95 % interval follows in brackets.
+    """
+    if is_leaf(value):
+        bounds = value["interval"]
+        shown = text(value["mean"], digits)
+        if interval and bounds:
+            shown += f" [{text(bounds[0], digits)}, {text(bounds[1], digits)}]"
+        return shown
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.3g}" if 0 < abs(value) < 10**-digits else f"{value:.{digits}f}"
+    return str(value)
+
+
+def markdown_table(rows, digits=2, labels=None, interval=False):
+    """Rows as a Markdown table.
+
+    Args:
+        rows (`dict[str, dict]`): row name -> column -> number or leaf; what is missing becomes a dash.
         digits (`int`): after the point.
+        labels (`dict[str, str]`, *optional*): the columns to show, in order, and their headings; all by default. A pair
+            (heading, digits) has digits of its own.
+        interval (`bool`): whether leaves are followed by their intervals.
 
     Returns:
         `str`
     """
-    columns = list(dict.fromkeys(column for row in rows.values() for column in row))
-
-    def text(value):
-        if value is None or (isinstance(value, float) and math.isnan(value)):
-            return "–"
-        return f"{value:.{digits}f}" if isinstance(value, float) else str(value)
-
-    lines = ["| | " + " | ".join(map(label, columns)) + " |", "|---" * (len(columns) + 1) + "|"]
-    lines += [f"| {name} | " + " | ".join(text(row.get(c)) for c in columns) + " |" for name, row in rows.items()]
+    if labels is None:
+        labels = {column: column for row in rows.values() for column in row}
+    columns = {key: (label, digits) if isinstance(label, str) else label for key, label in labels.items()}
+    lines = ["| | " + " | ".join(label for label, _ in columns.values()) + " |", "|---" * (len(columns) + 1) + "|"]
+    for name, row in rows.items():
+        cells = [text(row.get(key), places, interval) for key, (_, places) in columns.items()]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)

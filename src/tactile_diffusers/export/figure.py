@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from ..data.files import atomic_path
 from ..signal import BAND_HZ, RATING_AXES, power_spectral_density, rms
-from .atomic import atomic_path
 from .checks import check_positive_or_unknown, check_ratings, check_texture
 
 SPECTRUM_HZ = (10.0, 5000.0)

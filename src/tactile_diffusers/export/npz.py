@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .atomic import atomic_path
+from ..data.files import atomic_path
 from .checks import check_positive_or_unknown, check_ratings, check_seed, check_texture
 
 

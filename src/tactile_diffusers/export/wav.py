@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .atomic import atomic_path
+from ..data.files import atomic_path
 from .checks import check_positive_or_unknown, check_ratings, check_seed, check_texture
 
 #: Counts of full scale in a 16-bit file; the largest positive count is one less.

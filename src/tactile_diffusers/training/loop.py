@@ -19,6 +19,8 @@ from diffusers.optimization import get_scheduler
 from diffusers.training_utils import EMAModel
 from tqdm.auto import tqdm
 
+from ..data.files import atomic_path
+
 logger = logging.getLogger(__name__)
 CHECKPOINT = re.compile(r"checkpoint-(\d+)")
 
@@ -110,9 +112,8 @@ def trim_log(path, step):
             continue
         if entry["step"] <= step:
             entries.append(entry)
-    temporary = path.with_name(f".{path.name}.unfinished")
-    temporary.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
-    os.replace(temporary, path)
+    with atomic_path(path) as temporary:
+        temporary.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
     return entries
 
 

@@ -4,12 +4,14 @@ They prove the machinery (controllability, spectra, dependence on speed), not pe
 """
 
 from .exploration import VELOCITY_RATE, Exploration, explorer, free_exploration, steady_exploration
+from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
 from .generate import VirtualSurface, generate_recordings
 from .percepts import CALIBRATION_FILE, calibrate
 from .recipe import RECIPE_VERSION, SurfaceParameters
 
 __all__ = [
     "CALIBRATION_FILE",
+    "FIRST_FRESH",
     "RECIPE_VERSION",
     "VELOCITY_RATE",
     "Exploration",
@@ -18,6 +20,8 @@ __all__ = [
     "calibrate",
     "explorer",
     "free_exploration",
+    "fresh_ratings",
+    "fresh_textures",
     "generate_recordings",
     "steady_exploration",
 ]

@@ -1,5 +1,7 @@
 """Virtual surfaces, explored and rated, streamed to `recordings.h5`."""
 
+from functools import cached_property
+
 import numpy as np
 from tqdm import tqdm
 
@@ -32,8 +34,13 @@ class VirtualSurface:
         self.parameters = draw_surface(rng)
         self.name = f"{index:04d}-{self.parameters.material}"
         self.percepts = percepts(self.parameters)
-        profile = surface_profile(self.parameters, rng)
-        self._tables = np.stack([profile, unit_slope(profile)], axis=-1)
+        self._rng = rng
+
+    @cached_property
+    def _tables(self):
+        """Profile and unit slope: (GRID_POINTS, 2); made when a finger first meets them, a rating needs none."""
+        profile = surface_profile(self.parameters, self._rng)
+        return np.stack([profile, unit_slope(profile)], axis=-1)
 
     def explore(self, explorer_index, seconds, trial=0):
         """Free exploration.

@@ -1,0 +1,398 @@
+"""Baselines that every model is compared with: what silence, noise, a neighbour or a few numbers already achieve.
+
+Each is fitted on textures of the training surfaces and then makes one texture for each row of a request. `knows` says
+what it looks at: "nothing", the "ratings", or the "recording" that it is to describe (so it competes with a decoder).
+All are deterministic under the generator that is passed in.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import fft
+
+from ..signal import BAND_HZ, rms
+from . import envelopes
+from .checks import check_textures
+
+#: Ratings closer than this count as equally close: the mean over raters is not more precise.
+_LEAST_DISTANCE = 0.1
+
+
+@dataclass(frozen=True)
+class TrainingTextures:
+    """What baselines are fitted on: segments of the training surfaces."""
+
+    textures: np.ndarray  # (m, samples) N
+    ratings: np.ndarray  # (m, 3) z-scores of each segment's surface, NaN = not rated
+    friction_coefficients: np.ndarray  # (m,), NaN = unknown
+    surface_ids: np.ndarray  # (m,)
+    sampling_rate: float  # Hz, a whole number
+    band: tuple[float, float] = BAND_HZ  # Hz, to which the textures were filtered
+
+
+@dataclass(frozen=True)
+class BaselineRequest:
+    """What is asked for: one texture a row."""
+
+    ratings: np.ndarray  # (n, 3) z-scores, NaN = not specified
+    textures: np.ndarray | None = None  # (n, samples) N: the recording to describe
+    other_takes: np.ndarray | None = None  # (n, samples) N: another segment of the same surface
+
+
+class Baseline:
+    """Base of all: checks what comes in. Subclasses write `_sample`, and `_fit` where there is something to fit."""
+
+    slug = ""
+    knows = "nothing"
+    grid = None
+
+    def fit(self, training):
+        """Learns from `training` (`TrainingTextures`) and returns itself.
+
+        Raises:
+            ValueError: if an array has another shape than it must, or bad numbers; if the textures are too short for
+                the band; for those that know ratings also if no surface is rated on every axis.
+        """
+        training = _checked_training(training)
+        self.grid = envelopes.Grid(training.textures.shape[-1], training.sampling_rate, tuple(training.band))
+        envelopes.nine_band_levels_db(training.textures[:1], self.grid)  # raises if they are too short
+        self._fit(training)
+        return self
+
+    def sample(self, request, rng):
+        """One texture for each row of `request`: (n, samples) float64, N, of the training textures' rate and length.
+
+        Raises:
+            ValueError: if the baseline is not fitted, an array of the request has another shape than it must or bad
+                numbers, or the recordings that this baseline knows are missing.
+        """
+        return self._sample(self._checked_request(request), rng)
+
+    def _fit(self, training):
+        pass
+
+    def _sample(self, request, rng):
+        raise NotImplementedError
+
+    def _checked_request(self, request):
+        if self.grid is None:
+            raise ValueError(f"The baseline {self.slug!r} is not fitted. Call `fit(training)` first.")
+        return replace(request, ratings=_checked_ratings("request.ratings", request.ratings))
+
+    def _recordings(self, request, name="textures"):
+        recordings = getattr(request, name)
+        if recordings is None:
+            raise ValueError(f"The baseline {self.slug!r} needs `request.{name}`, got None. Pass the recordings.")
+        recordings = check_textures(f"request.{name}", recordings, rank=2).astype(np.float64)
+        wanted = (len(request.ratings), self.grid.samples)
+        if recordings.shape != wanted:
+            raise ValueError(
+                f"`request.{name}` must have the shape {wanted}, one row for each of `request.ratings` and as long as "
+                f"the training textures, got {recordings.shape}."
+            )
+        return recordings
+
+
+def _positive(name, value):
+    if not value > 0:
+        raise ValueError(f"`{name}` must be above 0, got {value}.")
+    return value
+
+
+class Silence(Baseline):
+    """Nothing at all: 0 dB SNR, better than any texture that feels right but is another waveform."""
+
+    slug = "silence"
+
+    def _sample(self, request, rng):
+        return np.zeros((len(request.ratings), self.grid.samples))
+
+
+class OtherTake(Baseline):
+    """A real recording of the same surface from another moment: feels the same, differs sample by sample."""
+
+    slug, knows = "other_take", "recording"
+
+    def _sample(self, request, rng):
+        return self._recordings(request, "other_takes")
+
+
+class PhaseRandomised(Baseline):
+    """The recording's own amplitude spectrum with random phases: what the spectrum alone can say.
+
+    Bins above 1.05 times the band are left out: they hold little but the jump from a texture's last sample to its
+    first, which random phases would turn into noise.
+    """
+
+    slug, knows = "phase_randomised", "recording"
+
+    def _sample(self, request, rng):
+        spectra = fft.rfft(self._recordings(request), axis=-1)
+        frequencies = fft.rfftfreq(self.grid.samples, 1 / self.grid.sampling_rate)
+        spectra[:, frequencies > self.grid.end] = 0
+        turned = spectra * np.exp(2j * np.pi * rng.random(spectra.shape))
+        turned[:, 0] = spectra[:, 0]  # the mean is real and has no phase
+        return fft.irfft(turned, n=self.grid.samples, axis=-1)
+
+
+class MeanSpectrum(Baseline):
+    """Gaussian noise with the mean spectrum of the training textures, averaged in dB: one answer for all."""
+
+    slug = "mean_spectrum"
+
+    def _fit(self, training):
+        points, decibels = envelopes.spectrum_db(training.textures, self.grid)
+        self._density = self.grid.interpolate_db(points, decibels.mean(0, keepdims=True))
+
+    def _sample(self, request, rng):
+        return self.grid.noise(np.repeat(self._density, len(request.ratings), 0), rng)
+
+
+class EnvelopeNoise(Baseline):
+    """Base: noise under an envelope that `_density` fits to the recording, (n, bins), with the recording's RMS."""
+
+    knows = "recording"
+
+    def _sample(self, request, rng):
+        textures = self._recordings(request)
+        return self.grid.noise(self._density(textures), rng, rms(textures))
+
+
+class LinearPrediction(EnvelopeNoise):
+    """Autoregressive model of order 20: 21 numbers a texture with the level.
+
+    Noise with the model's spectrum at the texture's bins is what the recursion makes of white noise around a closed
+    loop, so there is no warm-up to discard.
+    """
+
+    slug = "lpc20"
+
+    def _density(self, textures):
+        return envelopes.lpc_density(textures, self.grid)
+
+
+class BetaEnvelope(EnvelopeNoise):
+    """Beta distribution over linear frequency: 3 numbers a texture. Ours, after arXiv 2605.23804."""
+
+    slug = "beta_envelope"
+
+    def _density(self, textures):
+        return envelopes.beta_density(envelopes.fit_beta(textures, self.grid), self.grid)
+
+
+class SlopeEnvelope(EnvelopeNoise):
+    """Asymmetric band-pass: 4 numbers a texture. Ours, after arXiv 2605.23804."""
+
+    slug = "slope_envelope"
+
+    def _density(self, textures):
+        return envelopes.slope_density(envelopes.fit_slope(textures, self.grid), self.grid)
+
+
+class NineBandNoise(Baseline):
+    """Gaussian noise whose expected levels in the nine bands are the recording's: 9 numbers a texture."""
+
+    slug, knows = "nine_band_noise", "recording"
+
+    def _sample(self, request, rng):
+        levels = envelopes.nine_band_levels_db(self._recordings(request), self.grid)
+        return self.grid.noise(envelopes.nine_band_density(levels, self.grid), rng)
+
+
+class Decimated(Baseline):
+    """The recording low-passed and quantised to as many bits a second as a latent carries.
+
+    Kept are the lowest coefficients of its cosine transform from the band's lower edge up, `numbers_per_second` times
+    the duration of them: 500 a second reach 250 Hz up. At most they reach 1.05 times the band, where textures end.
+    Each is whitened by the training textures' mean spectrum and gets Gaussian noise at the signal-to-noise ratio s for
+    which such a channel carries `1/2 log2(1 + s)` bits; the signal is the texture's own whitened power, its level
+    counting as known. Undoing the whitening gives the noise the colour of the mean spectrum, so that weak bands
+    survive as they do in a latent of whitened textures.
+
+    Args:
+        numbers_per_second (`float`): real numbers a second.
+        bits_per_number (`float`): bits each; infinity = no noise. See `latent_rate`.
+    """
+
+    slug, knows = "decimated", "recording"
+
+    def __init__(self, numbers_per_second, bits_per_number):
+        self.numbers_per_second = _positive("numbers_per_second", numbers_per_second)
+        self.bits_per_number = _positive("bits_per_number", bits_per_number)
+
+    def _fit(self, training):
+        samples, rate = self.grid.samples, self.grid.sampling_rate
+        frequencies = np.arange(samples) * rate / (2 * samples)
+        first, end = np.searchsorted(frequencies, (self.grid.band[0], self.grid.end))
+        self._kept = slice(first, first + max(1, round(min(end - first, self.numbers_per_second * samples / rate))))
+        points, decibels = envelopes.spectrum_db(training.textures, self.grid)
+        self._colour = 10 ** (envelopes.interpolate_db(points, decibels.mean(0), frequencies[self._kept]) / 20)
+
+    def _sample(self, request, rng):
+        coefficients = fft.dct(self._recordings(request), norm="ortho", axis=-1)
+        white = coefficients[:, self._kept] / self._colour
+        ratio = 4.0**self.bits_per_number - 1
+        white = white + rng.standard_normal(white.shape) * (rms(white) / np.sqrt(ratio))[:, None]
+        kept = np.zeros_like(coefficients)
+        kept[:, self._kept] = white * self._colour
+        return fft.idct(kept, norm="ortho", axis=-1)
+
+
+def latent_rate(latents, sigma):
+    """Bits that each number of a latent carries through Gaussian noise: mean over channels of 1/2 log2(1 + var/sigma²).
+
+    Args:
+        latents (`np.ndarray`): (n, channels, frames), without the noise.
+        sigma (`float`): standard deviation of the noise that the decoder was trained with, in the latents' unit.
+
+    Returns:
+        `float`: bits per number; more than they really carry where numbers are correlated.
+
+    Raises:
+        ValueError: if the latents are not (n, channels, frames) or not finite, or `sigma` is not above 0.
+    """
+    latents = check_textures("latents", latents, rank=3).astype(np.float64)
+    sigma = _positive("sigma", sigma)
+    return float(np.mean(0.5 * np.log2(1 + latents.var(axis=(0, 2)) / sigma**2)))
+
+
+class KnnBlend(Baseline):
+    """Blend of the training surfaces whose ratings are nearest, after Hassan, Abdulali and Jeon (2019).
+
+    They interpolate models of neighbouring textures in a perceptual space (10.1109/TIE.2019.2914572); here the
+    surfaces' spectra, level included, are averaged in dB, weighing one over the distance in the axes that are
+    specified. Where no axis is specified, the surfaces are drawn at random for each texture and weigh the same.
+
+    Args:
+        neighbours (`int`): surfaces to blend.
+    """
+
+    slug, knows = "knn_blend", "ratings"
+
+    def __init__(self, neighbours=5):
+        self.neighbours = int(_positive("neighbours", neighbours))
+
+    def _fit(self, training):
+        training = _rated(training)
+        self._points, decibels = envelopes.spectrum_db(training.textures, self.grid)
+        columns = (training.ratings, decibels, np.log(training.friction_coefficients))
+        means = (envelopes.surface_means(column, training.surface_ids) for column in columns)
+        self._ratings, self._decibels, self._log_friction = means
+
+    def _sample(self, request, rng):
+        decibels = self._weights(request.ratings, rng) @ self._decibels
+        return self.grid.noise(self.grid.interpolate_db(self._points, decibels), rng)
+
+    def friction_coefficients(self, request, rng):
+        """Friction coefficients of the same surfaces, blended in log: (n,); NaN where none is known.
+
+        Where nothing is specified, a generator in the state of that for `sample` draws the same surfaces.
+        """
+        weights = self._weights(self._checked_request(request).ratings, rng)
+        known = np.isfinite(self._log_friction)
+        total = weights @ known
+        return np.exp(weights @ np.where(known, self._log_friction, 0) / np.where(total > 0, total, np.nan))
+
+    def _weights(self, ratings, rng):
+        """Weight of each training surface in each row: (n, surfaces), rows add up to 1."""
+        difference = np.nan_to_num(ratings[:, None] - self._ratings)  # an axis that is not specified adds nothing
+        distance = np.maximum(np.sqrt((difference**2).sum(-1)), _LEAST_DISTANCE)
+        # ties in random order: that is the draw where nothing is specified
+        order = np.lexsort((rng.random(distance.shape), distance), axis=-1)[:, : self.neighbours]
+        weights = np.zeros_like(distance)
+        np.put_along_axis(weights, order, 1 / np.take_along_axis(distance, order, -1), -1)
+        return weights / weights.sum(-1, keepdims=True)
+
+
+class Ridge(Baseline):
+    """Ridge regression from ratings to the nine band levels and the log friction coefficient, then noise.
+
+    Fitted over surfaces (means of their segments). How segments scatter about their surface's mean is added as one
+    draw from the Gaussian with its covariance. Ratings that are not specified are drawn from the training surfaces'
+    Gaussian given the specified ones, so that sets of textures spread as surfaces do.
+
+    Args:
+        penalty (`float`): ridge, in surfaces whose ratings lie one z-score from the mean.
+    """
+
+    slug, knows = "ridge", "ratings"
+
+    def __init__(self, penalty=1.0):
+        self.penalty = _positive("penalty", penalty)
+
+    def _fit(self, training):
+        training = _rated(training)
+        ids, levels = training.surface_ids, envelopes.nine_band_levels_db(training.textures, self.grid)
+        targets = np.column_stack([levels, np.log(training.friction_coefficients)])
+        means, ratings = (envelopes.surface_means(column, ids) for column in (targets, training.ratings))
+        self._gaussian = ratings.mean(0), np.cov(ratings, rowvar=False, bias=True)
+        self._fits = [envelopes.ridge_fit(ratings, target, self.penalty) for target in means.T]
+        scatter = np.nan_to_num(targets - means[np.unique(ids, return_inverse=True)[1]])
+        freedom = max(1, len(targets) - len(means))
+        self._scatter_root = envelopes.covariance_root(scatter.T @ scatter / freedom)
+
+    def _sample(self, request, rng):
+        levels = self._targets(request.ratings, rng)[:, :9]
+        return self.grid.noise(envelopes.nine_band_density(levels, self.grid), rng)
+
+    def friction_coefficients(self, request, rng):
+        """Friction coefficients: (n,); NaN if no training surface's is known.
+
+        A generator in the state of that for `sample` gives the friction that belongs to those textures.
+        """
+        return np.exp(self._targets(self._checked_request(request).ratings, rng)[:, 9])
+
+    def _targets(self, ratings, rng):
+        """Band levels in dB re 1 N^2 and log friction, one draw a row: (n, 10)."""
+        ratings = envelopes.draw_missing(ratings, *self._gaussian, rng.standard_normal(ratings.shape))
+        targets = np.stack([intercept + ratings @ slopes for intercept, slopes in self._fits], -1)
+        return targets + rng.standard_normal(targets.shape) @ self._scatter_root
+
+
+def default_baselines(numbers_per_second, bits_per_number):
+    """One of each, not fitted, in the order of every table: slug -> baseline. The numbers are those of `Decimated`."""
+    describing = (LinearPrediction(), BetaEnvelope(), SlopeEnvelope(), NineBandNoise())
+    decimated = Decimated(numbers_per_second, bits_per_number)
+    made = (Silence(), OtherTake(), PhaseRandomised(), MeanSpectrum(), *describing, decimated, KnnBlend(), Ridge())
+    return {baseline.slug: baseline for baseline in made}
+
+
+#: Slugs of all baselines, in the order of every table.
+SLUGS = tuple(default_baselines(1, 1))
+
+
+def _rated(training):
+    """The segments of surfaces that are rated on every axis."""
+    rated = np.isfinite(training.ratings).all(-1)
+    if not rated.any():
+        raise ValueError(
+            "`training.ratings` must hold a surface that is rated on every axis, got none: leave out the baselines "
+            "that know ratings (knn_blend, ridge), or give ratings."
+        )
+    names = ("textures", "ratings", "friction_coefficients", "surface_ids")
+    return replace(training, **{name: getattr(training, name)[rated] for name in names})
+
+
+def _checked_training(training):
+    textures = check_textures("training.textures", training.textures, rank=2)
+    ratings = _checked_ratings("training.ratings", training.ratings)
+    friction = np.asarray(training.friction_coefficients, dtype=np.float64)
+    ids = np.asarray(training.surface_ids)
+    for name, column in (("ratings", ratings[:, 0]), ("friction_coefficients", friction), ("surface_ids", ids)):
+        if column.shape != textures.shape[:1]:
+            raise ValueError(
+                f"`training.{name}` must have one row for each of the {len(textures)} textures, got {column.shape}."
+            )
+    bad = friction[(friction <= 0) | np.isinf(friction)]
+    if len(bad):
+        raise ValueError(f"`training.friction_coefficients` must be above 0, got {bad[0]}. Set unknown ones to NaN.")
+    return replace(training, textures=textures, ratings=ratings, friction_coefficients=friction, surface_ids=ids)
+
+
+def _checked_ratings(name, ratings):
+    ratings = np.asarray(ratings, dtype=np.float64)
+    if ratings.ndim != 2 or ratings.shape[-1] != 3 or not len(ratings):
+        raise ValueError(f"`{name}` must have the shape (n, 3) with n at least 1, got {ratings.shape}.")
+    if np.isinf(ratings).any():
+        raise ValueError(f"`{name}` must be finite, or NaN (unknown), got infinity. Give z-scores.")
+    return ratings

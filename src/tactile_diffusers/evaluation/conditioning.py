@@ -1,0 +1,72 @@
+"""What ratings do to textures: measures of one condition, and how conditions differ."""
+
+import numpy as np
+
+from ..signal import band_levels_db, rms
+
+#: dB per unit of level, a natural logarithm of RMS
+DB_PER_NEPER = 20 / np.log(10)
+
+
+def texture_measures(textures, levels, friction_coefficients, sampling_rate, edges, latents):
+    """What a rating is expected to move, one row a texture.
+
+    Args:
+        textures (`np.ndarray`): (n, samples), N.
+        levels (`np.ndarray`): (n,) natural log of the RMS in N.
+        friction_coefficients (`np.ndarray`): (n,), NaN = unknown.
+        sampling_rate (`float`): Hz.
+        edges (`np.ndarray`): of the nine bands, Hz.
+        latents (`np.ndarray`): (n, features), `latent_summary` of the encoded textures.
+
+    Returns:
+        `dict[str, np.ndarray]`: "level_db" (n,) dB re 1 N; "shape_db" (n, 9) band levels at unit RMS; "log_friction"
+        (n,); "latent" (n, features + 1 or 2): all that DALE generates, the summary of the latents, the level and, if
+        it is known, log friction.
+    """
+    textures = np.asarray(textures, dtype=np.float64)
+    unit = textures / np.maximum(rms(textures), 1e-12)[:, None]
+    levels, log_friction = (np.asarray(values, dtype=np.float64) for values in (levels, np.log(friction_coefficients)))
+    scalars = [values for values in (levels, log_friction) if np.isfinite(values).all()]
+    return {
+        "level_db": DB_PER_NEPER * levels,
+        "shape_db": band_levels_db(unit, sampling_rate, edges),
+        "log_friction": log_friction,
+        "latent": np.concatenate([latents, *(values[:, None] for values in scalars)], axis=-1),
+    }
+
+
+def shape_change_db(mean, baseline):
+    """Mean absolute change over bands of two mean shapes (..., 9), dB: what remains when gain is taken out."""
+    return np.abs(np.asarray(mean) - np.asarray(baseline)).mean(-1)
+
+
+def latent_shift_percent(latents, baseline):
+    """The paper's latent shift (section 3.3): L2 distance to the baseline latent of the same noise over its norm, %.
+
+    Args:
+        latents, baseline (`np.ndarray`): (n, channels, frames), row by row from the same noise.
+
+    Returns:
+        `np.ndarray`: (n,).
+    """
+    difference = np.sqrt(np.square(latents - baseline).sum((1, 2)))
+    return 100 * difference / np.maximum(np.sqrt(np.square(baseline).sum((1, 2))), 1e-12)
+
+
+def d_prime(mean, spread, size, baseline_mean, baseline_spread, baseline_size):
+    """Shift of a condition in units of the spread within conditions: the norm over features.
+
+    What chance alone adds to its square, `1/size + 1/baseline_size` for each feature, is taken out.
+
+    Args:
+        mean, spread (`np.ndarray`): (features,) of the condition.
+        size (`float`): (effective) number of independent textures.
+        baseline_mean, baseline_spread, baseline_size: of the baseline.
+
+    Returns:
+        `float`: 0 where the conditions do not differ by more than chance.
+    """
+    variance = (np.square(spread) + np.square(baseline_spread)) / 2
+    squares = np.square(mean - baseline_mean) / np.maximum(variance, 1e-12)
+    return float(np.sqrt(max(0.0, squares.sum() - len(squares) * (1 / size + 1 / baseline_size))))

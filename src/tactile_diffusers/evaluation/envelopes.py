@@ -1,0 +1,333 @@
+"""The fits behind the baselines: spectral envelopes, Gaussian noise under them, and the regression on ratings.
+
+The beta and the slope envelope are ours, after *Perceptually Lossless Tactile Texture Synthesis with Compact Spectral
+Envelope Models* (Balasubramanian and Vardar, arXiv 2605.23804), which names the two families; its formulas were not at
+hand, so nothing here claims to reproduce it. Differences: one envelope a texture, not a sequence over time; the shapes
+and the ways of fitting are those written below.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy import fft, linalg, optimize, stats
+from scipy.interpolate import make_interp_spline
+
+from ..signal import BAND_HZ, WORKING_RATE, band_edges, band_levels_db, power_spectral_density, resample, rms
+from ..signal.spectra import POWER_FLOOR
+from .reconstruction import OUT_OF_BAND_HZ
+
+#: The beta density is infinite at its ends where a parameter is below 1, as is common with 1/f friction: relative
+#: frequencies stay this far inside.
+BETA_MARGIN = 1e-3
+LPC_ORDER = 20
+#: White noise under the autocorrelation, as a share of its power (-60 dB): what a filter leaves empty makes the normal
+#: equations singular.
+LPC_RIDGE = 1e-6
+#: Logarithmic bands from which the slope envelope is fitted: wide enough to hold several bins each, down to 20 Hz.
+SLOPE_BANDS = 18
+#: Start and bounds of corner frequency in Hz and the two orders. From a steep high-pass the fit finds a shoulder if
+#: there is one; from a flat one it stays flat (both measured: virtual surfaces, five starts).
+_SLOPE_START = (30.0, 4.0, 1.0)
+_SLOPE_BOUNDS = ((5.0, 0.02, 0.02), (2000.0, 8.0, 8.0))
+_TINY = np.finfo(np.float64).tiny
+# rows that are analysed at once: bounds the memory at about 100 MB
+_CHUNK = 256
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The frequency bins of a texture that lie inside its band, and noise made of them.
+
+    Noise has no power at all outside the band, where recordings have little (their filter's slopes), and is periodic.
+
+    Args:
+        samples (`int`): of a texture.
+        sampling_rate (`float`): Hz.
+        band (`tuple[float, float]`): Hz.
+    """
+
+    samples: int
+    sampling_rate: float
+    band: tuple[float, float] = BAND_HZ
+
+    @cached_property
+    def bins(self):
+        """Indices of the bins inside the band, its upper edge left out: (bins,)."""
+        frequencies = np.fft.rfftfreq(self.samples, 1 / self.sampling_rate)
+        return np.flatnonzero((frequencies >= self.band[0]) & (frequencies < self.band[1]))
+
+    @property
+    def end(self):
+        """Hz from which a texture should be empty, as `out_of_band_ratio_db` has it."""
+        return self.band[1] * OUT_OF_BAND_HZ / BAND_HZ[1]
+
+    @cached_property
+    def frequencies(self):
+        """Their frequencies in Hz: (bins,)."""
+        return self.bins * self.sampling_rate / self.samples
+
+    def noise(self, density, rng, level=None):
+        """Gaussian noise of a given power spectral density and RMS.
+
+        Args:
+            density (`np.ndarray`): (n, bins) at `frequencies`, N^2/Hz; with `level` any unit, and its shape counts.
+            rng (`np.random.Generator`): source of the noise; the first rows do not depend on how many follow.
+            level (`np.ndarray`, *optional*, defaults to what the density adds up to): (n,) RMS of each texture, N.
+
+        Returns:
+            `np.ndarray`: (n, samples) float64, N; zeros where density or RMS is 0.
+        """
+        if level is None:
+            level = np.sqrt(density.sum(-1) * self.sampling_rate / self.samples)
+        parts = rng.standard_normal((len(density), len(self.bins), 2)).view(np.complex128)[..., 0]
+        spectra = np.zeros((len(density), self.samples // 2 + 1), dtype=np.complex128)
+        spectra[:, self.bins] = parts * np.sqrt(density / np.maximum(density.max(-1, keepdims=True), _TINY))
+        noise = fft.irfft(spectra, n=self.samples, axis=-1)
+        return noise * (level / np.maximum(rms(noise), _TINY))[:, None]
+
+    def interpolate_db(self, frequencies, decibels):
+        """Density (n, bins) at `self.frequencies` from decibels (n, points) at `frequencies`: see `interpolate_db`."""
+        return 10 ** (interpolate_db(frequencies, decibels, self.frequencies) / 10)
+
+
+def interpolate_db(frequencies, decibels, wanted):
+    """Decibels (n, wanted) at other frequencies: linear over log frequency, flat beyond the ends."""
+    line = make_interp_spline(np.log(frequencies), decibels, k=1, axis=-1)
+    return line(np.log(np.clip(wanted, frequencies[0], frequencies[-1])))
+
+
+def in_chunks(function, textures):
+    """`function` of some hundred textures at a time, concatenated: (m, ...)."""
+    return np.concatenate([function(textures[start : start + _CHUNK]) for start in range(0, len(textures), _CHUNK)])
+
+
+def spectrum_db(textures, grid):
+    """Welch's density inside the band.
+
+    Args:
+        textures (`np.ndarray`): (m, samples), N.
+        grid (`Grid`): of these textures.
+
+    Returns:
+        `tuple[np.ndarray, np.ndarray]`: frequencies (points,) in Hz, 5 Hz apart, and density (m, points), dB re
+        1 N^2/Hz.
+    """
+    rate = grid.sampling_rate
+    frequencies = power_spectral_density(textures[:1], rate)[0]
+    inside = (frequencies >= grid.band[0]) & (frequencies <= grid.band[1])
+    density = in_chunks(lambda rows: power_spectral_density(rows, rate)[1][:, inside], textures)
+    return frequencies[inside], 10 * np.log10(np.maximum(density, POWER_FLOOR))
+
+
+def nine_band_levels_db(textures, grid):
+    """Levels in the nine bands of the grid's band: (m, 9), dB re 1 N^2."""
+    edges = band_edges(9, grid.band)
+    return in_chunks(lambda rows: band_levels_db(rows, grid.sampling_rate, edges), textures)
+
+
+def fit_beta(textures, grid):
+    """Beta distribution with the mean and variance of each amplitude spectrum over linear frequency.
+
+    With u = (f - low) / (high - low), mean m and variance v of u under the amplitude spectrum (the root of Welch's
+    density): kappa = m (1 - m) / v - 1, a = m kappa, b = (1 - m) kappa.
+
+    Args:
+        textures (`np.ndarray`): (n, samples), N.
+        grid (`Grid`): of these textures.
+
+    Returns:
+        `np.ndarray`: (n, 2), a and b. Silence has the flat spectrum of the floor: about (1, 1).
+    """
+    frequencies, decibels = spectrum_db(textures, grid)
+    amplitude = 10 ** (decibels / 20)
+    share = amplitude / amplitude.sum(-1, keepdims=True)
+    u = _relative(frequencies, grid)
+    mean = share @ u
+    variance = np.maximum((share * (u - mean[:, None]) ** 2).sum(-1), 1e-9)  # a single line has none
+    kappa = mean * (1 - mean) / variance - 1
+    return np.maximum(np.stack([mean * kappa, (1 - mean) * kappa], -1), 1e-3)
+
+
+def beta_density(parameters, grid):
+    """Power spectra whose amplitude is a beta density of linear frequency.
+
+    Args:
+        parameters (`np.ndarray`): (n, 2), a and b.
+        grid (`Grid`): bins.
+
+    Returns:
+        `np.ndarray`: (n, bins), relative power per Hz.
+    """
+    u = np.clip(_relative(grid.frequencies, grid), BETA_MARGIN, 1 - BETA_MARGIN)
+    logarithm = stats.beta.logpdf(u, parameters[:, :1], parameters[:, 1:])
+    # sharp densities overflow: relative to their largest value, which `Grid.noise` ignores
+    return np.exp(2 * (logarithm - logarithm.max(-1, keepdims=True)))
+
+
+def _relative(frequencies, grid):
+    return (frequencies - grid.band[0]) / (grid.band[1] - grid.band[0])
+
+
+def fit_slope(textures, grid):
+    """Asymmetric band-pass through each spectrum: corner frequency, high-pass and low-pass order.
+
+    Least squares of decibels over logarithmic bands, so that each octave weighs the same. The gain is left to the
+    level.
+
+    Args:
+        textures (`np.ndarray`): (n, samples), N.
+        grid (`Grid`): of these textures.
+
+    Returns:
+        `np.ndarray`: (n, 3), corner in Hz, high-pass order, low-pass order.
+    """
+    edges = band_edges(SLOPE_BANDS, grid.band)
+    levels = in_chunks(lambda rows: band_levels_db(rows, grid.sampling_rate, edges), textures)
+    density = levels - 10 * np.log10(np.diff(edges))
+    centres = np.sqrt(edges[:-1] * edges[1:])
+    bounds = tuple(np.log(bound) for bound in _SLOPE_BOUNDS)
+
+    def fit_row(row):
+        def residuals(logarithms):
+            difference = _slope_db(np.exp(logarithms), centres) - row
+            return difference - difference.mean()
+
+        fitted = optimize.least_squares(residuals, np.log(_SLOPE_START), bounds=bounds, ftol=1e-4)
+        return np.exp(fitted.x)
+
+    return np.stack([fit_row(row) for row in density])
+
+
+def slope_density(parameters, grid):
+    """Power spectra of the asymmetric band-pass: `1 / ((1 + (fc/f)^(2 n_hp)) (1 + (f/fc)^(2 n_lp)))`.
+
+    Args:
+        parameters (`np.ndarray`): (n, 3), corner fc in Hz, orders n_hp and n_lp.
+        grid (`Grid`): bins.
+
+    Returns:
+        `np.ndarray`: (n, bins), relative power per Hz.
+    """
+    return 10 ** (_slope_db(parameters.T[..., None], grid.frequencies) / 10)
+
+
+def _slope_db(parameters, frequencies):
+    corner, high_pass, low_pass = parameters
+    octaves = np.log(frequencies / corner)
+    # log(1 + e^x) without overflow
+    loss = np.logaddexp(0, -2 * high_pass * octaves) + np.logaddexp(0, 2 * low_pass * octaves)
+    return -10 / np.log(10) * loss
+
+
+def lpc_density(textures, grid, order=LPC_ORDER):
+    """Power spectra of autoregressive models (linear prediction, autocorrelation method, hence stable).
+
+    At `WORKING_RATE`: at 10 kHz four fifths of the spectrum would be empty and take the poles for themselves.
+
+    Args:
+        textures (`np.ndarray`): (n, samples), N.
+        grid (`Grid`): of these textures; its sampling rate is a whole number.
+        order (`int`): number of coefficients.
+
+    Returns:
+        `np.ndarray`: (n, bins), relative power per Hz: `1 / |1 - sum_k a_k exp(-2 pi i k f / rate)|^2`.
+    """
+    rate = min(grid.sampling_rate, WORKING_RATE)
+    rows = in_chunks(lambda part: _autocorrelation(resample(part, grid.sampling_rate, rate), order + 1), textures)
+    rows[:, 0] = rows[:, 0] * (1 + LPC_RIDGE) + POWER_FLOOR
+    coefficients = np.stack([linalg.solve_toeplitz(row[:-1], row[1:]) for row in rows])
+    delays = np.exp(-2j * np.pi / rate * np.arange(1, order + 1)[:, None] * grid.frequencies)
+    return 1 / np.abs(1 - coefficients @ delays) ** 2
+
+
+def _autocorrelation(textures, lags):
+    """Biased estimates at the first lags: (n, lags), N^2."""
+    samples = textures.shape[-1]
+    power = np.abs(fft.rfft(textures, n=2 * samples, axis=-1)) ** 2
+    return fft.irfft(power, axis=-1)[:, :lags] / samples
+
+
+def nine_band_density(levels_db, grid, iterations=20):
+    """Smooth power spectra with given levels in the nine bands: linear in dB over log frequency between band centres.
+
+    The levels at the centres are shifted until each band holds the power that is asked for; a straight line through
+    the band's mean density would miss it by a decibel or two where the spectrum bends.
+
+    Args:
+        levels_db (`np.ndarray`): (n, 9), dB re 1 N^2, as from `band_levels_db`.
+        grid (`Grid`): bins; each band must hold some.
+        iterations (`int`): of the shifting, which gains a factor of about two each time.
+
+    Returns:
+        `np.ndarray`: (n, bins), N^2/Hz.
+    """
+    edges = band_edges(levels_db.shape[-1], grid.band)
+    centres = np.sqrt(edges[:-1] * edges[1:])
+    members = np.stack([(grid.frequencies >= low) & (grid.frequencies < high) for low, high in pairwise(edges)], -1)
+    width = grid.sampling_rate / grid.samples
+    anchors = levels_db - 10 * np.log10(members.sum(0) * width)
+    for _ in range(iterations):
+        held = 10 * np.log10(grid.interpolate_db(centres, anchors) @ members * width)
+        anchors = anchors + levels_db - held
+    return grid.interpolate_db(centres, anchors)
+
+
+def ridge_fit(inputs, targets, penalty):
+    """Ridge regression of one target; rows whose target is NaN are left out.
+
+    Args:
+        inputs (`np.ndarray`): (surfaces, 3).
+        targets (`np.ndarray`): (surfaces,).
+        penalty (`float`): added to the sums of squares of the centred inputs.
+
+    Returns:
+        `tuple[float, np.ndarray]`: intercept, and slopes (3,). The intercept is NaN where no target is known.
+    """
+    known = np.isfinite(targets)
+    if not known.any():
+        return np.nan, np.zeros(inputs.shape[-1])
+    centre, mean = inputs[known].mean(0), targets[known].mean()
+    x, y = inputs[known] - centre, targets[known] - mean
+    slopes = np.linalg.solve(x.T @ x + penalty * np.eye(x.shape[-1]), x.T @ y)
+    return mean - centre @ slopes, slopes
+
+
+def draw_missing(values, mean, covariance, normal):
+    """Fills NaN by draws from a Gaussian, given the values of the same row that are known.
+
+    Args:
+        values (`np.ndarray`): (n, d), NaN = to be drawn.
+        mean, covariance (`np.ndarray`): (d,) and (d, d), of the Gaussian; the covariance may be singular.
+        normal (`np.ndarray`): (n, d) standard normal numbers, used where a value is missing.
+
+    Returns:
+        `np.ndarray`: (n, d), finite.
+    """
+    offsets = values - mean
+    for pattern in np.unique(np.isnan(values), axis=0):
+        rows = np.flatnonzero((np.isnan(values) == pattern).all(-1))
+        missing, given = np.flatnonzero(pattern), np.flatnonzero(~pattern)
+        cross = covariance[np.ix_(missing, given)]
+        gain = cross @ np.linalg.pinv(covariance[np.ix_(given, given)])
+        left = covariance[np.ix_(missing, missing)] - gain @ cross.T
+        drawn = offsets[np.ix_(rows, given)] @ gain.T + normal[np.ix_(rows, missing)] @ covariance_root(left)
+        offsets[np.ix_(rows, missing)] = drawn
+    return mean + offsets
+
+
+def covariance_root(covariance):
+    """Symmetric square root (d, d), also of a singular covariance: normal numbers times it have that covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    return (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
+
+
+def surface_means(values, surface_ids):
+    """Mean over the segments of each surface, in the order of their ids, NaN left out: (surfaces, ...)."""
+    surfaces, places = np.unique(surface_ids, return_inverse=True)
+    known = np.isfinite(values)
+    sums, counts = (np.zeros((len(surfaces), *values.shape[1:])) for _ in range(2))
+    np.add.at(sums, places, np.where(known, values, 0))
+    np.add.at(counts, places, known)
+    return sums / np.where(counts > 0, counts, np.nan)

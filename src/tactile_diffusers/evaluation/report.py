@@ -1,0 +1,150 @@
+"""The report: runs sections, keeps each that is done, and puts them together as report.json."""
+
+import hashlib
+import json
+import os
+import platform
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+import torch
+from tqdm.auto import tqdm
+
+from ..data.files import atomic_path
+from .sections import SECTIONS, WITHOUT_RATINGS
+from .statistics import is_leaf
+
+#: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
+MEASURED = ("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "long_textures")
+_PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
+
+
+def run_sections(context, names, checkpoint):
+    """Runs sections one after the other; those already done under the same conditions are read instead.
+
+    Each result is a file `sections/<name>.json` in the output folder, so that a run that was cut off goes on.
+
+    Args:
+        context (`Context`): what is evaluated.
+        names (`list[str]`): of `SECTIONS`.
+        checkpoint (`str` or `Path`): its folder.
+
+    Returns:
+        `dict`: the report, see README; sections not asked for, or without anything to measure, are None.
+    """
+    conditions = _conditions(context, checkpoint)
+    folder = context.output / "sections"
+    folder.mkdir(parents=True, exist_ok=True)
+    report = {
+        "checkpoint": {"name": Path(checkpoint).name, "sha256": conditions["checkpoint"]},
+        "data": _data(context),
+        "seed": context.seed,
+        "settings": {**asdict(context.settings), "guidance_scales": context.guidance_scales},
+        "machine": machine(),
+        "versions": _versions(),
+        **dict.fromkeys(MEASURED),
+    }
+    for name in tqdm(names, desc="sections", disable=context.quiet):
+        if name not in WITHOUT_RATINGS and not _can_steer(context):
+            continue
+        path = folder / f"{name}.json"
+        done = _read(path, conditions)
+        if done is None:
+            done = SECTIONS[name](context)
+            with atomic_path(path) as temporary:
+                temporary.write_text(json.dumps({"conditions": conditions, "result": done}, allow_nan=False))
+        report |= done
+    with atomic_path(context.output / "embedding.json") as temporary:
+        temporary.write_text(json.dumps(context.reference.embedding.to_dict()))
+    return report
+
+
+def _can_steer(context):
+    rated = np.isfinite(context.held_out.surface_ratings[context.surfaces]).all(-1).any()
+    return context.pipe.dale is not None and bool(rated)
+
+
+def _read(path, conditions):
+    """A section's result if it was made under these conditions, else None."""
+    try:
+        stored = json.loads(path.read_text())
+    except (FileNotFoundError, json.JSONDecodeError):
+        return None
+    return stored["result"] if stored.get("conditions") == conditions else None
+
+
+def _conditions(context, checkpoint):
+    """What a result depends on, as JSON."""
+    facts = os.stat(context.held_out.path)
+    embedding = context.embedding and f"{context.embedding.__module__}:{context.embedding.__qualname__}"
+    state = {
+        "checkpoint": folder_digest(checkpoint),
+        "data": [facts.st_size, facts.st_mtime_ns],
+        "split": context.split,
+        "seed": context.seed,
+        "settings": asdict(context.settings),
+        "guidance_scales": context.guidance_scales,
+        "embedding": embedding,
+        "vibromaf": context.vibromaf,
+        "threads": torch.get_num_threads(),
+        "version": _versions()["tactile-diffusers"],
+    }
+    return json.loads(json.dumps(state))
+
+
+def folder_digest(folder):
+    """SHA-256 over the configs and weights of a checkpoint folder."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(folder).rglob("*")):
+        if path.suffix in (".json", ".safetensors") and "checkpoint-" not in str(path.relative_to(folder)):
+            digest.update(str(path.relative_to(folder)).encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _data(context):
+    held_out, train = context.held_out, context.train
+    return {
+        "name": Path(held_out.path).name,
+        "source": held_out.source,
+        "split": context.split,
+        "unit": held_out.unit,
+        "sampling_rate": held_out.sampling_rate,
+        "band": list(held_out.band),
+        "surfaces": len(set(context.surfaces.tolist())),
+        "segments": len(context.surfaces),
+        "reference_surfaces": len(set(train.surface_ids.tolist())),
+        "reference_segments": len(context.training.textures),
+    }
+
+
+def machine():
+    """Processor, cores and threads of this machine."""
+    name = platform.processor() or platform.machine()
+    try:
+        models = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
+        name = models[0].split(":")[1].strip()
+    except (OSError, IndexError):
+        pass
+    return {"processor": name, "cores": os.cpu_count(), "threads": torch.get_num_threads(), "system": platform.system()}
+
+
+def _versions():
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
+
+
+def leaves(entry, path=()):
+    """All leaves below an entry of a report: pairs of path and leaf."""
+    if is_leaf(entry):
+        yield path, entry
+    elif isinstance(entry, dict | list):
+        for key, value in entry.items() if isinstance(entry, dict) else enumerate(entry):
+            yield from leaves(value, (*path, key))

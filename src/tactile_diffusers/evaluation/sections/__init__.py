@@ -1,0 +1,18 @@
+"""The sections of a report: each measures one thing on one `Context` and returns leaves under top-level keys."""
+
+from . import control, generation, long_textures, paper, reconstruction, speed
+from .context import FULL, QUICK, Context, Settings
+
+#: name -> function of a context that returns `{top-level key: ...}`
+SECTIONS = {
+    "reconstruction": reconstruction.run,
+    "generation": generation.run,
+    "control": control.run,
+    "paper": paper.run,
+    "speed": speed.run,
+    "long_textures": long_textures.run,
+}
+#: sections that a pipeline without DALE has, and data without ratings allow
+WITHOUT_RATINGS = ("reconstruction", "speed")
+
+__all__ = ["FULL", "QUICK", "SECTIONS", "WITHOUT_RATINGS", "Context", "Settings"]

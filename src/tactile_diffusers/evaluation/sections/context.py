@@ -1,0 +1,300 @@
+"""What all sections of a report share: the checkpoint, the data, the reference set and how much is measured."""
+
+import inspect
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...data import PreparedDataset
+from ...signal import band_edges
+from ..baselines import BaselineRequest, TrainingTextures, default_baselines, latent_rate
+from ..generate import generate, latent_summary, noise_seeds
+from ..reference import Reference
+
+#: DALE and LCTG steps of everything but the step sweep (paper section 3.1 found 10)
+STEPS = 10
+# segments encoded to find the rate of the latents, textures encoded at once
+_RATE_SEGMENTS, _BATCH = 200, 64
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much is measured; `FULL` takes about half an hour on two cores, `QUICK` under five minutes.
+
+    Attributes:
+        steps (`tuple[int, ...]`): of the step sweep.
+        per_surface (`int`): non-overlapping segments per surface, of the reference and of what is held out.
+        takes (`int`): textures generated per held-out surface.
+        audio_textures (`int`): textures of the paper's distribution distance.
+        novelty_textures (`int`): generated and real textures compared with training segments.
+        novelty_segments (`int` or `None`): training segments searched; `None` = all.
+        control_values (`tuple[float, ...]`): ratings of one axis while the others are not specified.
+        control_takes (`int`): textures per value.
+        truth_candidates, truth_surfaces (`int`): fresh virtual surfaces rated, and explored.
+        truth_seconds (`float`): of each exploration.
+        shift_step (`float`), shift_takes (`int`): of the paper's latent shift.
+        spectra_step (`float`), spectra_takes (`int`): of the paper's average spectra.
+        protocol_segments, protocol_repeats (`int`): of the paper's full-pipeline RMSE.
+        repeats (`int`): of each timing.
+        long_textures (`int`), long_seconds (`float`): long textures checked at their joints.
+    """
+
+    steps: tuple = (1, 2, 3, 4, 6, 8, 10, 15, 25, 50, 100)
+    per_surface: int = 4
+    takes: int = 9
+    audio_textures: int = 500
+    novelty_textures: int = 240
+    novelty_segments: int | None = None
+    control_values: tuple = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)
+    control_takes: int = 100
+    truth_candidates: int = 20_000
+    truth_surfaces: int = 1500
+    truth_seconds: float = 12.0
+    shift_step: float = 0.2
+    shift_takes: int = 30
+    spectra_step: float = 0.5
+    spectra_takes: int = 50
+    protocol_segments: int = 20
+    protocol_repeats: int = 5
+    repeats: int = 7
+    long_textures: int = 4
+    long_seconds: float = 30.0
+
+
+FULL = Settings()
+QUICK = Settings(
+    steps=(1, 4, 10, 25),
+    per_surface=2,
+    takes=3,
+    audio_textures=120,
+    novelty_textures=40,
+    novelty_segments=3000,
+    control_values=(-2.0, -1.0, 1.0, 2.0),
+    control_takes=24,
+    truth_candidates=8000,
+    truth_surfaces=400,
+    truth_seconds=8.0,
+    shift_step=1.0,
+    shift_takes=10,
+    spectra_step=1.0,
+    spectra_takes=12,
+    protocol_segments=10,
+    protocol_repeats=2,
+    repeats=3,
+    long_textures=1,
+    long_seconds=10.0,
+)
+
+
+class Context:
+    """One checkpoint on one data set.
+
+    Args:
+        pipe (`TactileTexturePipeline`): with or without DALE.
+        data (`str` or `Path`): a prepared data set of the pipeline's band and segment length; textures are compared at
+            its rate.
+        split (`str`): held-out surfaces, "validation" or "test".
+        settings (`Settings`): how much is measured.
+        seed (`int`): of every choice and every noise.
+        output (`Path`): where figures go.
+        guidance_scales (`tuple[float, ...]`, *optional*): besides 1.0 (off) and the pipeline's default.
+        embedding (`Callable`, *optional*): of the audio distance; see `frechet_audio_distance`.
+        vibromaf (`bool`): whether to add the optional metrics of vibromaf.
+        quiet (`bool`): no progress bars.
+
+    Raises:
+        ValueError: if checkpoint and data do not fit together.
+    """
+
+    def __init__(
+        self,
+        pipe,
+        data,
+        split,
+        settings,
+        seed,
+        output,
+        guidance_scales=(),
+        embedding=None,
+        vibromaf=False,
+        quiet=True,
+    ):
+        self.pipe, self.split, self.settings, self.seed, self.quiet = pipe, split, settings, seed, quiet
+        self.output, self.embedding, self.vibromaf = output, embedding, vibromaf
+        self.held_out, self.train = PreparedDataset(data, split), PreparedDataset(data, "train")
+        check_fit(pipe, self.held_out)
+        self.rate, self.edges = self.held_out.sampling_rate, band_edges(9, self.held_out.band)
+        self.default_guidance = float(inspect.signature(type(pipe).__call__).parameters["guidance_scale"].default)
+        self._generated = {}
+        self.guidance_scales = sorted({1.0, self.default_guidance, *map(float, guidance_scales)})
+
+    def rng(self, purpose):
+        """A random generator of its own for each purpose, so that sections do not depend on each other's order."""
+        return np.random.default_rng([self.seed, *purpose.encode()])
+
+    @cached_property
+    def training(self):
+        """Non-overlapping segments of the training surfaces: the reference, and what baselines and judge learn from."""
+        train = self.train
+        rows = train.non_overlapping(self.settings.per_surface, self.seed)
+        surfaces = train.surface_ids[rows]
+        ratings = train.surface_ratings[surfaces]
+        frictions = train.friction_coefficients[rows]
+        return TrainingTextures(train.textures(rows), ratings, frictions, surfaces, self.rate, train.band)
+
+    @cached_property
+    def reference(self):
+        """The embedded training surfaces."""
+        return Reference(self.training.textures, self.rate)
+
+    @cached_property
+    def chosen(self):
+        """Indices of held-out segments and, for each, of another take of its surface: two arrays (n,).
+
+        No two of them share a sample, so that what is known of one half is not read off the other.
+        """
+        rows = self.held_out.non_overlapping(2 * self.settings.per_surface, self.seed)
+        rows = self.rng("halves").permutation(rows)
+        first, second = [], []
+        for surface in np.unique(self.held_out.surface_ids[rows]):
+            own = rows[self.held_out.surface_ids[rows] == surface]
+            half = len(own) // 2
+            first, second = [*first, *own[:half]], [*second, *own[half : 2 * half]]
+        if len(np.unique(self.held_out.surface_ids[np.array(first, dtype=int)])) < 2:
+            raise ValueError(
+                f"`data` must have two surfaces or more with two segments each that share no sample in the split "
+                f"{self.split!r}, to compare with another take and another surface. Record longer, or hold more out."
+            )
+        return np.array(first), np.array(second)
+
+    @cached_property
+    def surfaces(self):
+        """(n,) surface of each chosen segment."""
+        return self.held_out.surface_ids[self.chosen[0]]
+
+    @cached_property
+    def real(self):
+        """(n, samples) the chosen held-out segments, N."""
+        return self.held_out.textures(self.chosen[0])
+
+    @cached_property
+    def real_points(self):
+        """(n, 53) their embeddings."""
+        return self.reference.embed(self.real)
+
+    @cached_property
+    def real_distances(self):
+        """FTD and KTD of the held-out segments to the reference: what no generator can be expected to beat."""
+        return self.reference.distances(self.real_points, self.surfaces)
+
+    @cached_property
+    def request(self):
+        """The held-out segments as baselines see them."""
+        ratings = self.held_out.surface_ratings[self.surfaces]
+        return BaselineRequest(ratings, self.real, self.held_out.textures(self.chosen[1]))
+
+    @cached_property
+    def baselines(self):
+        """Fitted baselines by slug; those that work from ratings only where there are ratings."""
+        made = default_baselines(*self.latent_rate)
+        rated = np.isfinite(self.training.ratings).all(-1).any()
+        return {slug: b.fit(self.training) for slug, b in made.items() if rated or b.knows != "ratings"}
+
+    @cached_property
+    def latent_rate(self):
+        """Numbers per second of the latents and the bits that each carries."""
+        config = self.pipe.lctg.config
+        spaced = np.linspace(0, len(self.training.textures) - 1, _RATE_SEGMENTS).astype(int)
+        latents = self.encode(self.training.textures[np.unique(spaced)])
+        # without noise in training nothing but the half precision of stored weights and latents limits the rate
+        sigma = config.latent_noise or 2.0**-11
+        frames_per_second = self.pipe.feature_extractor.sampling_rate / config.latent_hop
+        return config.latent_channels * frames_per_second, float(latent_rate(latents, sigma))
+
+    @cached_property
+    def baseline_textures(self):
+        """What each baseline answers to the held-out segments: slug -> (n, samples)."""
+        return {slug: made.sample(self.request, self.rng(slug)) for slug, made in self.baselines.items()}
+
+    @cached_property
+    def baseline_points(self):
+        """Their embeddings: slug -> (n, 53)."""
+        return {slug: self.reference.embed(textures) for slug, textures in self.baseline_textures.items()}
+
+    @cached_property
+    def different(self):
+        """(n, samples) for each chosen segment one of another surface."""
+        rng, rows = self.rng("different"), np.arange(len(self.surfaces))
+        return self.real[[rng.choice(rows[self.surfaces != surface]) for surface in self.surfaces]]
+
+    @cached_property
+    def requests(self):
+        """Ratings of the held-out surfaces, `takes` rows each, and their surfaces: (n, 3) and (n,)."""
+        surfaces = np.repeat(np.unique(self.surfaces), self.settings.takes)
+        return self.held_out.surface_ratings[surfaces], surfaces
+
+    def generated(self, guidance_scale):
+        """Textures for `requests`, each from noise of its own."""
+        if guidance_scale not in self._generated:
+            ratings, _ = self.requests
+            seeds = noise_seeds([self.seed, 1], len(ratings))
+            self._generated[guidance_scale] = self.generate(ratings, seeds, guidance_scale)
+        return self._generated[guidance_scale]
+
+    def matching(self):
+        """Rows of `requests` as many for each surface as there are held-out segments of it: sets of equal size."""
+        _, surfaces = self.requests
+        counts = {surface: int((self.surfaces == surface).sum()) for surface in np.unique(self.surfaces)}
+        take = np.arange(len(surfaces)) % self.settings.takes
+        return np.flatnonzero(take < [counts[surface] for surface in surfaces])
+
+    def generate(self, ratings, seeds, guidance_scale, decode=True):
+        """`generate` at the data's rate and segment length."""
+        return generate(
+            self.pipe,
+            ratings,
+            seeds,
+            self.rate,
+            self.held_out.segment_samples,
+            STEPS,
+            guidance_scale,
+            decode,
+            quiet=self.quiet,
+        )
+
+    def encode(self, textures):
+        """Latents of textures: (n, latent_channels, frames) float32."""
+        parts = [textures[start : start + _BATCH] for start in range(0, len(textures), _BATCH)]
+        return np.concatenate([self.pipe.encode(part, self.rate).latents.float().cpu().numpy() for part in parts])
+
+    def summarise(self, textures):
+        """`latent_summary` of textures."""
+        return latent_summary(self.encode(textures))
+
+
+def check_fit(pipe, dataset):
+    """Refuses a checkpoint and data that cannot be compared.
+
+    Raises:
+        ValueError: if their bands, rates or lengths differ.
+    """
+    extractor = pipe.feature_extractor
+    band = tuple(float(edge) for edge in extractor.band)
+    if band != tuple(dataset.band):
+        raise ValueError(
+            f"The checkpoint's band is {band} Hz, `data` was prepared with {tuple(dataset.band)} Hz. Prepare the data "
+            "again with the checkpoint's band (`--band` of examples/prepare_data.py), or train on this data."
+        )
+    if dataset.sampling_rate > extractor.delivery_rate:
+        raise ValueError(
+            f"`data` has a sampling rate of {dataset.sampling_rate} Hz, the checkpoint delivers only "
+            f"{extractor.delivery_rate} Hz: there is nothing to compare above {extractor.delivery_rate / 2:g} Hz. "
+            "Resample the recordings to the checkpoint's rate."
+        )
+    seconds = pipe.lctg.config.segment_samples / extractor.sampling_rate
+    if abs(seconds - dataset.segment_samples / dataset.sampling_rate) > 1 / extractor.sampling_rate:
+        raise ValueError(
+            f"The checkpoint was trained on segments of {seconds:g} s, `data` holds segments of "
+            f"{dataset.segment_samples / dataset.sampling_rate:g} s. Prepare the data again with `--segment-seconds`."
+        )

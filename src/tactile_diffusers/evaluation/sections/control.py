@@ -1,0 +1,215 @@
+"""Section "control": do ratings do what they do in real data, neither less nor more."""
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from ...signal import RATING_AXES, band_levels_db
+from ..baselines import BaselineRequest
+from ..conditioning import d_prime, latent_shift_percent, shape_change_db, texture_measures
+from ..figures import plot_control, plot_responses
+from ..generate import noise_seeds
+from ..judge import FEWEST_SURFACES, Judge, response_interval, response_matrix
+from ..statistics import jackknife, leaf, number
+from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE, truth_of
+
+#: Band whose share of the power is the share of fine vibration, Hz.
+SHARE_BAND_HZ = (150.0, 400.0)
+# requests from which three slopes and an intercept can be told, also with one left out
+_FEWEST_REQUESTS = 6
+# baselines that know ratings and so can be steered
+_STEERABLE = ("knn_blend", "ridge")
+
+
+def run(context):
+    """The section: `{"control": ...}`; writes control.png and response.png."""
+    truth = _truth(context)
+    judge, r2 = _judge(context)
+    held_out, rows = context.held_out, context.chosen[0]
+    frictions = np.log(held_out.friction_coefficients[rows])
+    real = _recovered(judge, context.real_points, frictions)
+    requested = held_out.surface_ratings[context.surfaces]
+    result = {
+        "judge_r2": r2,
+        "response_real": _matrix(real, requested, context.surfaces),
+        "truth": _sizes(truth, context),
+    }
+    for scale in context.guidance_scales:
+        made = {key: _generated(context, key, scale) for key in _conditions(context)}
+        entry = _axes(context, made, truth)
+        textures = context.generated(scale)
+        ratings, surfaces = context.requests
+        points = context.reference.embed(textures.textures)
+        recovered = _recovered(judge, points, np.log(textures.friction_coefficients))
+        result[str(scale)] = entry | {"response": _matrix(recovered, ratings, surfaces)}
+    result["baselines"] = {slug: _baseline(context, slug, judge, truth) for slug in _STEERABLE}
+    plot_control(result, context.default_guidance, context.output / "control.png")
+    plot_responses(result, context.default_guidance, context.output / "response.png")
+    return {"control": result}
+
+
+def _conditions(context):
+    """(axis, value) of every condition; (None, None) is the baseline, nothing specified."""
+    values = context.settings.control_values
+    return [(None, None), *((axis, value) for axis in RATING_AXES for value in values)]
+
+
+def _request(key):
+    axis, value = key
+    return np.array([value if name == axis else np.nan for name in RATING_AXES], dtype=np.float64)
+
+
+def _truth(context):
+    """Real textures, from which what belongs to a request is read."""
+
+    def describe(textures, levels, friction_coefficients):
+        latents = context.summarise(textures)
+        return texture_measures(textures, levels, friction_coefficients, context.rate, context.edges, latents)
+
+    requests = [_request(key) for key in _conditions(context)]
+    settings = context.settings
+    return truth_of(
+        context.held_out.path,
+        requests,
+        describe,
+        candidates=settings.truth_candidates,
+        surfaces=settings.truth_surfaces,
+        seconds=settings.truth_seconds,
+        workers=2,
+        seed=context.seed,
+        quiet=context.quiet,
+    )
+
+
+def _judge(context):
+    """The judge, fitted on training surfaces, and its R² on held-out ones: leaves by axis.
+
+    With too few rated surfaces for a judge there is none, and its leaves are empty.
+    """
+    training, held_out, rows = context.training, context.held_out, context.chosen[0]
+    rated = np.isfinite(training.ratings).all(-1)
+    ratings = held_out.surface_ratings[context.surfaces]
+    if len(np.unique(training.surface_ids[rated])) < FEWEST_SURFACES:
+        return None, {axis: number() for axis in RATING_AXES}
+    frictions = np.log(training.friction_coefficients)
+    judge = Judge.fit(context.reference.points, frictions, training.ratings, training.surface_ids, context.seed)
+    points, frictions = context.real_points, np.log(held_out.friction_coefficients[rows])
+    r2 = judge.r2(points, frictions, ratings)
+    low, high = judge.r2_interval(points, frictions, ratings, context.surfaces)
+    return judge, {axis: number(r2[i], len(points), (low[i], high[i])) for i, axis in enumerate(RATING_AXES)}
+
+
+def _recovered(judge, points, log_friction):
+    return None if judge is None else judge.predict(points, log_friction)
+
+
+def _matrix(recovered, requested, groups):
+    """3 x 3 leaves: slope of the recovered (row) on the requested (column) rating; empty for too few surfaces."""
+    rated = np.isfinite(requested).all(-1)
+    if recovered is None or len(np.unique(groups[rated])) < _FEWEST_REQUESTS:
+        return [[number() for _ in range(3)] for _ in range(3)]
+    recovered, requested, groups = recovered[rated], requested[rated], groups[rated]
+    slopes, (low, high) = response_matrix(recovered, requested), response_interval(recovered, requested, groups)
+    return [[number(slopes[i, j], len(groups), (low[i, j], high[i, j])) for j in range(3)] for i in range(3)]
+
+
+class _Condition:
+    """Measures of one condition, and what is needed to compare it with the baseline."""
+
+    def __init__(self, context, textures, levels, frictions, latents=None):
+        summary = context.summarise(textures)
+        self.measures = texture_measures(textures, levels, frictions, context.rate, context.edges, summary)
+        edges = np.array([context.edges[0], *SHARE_BAND_HZ, context.edges[-1]])
+        power = 10 ** (band_levels_db(textures, context.rate, edges) / 10)
+        self.share = power[:, 1] / power.sum(-1)
+        self.latents = latents
+
+
+def _generated(context, key, scale):
+    takes = context.settings.control_takes
+    ratings = np.tile(_request(key), (takes, 1))
+    made = context.generate(ratings, noise_seeds([context.seed, 3], takes), scale)
+    return _Condition(context, made.textures, made.levels, made.friction_coefficients, made.latents)
+
+
+def _baseline(context, slug, judge, truth):
+    """The same figures for a baseline that knows ratings."""
+    baseline, takes = context.baselines[slug], context.settings.control_takes
+    made = {}
+    for key in _conditions(context):
+        request, rng = BaselineRequest(np.tile(_request(key), (takes, 1))), context.rng(f"control {slug}")
+        textures = baseline.sample(request, rng)
+        levels = 0.5 * np.log(np.square(textures).mean(-1))
+        made[key] = _Condition(context, textures, levels, baseline.friction_coefficients(request, rng))
+    frictions = np.log(baseline.friction_coefficients(context.request, context.rng(slug + " friction")))
+    recovered = _recovered(judge, context.baseline_points[slug], frictions)
+    response = _matrix(recovered, context.request.ratings, context.surfaces)
+    return _axes(context, made, truth) | {"response": response}
+
+
+def _axes(context, made, truth):
+    """`{"axes": {axis: {value: leaves}}, "spearman": {axis: leaves}}` of conditions."""
+    axes, spearman, base = {}, {}, made[None, None]
+    values = context.settings.control_values
+    for axis in RATING_AXES:
+        axes[axis] = {
+            str(value): _against_truth(made[axis, value], base, truth, _request((axis, value))) for value in values
+        }
+        tracks = {
+            "level_db": [made[axis, value].measures["level_db"].mean() for value in values],
+            "share_150_400": [made[axis, value].share.mean() for value in values],
+            "log_friction": [made[axis, value].measures["log_friction"].mean() for value in values],
+        }
+        spearman[axis] = {
+            name: number(spearmanr(values, track).statistic, len(values)) for name, track in tracks.items()
+        }
+    return {"axes": axes, "spearman": spearman}
+
+
+def _against_truth(condition, base, truth, request):
+    """Leaves of one condition beside what real data with these ratings are."""
+    nothing = np.full(len(RATING_AXES), np.nan)
+    ours, ours_base = condition.measures, base.measures
+    entry = {}
+    for name in ("level_db", "log_friction"):
+        entry[name] = leaf(ours[name])
+        interval = truth.interval(name, request)
+        entry[f"{name}_truth"] = number(truth.mean(name, request), truth.effective_size(request), interval)
+
+    takes = np.arange(len(ours["level_db"]))
+    change = jackknife(
+        lambda mask: shape_change_db(ours["shape_db"][mask].mean(0), ours_base["shape_db"][mask].mean(0)), takes
+    )
+    entry["shape_db"] = number(change[0], len(takes), change[1])
+    true_change = truth.mean("shape_db", request) - truth.mean("shape_db", nothing)
+    entry["shape_db_truth"] = number(np.abs(true_change).mean(), truth.effective_size(request))
+    own_change = ours["shape_db"].mean(0) - ours_base["shape_db"].mean(0)
+    entry["shape_difference_db"] = number(np.abs(own_change - true_change).mean(), len(takes))
+
+    percent = None if condition.latents is None else latent_shift_percent(condition.latents, base.latents)
+    entry["latent_shift_percent"] = leaf(percent)
+    ends = [(m["latent"].mean(0), m["latent"].std(0, ddof=1), len(takes)) for m in (ours, ours_base)]
+    entry["latent_shift_dprime"] = number(d_prime(*ends[0], *ends[1]), len(takes))
+    ends = [(truth.mean("latent", r), truth.spread("latent", r), truth.effective_size(r)) for r in (request, nothing)]
+    entry["latent_shift_dprime_truth"] = number(d_prime(*ends[0], *ends[1]), ends[0][2])
+    rating = truth.mean_rating(request)[np.isfinite(request)]
+    entry["rating_truth"] = number(rating[0], truth.effective_size(request))
+    return entry
+
+
+def _sizes(truth, context):
+    """What is behind each truth: the effective number of surfaces, and how far from the request they are on average.
+
+    Ratings pooled over raters hardly reach 2: the surfaces nearest to such a request lie inside of it.
+    """
+    sizes, offsets = {}, {}
+    for axis, value in _conditions(context)[1:]:
+        request, name = _request((axis, value)), f"{axis} {value:+g}"
+        size = truth.effective_size(request)
+        sizes[name] = number(size, len(truth.ratings))
+        offsets[name] = number(truth.mean_rating(request)[RATING_AXES.index(axis)] - value, size)
+    return {
+        "effective_surfaces": sizes,
+        "rating_offset": offsets,
+        "fewest_surfaces": number(LEAST_EFFECTIVE_SIZE),
+        "largest_offset": number(KERNEL_WIDTH),
+    }

@@ -1,0 +1,89 @@
+"""Summaries of measurements: the leaves of a report, with intervals over surfaces.
+
+Segments of one surface are alike, so surfaces are the independent units. Intervals come from leaving out one surface
+at a time (jackknife). Resampling with replacement would put the same texture into a set twice, which biases kernel
+distances.
+"""
+
+import numpy as np
+from scipy import stats
+
+
+def jackknife_interval(estimate, left_out, size=None):
+    """95 % interval from estimates that each leave out one group, by Student's t (Tukey 1958).
+
+    Args:
+        estimate (`np.ndarray`): (...,) from all groups.
+        left_out (`np.ndarray`): (groups, ...).
+        size (`float`, *optional*): effective number of groups; defaults to their number.
+
+    Returns:
+        `tuple[np.ndarray, np.ndarray]`: low and high, (...,) each.
+    """
+    groups = len(left_out)
+    error = np.sqrt((groups - 1) / groups * np.square(left_out - left_out.mean(0)).sum(0))
+    reach = stats.t.ppf(0.975, max((groups if size is None else size) - 1, 1)) * error
+    return estimate - reach, estimate + reach
+
+
+def jackknife(statistic, groups):
+    """95 % interval of a statistic by leaving out one group at a time.
+
+    Args:
+        statistic (`Callable`): takes a mask (n,) bool of the members to use, returns a number or an array.
+        groups (`np.ndarray`): (n,) group of each member, usually its surface.
+
+    Returns:
+        `tuple`: the statistic of all members and its interval (low, high), each of the statistic's shape; the interval
+        is NaN where there are fewer than three groups.
+    """
+    groups = np.asarray(groups)
+    value = np.asarray(statistic(np.ones(len(groups), dtype=bool)), dtype=np.float64)
+    names = np.unique(groups)
+    if len(names) < 3:
+        return value, np.full((2, *value.shape), np.nan)
+    replicates = np.stack([np.asarray(statistic(groups != name), dtype=np.float64) for name in names])
+    return value, np.stack(jackknife_interval(value, replicates))
+
+
+def leaf(values=None, groups=None):
+    """Summary of one number per texture (or surface).
+
+    Args:
+        values (`np.ndarray`, *optional*): (n,); NaN is left out. `None` = the metric does not apply.
+        groups (`np.ndarray`, *optional*): (n,) independent units; each value its own by default.
+
+    Returns:
+        `dict`: "mean", "n", "min", "max", "median" and "interval", the 95 % interval of the mean; None where it does
+        not apply.
+    """
+    values = np.atleast_1d(np.asarray([] if values is None else values, dtype=np.float64))
+    known = np.isfinite(values)
+    groups = np.arange(len(values)) if groups is None else np.asarray(groups)
+    values, groups = values[known], groups[known]
+    if not len(values):
+        return number()
+    _, interval = jackknife(lambda mask: values[mask].mean(), groups)
+    return number(values.mean(), len(values), interval, values.min(), values.max(), np.median(values))
+
+
+def number(mean=None, n=None, interval=None, least=None, largest=None, median=None):
+    """A leaf from its parts: JSON numbers, and None for what is missing or not finite."""
+    interval = None if interval is None else [_plain(bound) for bound in interval]
+    return {
+        "mean": _plain(mean),
+        "n": None if n is None else int(n),
+        "min": _plain(least),
+        "max": _plain(largest),
+        "median": _plain(median),
+        "interval": None if interval is None or None in interval else interval,
+    }
+
+
+def _plain(value):
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def is_leaf(entry):
+    """Whether an entry of a report is a leaf."""
+    return isinstance(entry, dict) and set(entry) == {"mean", "n", "min", "max", "median", "interval"}

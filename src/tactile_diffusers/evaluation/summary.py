@@ -1,0 +1,375 @@
+"""report.md and README's results: tables written from a report, and nothing else."""
+
+from .tables import markdown_table, text
+
+#: How people read the rows. Baselines that describe the very recording know more than ratings can tell.
+NAMES = {
+    "silence": "silence",
+    "other_take": "another take of the surface",
+    "phase_randomised": "phase-randomised copy",
+    "mean_spectrum": "noise of the mean spectrum",
+    "lpc20": "autoregressive model (LPC 20)",
+    "beta_envelope": "beta envelope (ours, after arXiv 2605.23804)",
+    "slope_envelope": "slope envelope (ours, after arXiv 2605.23804)",
+    "nine_band_noise": "nine-band noise",
+    "decimated": "low-passed to the latent's bits",
+    "knn_blend": "blend of 5 nearest surfaces (from ratings)",
+    "ridge": "ridge regression and noise (from ratings)",
+}
+#: Baselines that are told the surface's ratings, or nothing: what generation competes with.
+FROM_RATINGS = ("mean_spectrum", "knn_blend", "ridge")
+#: What the paper reports (sections 3.1 to 3.4), on SENS3, which was not available here.
+PAPER = {
+    "rmse_mn": "11.4 (6.2–18.1)",
+    "snr_db": "−1.87 (−2.36 to −1.21)",
+    "power_difference_n2": "5.0e-05, max 1.0e-04",
+    "best_steps": "10",
+    "real_time_steps": "over 50 (RTX 4060)",
+    "rmse_protocol_mn": "5.57",
+    "latent_shift_percent": "0–2",
+    "fad": "21.62 (embedding not stated)",
+}
+_SPECTRAL = {
+    "nine_band_db": "nine-band error, dB",
+    "lsd_db": "LSD, dB",
+    "gfc": "GFC",
+    "level_error_db": "level error, dB",
+    "out_of_band_db": "above 1.05 kHz, dB",
+    "snr_db": "SNR, dB",
+    "ftd": "FTD",
+    "ktd": "KTD",
+}
+_BANDS = {
+    f"band_error_db_{low}_{high}": f"{low}–{high} Hz"
+    for low, high in ((20, 60), (60, 150), (150, 400), (400, 650), (650, 1000), (1000, 1200))
+}
+_SETS = {
+    "ftd": "FTD",
+    "ftd_excess": "FTD over real",
+    "ktd": "KTD",
+    "ktd_excess": "KTD over real",
+    "precision": "precision",
+    "recall": "recall",
+    "diversity": "diversity",
+    "nearest_correlation": "nearest training segment, correlation",
+    "novelty_share": "closer than real 1st percentile: correlation",
+    "novelty_share_embedding": "embedding",
+    "novelty_share_latent": "latent",
+    "out_of_band_db": "above 1.05 kHz, dB",
+}
+# metrics of which less is better, and of which more is
+_LESS, _MORE = ("nine_band_db", "lsd_db", "ftd", "ktd"), ("gfc", "snr_db")
+
+
+def report_markdown(report):
+    """The whole report as Markdown."""
+    writers = {
+        "reconstruction": (_reconstruction, _bands, _steps),
+        "generation": (_generation,),
+        "unseen_surfaces": (_unseen,),
+        "control": (_control, _responses),
+        "paper": (_paper_figures,),
+        "speed": (_speed,),
+        "long_textures": (_long,),
+    }
+    parts = [_head(report), _side_by_side(report)]
+    for key, section in writers.items():
+        if report.get(key):
+            parts += [writer(report) for writer in section]
+    return "\n\n".join([*parts, _baselines_that_win(report)]) + "\n"
+
+
+def readme_markdown(report, figures):
+    """README's results: the tables that matter most, and the pictures under `figures` (a path in README's folder)."""
+    parts = [_head(report, level=3), _side_by_side(report, 4)]
+    pictures = {"reconstruction": "overlays", "unseen_surfaces": "unseen", "control": "control"}
+    shown = {
+        "reconstruction": _reconstruction,
+        "generation": _generation,
+        "unseen_surfaces": _unseen,
+        "control": _control,
+    }
+    for key, writer in shown.items():
+        if report.get(key):
+            parts.append(writer(report, 4))
+            if key in pictures:
+                parts.append(f"![{key}]({figures}/{pictures[key]}.png)")
+    if report.get("control"):
+        parts.append(_responses(report, 4))
+    if report.get("long_textures"):
+        parts.append(_long(report, 4))
+    return "\n\n".join([*parts, _baselines_that_win(report, 4)]) + "\n"
+
+
+def _title(name, level):
+    return f"{'#' * level} {name}\n\n"
+
+
+def _head(report, level=1):
+    data, machine = report["data"], report["machine"]
+    facts = (
+        f"Checkpoint `{report['checkpoint']['name']}` on {data['segments']} segments of {data['surfaces']} "
+        f"{data['split']} surfaces that no training saw; {data['source']}. Reference of the distances: "
+        f"{data['reference_segments']} segments of {data['reference_surfaces']} training surfaces. Seed "
+        f"{report['seed']}; {machine['processor']}, {machine['threads']} threads. Brackets: 95 % intervals over "
+        "surfaces. A silent output has an SNR of 0 dB, a second take of the same surface about −3 dB: read waveform "
+        "figures beside those rows only."
+    )
+    return _title("Report" if level == 1 else "Measured", level) + facts
+
+
+def _model_steps(report):
+    steps = report["reconstruction"]["steps"]
+    return "10" if "10" in steps else next(iter(steps))
+
+
+def _default_guidance(report):
+    scales = [key for key in report["generation"] if key not in ("baselines", "real")]
+    return "1.0" if "1.0" in scales else scales[0]
+
+
+def _side_by_side(report, level=2):
+    """What the paper reports, two yardsticks and ours."""
+    columns = ("paper, on SENS3", "silence", "another take", "ours")
+    rows = {}
+    if report.get("reconstruction"):
+        section, count = report["reconstruction"], _model_steps(report)
+        ours, base = section["steps"][count], section["baselines"]
+        for key, (label, paper, scale, digits) in {
+            "rmse_n": ("reconstruction RMSE, mN", "rmse_mn", 1e3, 2),
+            "snr_db": ("reconstruction SNR, dB", "snr_db", 1, 2),
+            "power_difference_n2": ("mean power difference, N²", "power_difference_n2", 1, 6),
+        }.items():
+            values = [base["silence"][key]["mean"], base["other_take"][key]["mean"], ours[key]["mean"]]
+            shown = [text(None if value is None else scale * value, digits) for value in values]
+            rows[label] = dict(zip(columns, [PAPER[paper], *shown], strict=True))
+        best = {n: entry["efficiency_score"]["mean"] for n, entry in section["steps"].items()}
+        if None not in best.values():
+            rows["best RMSE × time at (steps)"] = {columns[0]: PAPER["best_steps"], columns[3]: min(best, key=best.get)}
+    if report.get("speed"):
+        for key, label in (("segment", "real-time steps, segment"), ("block_100ms", "real-time steps, 0.1 s block")):
+            paper = PAPER["real_time_steps"] if key == "segment" else "–"
+            steps = text(report["speed"][key]["real_time_steps"], 0)
+            rows[label] = {columns[0]: paper, columns[3]: f"{steps} (CPU)"}
+    if report.get("generation"):
+        entry = report["generation"][_default_guidance(report)]
+        rmse = entry["rmse_protocol_n"]["mean"]
+        shown = text(None if rmse is None else 1e3 * rmse)
+        rows["full-pipeline RMSE (random ratings), mN"] = {columns[0]: PAPER["rmse_protocol_mn"], columns[3]: shown}
+        for name in [key for key in entry if key.startswith("fad_") and not key.endswith("_real_real")]:
+            real, ours = text(entry[f"{name}_real_real"]), text(entry[name])
+            label = f"Fréchet audio distance ({name[4:].replace('_', '-')} embedding, not VGGish)"
+            rows[label] = {columns[0]: PAPER["fad"], columns[2]: f"{real} (held-out real)", columns[3]: ours}
+    if report.get("paper"):
+        shifts = [
+            values[end]["mean"]
+            for values in report["paper"]["latent_shift_percent"].values()
+            for end in ("-2.0", "2.0")
+        ]
+        rows["latent shift at ±2, %"] = {
+            columns[0]: PAPER["latent_shift_percent"],
+            columns[3]: f"{min(shifts):.0f}–{max(shifts):.0f}",
+        }
+    return _title("Paper, yardsticks, ours", level) + markdown_table(
+        rows, labels={column: column for column in columns}
+    )
+
+
+def _rows(report, steps):
+    section = report["reconstruction"]
+    rows = {"real, held out": section["real"]}
+    rows |= {f"**LCTG, {count} steps**": section["steps"][count] for count in steps}
+    rows |= {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
+    return rows | {"a different surface": section["different_surface"]}
+
+
+def _shown_steps(report):
+    steps = report["reconstruction"]["steps"]
+    return [count for count in ("4", "10", "25") if count in steps] or list(steps)
+
+
+def _reconstruction(report, level=2):
+    table = markdown_table(_rows(report, _shown_steps(report)), labels=_SPECTRAL)
+    return _title("Reconstruction (LCTG)", level) + table
+
+
+def _bands(report, level=2):
+    table = markdown_table(_rows(report, _shown_steps(report)), labels=_BANDS)
+    return _title("Signed level error by band, dB", level) + table
+
+
+def _steps(report, level=2):
+    labels = {
+        "nine_band_db": "nine-band error, dB",
+        "ktd": "KTD",
+        "snr_db": "SNR, dB",
+        "rmse_n": ("RMSE, N", 5),
+        "seconds_per_segment": ("s per segment", 4),
+        "efficiency_score": ("efficiency score, N·s", 6),
+    }
+    rows = {f"{count} steps": entry for count, entry in report["reconstruction"]["steps"].items()}
+    pictures = "![steps](steps.png)\n\n![best, median and worst segment](overlays.png)"
+    return _title("Steps", level) + markdown_table(rows, labels=labels) + "\n\n" + pictures
+
+
+def _generation(report, level=2):
+    section = report["generation"]
+    rows = {"real, held out": section["real"]}
+    for scale, entry in section.items():
+        if scale not in ("real", "baselines"):
+            rows[f"**generated from ratings, guidance {scale}**"] = entry
+    rows |= {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
+    note = (
+        "Sets of equal size. Precision and recall are against the held-out textures; a diversity of 1 means that takes "
+        "of one rating differ as much as takes of one real surface (ratings do not settle a surface: more is right); "
+        "a memoriser would have a large share closer to a training segment than the "
+        "closest 1 % of real held-out ones."
+    )
+    return _title("Generated sets", level) + note + "\n\n" + markdown_table(rows, labels=_SETS)
+
+
+def _unseen(report, level=2):
+    section = report["unseen_surfaces"]
+    rows = {}
+    for slug in section["nine_band_db"]:
+        name = "**generated from ratings**" if slug == "model" else NAMES[slug]
+        rows[name] = {metric: section[metric][slug] for metric in ("nine_band_db", "level_r", "log_friction_r")}
+    for scale, entry in section["guidance"].items():
+        if scale != _default_guidance(report):
+            rows[f"**guidance {scale}**"] = entry
+    labels = {
+        "nine_band_db": "error of the mean spectrum, dB",
+        "level_r": "r of level",
+        "log_friction_r": "r of log friction",
+    }
+    note = (
+        "Only the blend, the ridge regression and the model work from ratings; the mean spectrum knows nothing; all "
+        "others are told the surface's own recording."
+    )
+    return (
+        _title("Unseen surfaces from their ratings", level)
+        + note
+        + "\n\n"
+        + markdown_table(rows, labels=labels, interval=True)
+    )
+
+
+def _control(report, level=2):
+    control, guidance = report["control"], _default_guidance(report)
+    judges = ", ".join(f"{axis} {text(value, interval=True)}" for axis, value in control["judge_r2"].items())
+    truth = control["truth"]
+    few = [
+        n for n, size in truth["effective_surfaces"].items() if (size["mean"] or 0) < truth["fewest_surfaces"]["mean"]
+    ]
+    far = [n for n, away in truth["rating_offset"].items() if abs(away["mean"] or 0) > truth["largest_offset"]["mean"]]
+    fewest = min(size["mean"] or 0 for size in truth["effective_surfaces"].values())
+    note = (
+        f'One rating set, the others not specified, guidance {guidance}; "real" is what real surfaces with that '
+        f"rating are. Fewest effective surfaces behind a row: {fewest:.0f}. Extrapolated for want of surfaces: "
+        f"{', '.join(few) or 'none'}; because the surfaces found lie well inside of the request: "
+        f"{', '.join(far) or 'none'}. R² of the judge on held-out surfaces: {judges}."
+    )
+    rows = {}
+    for axis, values in control[guidance]["axes"].items():
+        for value, entry in values.items():
+            if value in ("-2.0", "-1.0", "1.0", "2.0"):
+                rows[f"{axis} {float(value):+g}"] = entry
+    labels = {
+        "rating_truth": "rating of the real",
+        "level_db": "level, dB re 1 N",
+        "level_db_truth": "real",
+        "shape_db": "shape change, dB",
+        "shape_db_truth": "real",
+        "shape_difference_db": "shape: ours against real, dB",
+        "log_friction": "log friction",
+        "log_friction_truth": "real",
+        "latent_shift_percent": "latent shift, %",
+        "latent_shift_dprime": "latent shift, d′",
+        "latent_shift_dprime_truth": "real",
+    }
+    return _title("Control", level) + note + "\n\n" + markdown_table(rows, labels=labels)
+
+
+def _responses(report, level=2):
+    control, guidance = report["control"], _default_guidance(report)
+    sources = {"real": control["response_real"], "generated": control[guidance]["response"]}
+    sources |= {slug: entry["response"] for slug, entry in control["baselines"].items()}
+    axes = list(control["judge_r2"])
+    rows = {
+        f"{source}: recovered {axis}": dict(zip(axes, row, strict=True))
+        for source, matrix in sources.items()
+        for axis, row in zip(axes, matrix, strict=True)
+    }
+    note = "Slope of what the judge recovers on what was asked for, all three ratings of held-out surfaces."
+    labels = {axis: f"requested {axis}" for axis in axes}
+    return _title("Response", level) + note + "\n\n" + markdown_table(rows, labels=labels, interval=True)
+
+
+def _paper_figures(report, level=2):
+    pictures = "![latent shift](latent_shift.png)\n\n![spectra](spectra.png)"
+    return _title("The paper's protocols of conditioning", level) + pictures
+
+
+def _speed(report, level=2):
+    speed = report["speed"]
+    rows = {
+        name: {key: speed[part][key] for key in ("duration_s", "seconds_per_step", "real_time_steps")}
+        for name, part in (("segment", "segment"), ("block", "block_100ms"))
+    }
+    labels = {
+        "duration_s": ("lasts, s", 4),
+        "seconds_per_step": ("s per step", 4),
+        "real_time_steps": ("real-time steps", 0),
+    }
+    words = [f"{key.replace('_', ' ')} {text(speed[key], 4)}" for key in speed if key not in ("segment", "block_100ms")]
+    return _title("Speed", level) + markdown_table(rows, labels=labels) + "\n\n" + "; ".join(words) + "."
+
+
+def _long(report, level=2):
+    found = report["long_textures"]
+    labels = {
+        "overlap_level_db": "level where windows overlap against elsewhere, dB",
+        "overlap_bands_db": "mean over bands, dB",
+        "largest_correlation": "largest correlation with itself a second or more away",
+    }
+    name = f"{found['seconds']['n']} × {text(found['seconds'], 0)} s"
+    return _title("Long textures", level) + markdown_table({name: found}, labels=labels)
+
+
+def baselines_that_win(report):
+    """Where a baseline still has the better figure: pairs of metric label and the baselines' names with figures."""
+    found = []
+    if report.get("reconstruction"):
+        count = _model_steps(report)
+        ours, others = report["reconstruction"]["steps"][count], report["reconstruction"]["baselines"]
+        for metric in (*_LESS, *_MORE):
+            winners = _better(ours[metric], {slug: entry[metric] for slug, entry in others.items()}, metric in _MORE)
+            found.append((f"reconstruction, {_SPECTRAL[metric]} ({count} steps: {text(ours[metric])})", winners))
+    if report.get("generation"):
+        ours, others = report["generation"][_default_guidance(report)], report["generation"]["baselines"]
+        for metric in ("ftd", "ktd"):
+            chosen = {slug: others[slug][metric] for slug in FROM_RATINGS}
+            found.append((f"generation, {_SETS[metric]} ({text(ours[metric])})", _better(ours[metric], chosen, False)))
+        unseen = report["unseen_surfaces"]
+        for metric, more in (("nine_band_db", False), ("level_r", True), ("log_friction_r", True)):
+            chosen, model = {slug: unseen[metric][slug] for slug in FROM_RATINGS}, unseen[metric]["model"]
+            found.append((f"unseen surfaces, {metric} ({text(model)})", _better(model, chosen, more)))
+    return [(label, winners) for label, winners in found if winners]
+
+
+def _better(ours, others, more):
+    if ours["mean"] is None:
+        return []
+    sign = -1 if more else 1
+    better = {k: v for k, v in others.items() if v["mean"] is not None and sign * v["mean"] < sign * ours["mean"]}
+    return [f"{NAMES[slug]} ({text(leaf)})" for slug, leaf in better.items()]
+
+
+def _baselines_that_win(report, level=2):
+    found = baselines_that_win(report)
+    lines = [f"- {label}: {', '.join(winners)}" for label, winners in found] or ["- nowhere in the metrics compared"]
+    note = (
+        "Reconstruction is compared with every baseline, generation with those that know ratings or nothing. Another "
+        "take and the phase-randomised copy are told the recording itself."
+    )
+    return _title("Where a baseline still wins", level) + note + "\n\n" + "\n".join(lines)

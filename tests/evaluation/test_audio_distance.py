@@ -1,0 +1,139 @@
+"""The Fréchet audio distance: the closed form, any embedding, and what the default one hears."""
+
+import sys
+import types
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers.evaluation import frechet_tactile_distance
+from tactile_diffusers.evaluation.audio_distance import frechet_audio_distance, load_embedding, log_mel_embedding
+from tactile_diffusers.signal import DEVICE_RATE, WORKING_RATE, resample
+
+
+def _as_is(textures, sampling_rate):
+    return textures
+
+
+def test_gaussian_embeddings_give_the_closed_form():
+    rng = np.random.default_rng(0)
+    samples = rng.normal(size=(200, 5))
+    samples = (samples - samples.mean(0)) @ np.linalg.inv(np.linalg.cholesky(np.cov(samples, rowvar=False))).T
+    # exactly standard normal; the other is shifted by 1 and three times as wide: 5 * 1^2 + 5 * (3 - 1)^2
+    assert frechet_audio_distance(samples, 1 + 3 * samples, 1, embedding=_as_is) == pytest.approx(25, rel=1e-9)
+    assert frechet_audio_distance(samples, samples[::-1], 1, embedding=_as_is) == pytest.approx(0, abs=1e-9)
+
+
+def test_the_embedding_is_what_is_compared(reference, held_out):
+    calls = []
+
+    def embedding(textures, sampling_rate):
+        calls.append((len(textures), sampling_rate))
+        # three rows for each texture, as a tensor that carries a gradient
+        rows = torch.tensor(textures[:, :12].reshape(-1, 4), requires_grad=True)
+        return 100 * rows
+
+    found = frechet_audio_distance(held_out, reference, DEVICE_RATE, embedding=embedding)
+    assert calls == [(100, DEVICE_RATE), (150, DEVICE_RATE)]
+    rows = [100 * textures[:, :12].reshape(-1, 4) for textures in (held_out, reference)]
+    assert found == frechet_tactile_distance(*rows)
+
+
+def test_default_embedding_tells_gain_and_colour(reference, held_out):
+    def distance(textures):
+        return frechet_audio_distance(textures, reference, DEVICE_RATE)
+
+    good = distance(held_out)
+    # draws of one distribution: 500 and 750 rows of 32 features, which five to a texture are not all independent
+    assert 0 < good < 1.5
+    # all 32 logarithms shift by ln 4, up to the offset and to chance: 32 * 1.386^2 = 61
+    assert distance(2 * held_out) == pytest.approx(61, abs=6)
+    white = np.random.default_rng(1).normal(size=held_out.shape) * held_out.std(-1, keepdims=True)
+    assert distance(white) > 20
+
+
+def test_rows_are_band_powers_in_newtons(held_out):
+    time = np.arange(2**14) / DEVICE_RATE
+    tone = 0.01 * np.sqrt(2) * np.sin(2 * np.pi * 200 * time)
+    rows = log_mel_embedding(np.stack([tone, 0 * tone]), DEVICE_RATE)
+    assert rows.shape == (10, 32)
+    # powers of neighbouring filters add up to that of the tone, 1e-4 N^2; 32 offsets of 1e-10 are nothing to it
+    np.testing.assert_allclose(np.exp(rows[:5]).sum(-1), 1e-4, rtol=1e-3)
+    np.testing.assert_allclose(rows[5:], np.log(1e-10))
+    # 500 textures make 2500 rows, 78 for each feature
+    assert log_mel_embedding(held_out, DEVICE_RATE).shape == (500, 32)
+    # the tone lies between the centres of the eighth and the ninth filter on HTK's scale, 187 and 210 Hz
+    assert set(np.argsort(rows[0])[-2:]) == {7, 8}
+
+
+def test_rows_belong_to_their_stretch_of_time():
+    texture = np.zeros((1, 2**14))
+    texture[0, :2000] = np.random.default_rng(2).normal(size=2000)
+    rows = log_mel_embedding(texture, DEVICE_RATE)
+    # 0.2 s of noise at the beginning is over when the second row begins, at 0.3 s
+    assert rows[0].min() > np.log(1e-6) and np.allclose(rows[1:], np.log(1e-10))
+
+
+def test_embedding_does_not_depend_on_batch_dtype_or_rate(held_out):
+    whole = log_mel_embedding(held_out, DEVICE_RATE)
+    single = np.concatenate([log_mel_embedding(texture[None], DEVICE_RATE) for texture in held_out[:4]])
+    np.testing.assert_allclose(single, whole[:20], rtol=1e-10)
+    np.testing.assert_allclose(log_mel_embedding(held_out[60:70], DEVICE_RATE), whole[300:350], rtol=1e-10)
+    np.testing.assert_allclose(log_mel_embedding(held_out.astype(np.float32), DEVICE_RATE), whole, atol=1e-4)
+    # filters are sampled at the same bins, 5 Hz apart; the last samples of a texture are not needed
+    slow = log_mel_embedding(resample(held_out[:10], DEVICE_RATE, WORKING_RATE), WORKING_RATE)
+    np.testing.assert_allclose(slow, whole[:50], atol=0.02)
+
+
+def test_bad_input_is_refused(held_out):
+    with pytest.raises(ValueError, match="`sampling_rate` must be above 2000 Hz, got 2000"):
+        log_mel_embedding(held_out, 2000)
+    with pytest.raises(ValueError, match=r"at least 4000 samples \(0.4 s\) for one row, got 3999"):
+        log_mel_embedding(held_out[:, :3999], DEVICE_RATE)
+    with pytest.raises(ValueError, match="`reference` must be finite"):
+        frechet_audio_distance(held_out, np.full_like(held_out, np.nan), DEVICE_RATE)
+    # 6 textures make 30 rows of 32 features
+    with pytest.raises(ValueError, match="`textures` is too small: .* 30 rows of 32 features of its 6 textures"):
+        frechet_audio_distance(held_out[:6], held_out, DEVICE_RATE)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (np.zeros(5), r"`embedding\(textures\)` must have the shape 2 axes"),
+        (np.zeros((0, 5)), "not be empty"),
+        (np.full((9, 2), np.nan), r"`embedding\(textures\)` must be finite"),
+        (None, "must hold real numbers"),
+        (np.zeros((9, 2), complex), "must hold real numbers"),
+    ],
+)
+def test_what_an_embedding_returns_is_checked(held_out, rows, message):
+    with pytest.raises(ValueError, match=message):
+        frechet_audio_distance(held_out, held_out, DEVICE_RATE, embedding=lambda *_: rows)
+
+
+def test_embeddings_must_agree_on_their_features(held_out):
+    def uneven(textures, sampling_rate):
+        return textures[:, : 3 + len(textures) % 2]
+
+    with pytest.raises(ValueError, match="same features, got 4 and 3"):
+        frechet_audio_distance(held_out[:51], held_out, DEVICE_RATE, embedding=uneven)
+
+
+def test_embeddings_are_found_by_name(monkeypatch):
+    module = types.ModuleType("someones_embedding")
+    module.embed, module.number = _as_is, 3
+    monkeypatch.setitem(sys.modules, "someones_embedding", module)
+    assert load_embedding("someones_embedding:embed") is _as_is
+    assert load_embedding("tactile_diffusers.evaluation.audio_distance:log_mel_embedding") is log_mel_embedding
+    for name, message in {
+        "no_such_module_at_all:embed": "'no_such_module_at_all' cannot be imported .*PYTHONPATH",
+        "someones_embedding:other": "'someones_embedding' has no 'other'",
+        "someones_embedding:number": "'someones_embedding:number' must be callable.*int",
+        "someones_embedding": "must be named 'module:callable', got 'someones_embedding'",
+        ":embed": "must be named",
+        "someones_embedding:": "must be named",
+    }.items():
+        with pytest.raises(ValueError, match=message):
+            load_embedding(name)

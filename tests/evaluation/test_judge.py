@@ -1,0 +1,232 @@
+"""The judge on planted laws, and response matrices whose answer is known."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tactile_diffusers.evaluation.judge import Judge, response_interval, response_matrix
+
+FEATURES = 12
+
+
+def planted(law, surfaces=80, per_surface=4, noise=0.2, seed=0):
+    """Textures of surfaces that differ by `FEATURES` numbers and log friction; takes of a surface differ a little.
+
+    Args:
+        law: (surface features (S, 12), log friction (S,)) -> ratings (S, 3).
+
+    Returns:
+        points, log friction, ratings, surface_ids.
+    """
+    rng = np.random.default_rng(seed)
+    centres, friction = rng.standard_normal((surfaces, FEATURES)), 0.4 * rng.standard_normal(surfaces)
+    ratings = law(centres, friction) + noise * rng.standard_normal((surfaces, 3))
+    ids = np.repeat(np.arange(surfaces), per_surface)
+    points = centres[ids] + 0.1 * rng.standard_normal((len(ids), FEATURES))
+    return points, friction[ids] + 0.02 * rng.standard_normal(len(ids)) - 0.5, ratings[ids], ids
+
+
+def linear(centres, friction):
+    return np.stack([0.7 * centres[:, 0], 0.5 * centres[:, 1] - 0.5 * centres[:, 2], -1.75 * friction], axis=-1)
+
+
+def curved(centres, friction):
+    radius = (centres[:, :2] ** 2).sum(1)
+    return np.stack([radius - 2, 0.8 * centres[:, 2], 0.7 * np.abs(centres[:, 3])], axis=-1)
+
+
+def noise_only(centres, friction):
+    return np.random.default_rng(70).standard_normal((len(centres), 3))
+
+
+def test_linear_law_is_recovered():
+    judge = Judge.fit(*planted(linear))
+    points, friction, ratings, ids = planted(linear, seed=1)
+    r2 = judge.r2(points, friction, ratings)
+    # planted: signal variance 0.49, noise 0.04, so at most 0.92; 80 training surfaces cost a few percent
+    assert (r2 > 0.8).all() and (r2 < 0.97).all()
+    predicted = judge.predict(points, friction)
+    assert predicted.shape == (len(points), 3)
+    np.testing.assert_allclose(r2, 1 - ((predicted - ratings) ** 2).sum(0) / ((ratings - ratings.mean(0)) ** 2).sum(0))
+    # and what it carries on is a request: diagonal near one, nothing beside it
+    np.testing.assert_allclose(response_matrix(predicted, ratings), np.diag(r2), atol=0.15)
+
+
+def test_curved_law_needs_the_kernel():
+    training, held_out = planted(curved, 300), planted(curved, 300, seed=1)
+    judge = Judge.fit(*training)
+    assert judge.choices[0]["width"] is not None
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactile_diffusers.evaluation.judge.KERNEL_WIDTHS", (None,))
+        ridge = Judge.fit(*training)
+    assert [choice["width"] for choice in ridge.choices] == [None] * 3
+    # a parabola is uncorrelated with its argument: plain ridge explains nothing of it
+    assert judge.r2(*held_out[:3])[0] > 0.6 and ridge.r2(*held_out[:3])[0] < 0.1
+    # the axis with a straight law loses nothing by the choice
+    assert judge.r2(*held_out[:3])[1] > ridge.r2(*held_out[:3])[1] - 0.02
+
+
+def test_linear_kernel_is_ridge_regression():
+    points, friction, ratings, ids = planted(linear)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactile_diffusers.evaluation.judge.KERNEL_WIDTHS", (None,))
+        judge = Judge.fit(points, np.full(len(points), np.nan), ratings, ids)
+    for axis, choice in enumerate(judge.choices):
+        centred = points - points.mean(0)
+        gram = centred.T @ centred + choice["regularisation"] * FEATURES * np.eye(FEATURES)
+        slopes = np.linalg.solve(gram, centred.T @ (ratings[:, axis] - ratings[:, axis].mean()))
+        expected = ratings[:, axis].mean() + centred @ slopes
+        np.testing.assert_allclose(judge.predict(points, friction)[:, axis], expected, atol=1e-8)  # float64 solves
+
+
+def test_noise_is_not_explained():
+    training = planted(noise_only)
+    judge = Judge.fit(*training)
+    points, friction, _, ids = planted(noise_only, seed=1)
+    other = np.random.default_rng(8).standard_normal((80, 3))[ids]
+    assert (judge.r2(points, friction, other) < 0.1).all()
+    # takes of a surface stay in one fold: else the nearest take would give its rating away
+    # (chance among 80 surfaces and 18 settings: 0.07 in one of 20)
+    assert all(choice["r2"] < 0.1 for choice in judge.choices)
+    low, high = judge.r2_interval(points, friction, other, ids)
+    assert (low < 0).all() and (high < 0.3).all()
+
+
+def test_unknown_friction_is_left_out():
+    points, friction, ratings, ids = planted(linear)
+    judge = Judge.fit(points, np.full(len(points), np.nan), ratings, ids)
+    assert judge.friction is None and judge.inputs.shape[1] == FEATURES
+    np.testing.assert_array_equal(judge.predict(points, friction), judge.predict(points, friction * np.nan))
+    assert judge.choices[2]["r2"] < 0.2  # the axis that friction alone carries
+    with_friction = Judge.fit(points, friction, ratings, ids)
+    assert with_friction.friction == pytest.approx((friction.mean(), friction.std()))
+    assert with_friction.inputs.shape[1] == FEATURES + 1
+    constant = Judge.fit(points, np.full(len(points), -0.7), ratings, ids)
+    assert np.isfinite(constant.predict(points, friction)).all()
+
+
+def test_surfaces_without_ratings_are_left_out():
+    points, friction, ratings, ids = planted(linear)
+    unrated = ratings.copy()
+    unrated[ids < 5, 1] = np.nan
+    judge = Judge.fit(points, friction, unrated, ids)
+    keep = ids >= 5
+    expected = Judge.fit(points[keep], friction[keep], ratings[keep], ids[keep])
+    np.testing.assert_array_equal(judge.predict(points, friction), expected.predict(points, friction))
+    np.testing.assert_allclose(
+        judge.r2(points, friction, unrated)[1], judge.r2(points[keep], friction[keep], ratings[keep])[1]
+    )
+
+
+def test_scarce_features_do_not_count_by_being_scarce():
+    """A feature of tiny spread (one that the embedding's floor holds down) stays small: it is not scaled to one."""
+    points, friction, ratings, ids = planted(linear)
+    points[:, -1] *= 1e-4
+    judge = Judge.fit(points, friction, ratings, ids)
+    moved = points.copy()
+    moved[:, -1] += 0.1
+    # 0.1 z-scores of one of twelve features that carries nothing
+    np.testing.assert_allclose(judge.predict(moved, friction), judge.predict(points, friction), atol=0.05)
+
+
+def test_fit_is_repeatable():
+    first, second = (Judge.fit(*planted(linear), seed=3) for _ in range(2))
+    assert first.choices == second.choices
+    np.testing.assert_array_equal(first.coefficients, second.coefficients)
+
+
+def leave_one_out(statistic, ids):
+    """Jackknife by hand: half of the 95 % interval."""
+    names = np.unique(ids)
+    values = np.stack([statistic(ids != name) for name in names])
+    error = np.sqrt((len(names) - 1) / len(names) * np.square(values - values.mean(0)).sum(0))
+    return stats.t.ppf(0.975, len(names) - 1) * error
+
+
+def test_intervals_equal_leaving_out_by_hand():
+    judge = Judge.fit(*planted(linear))
+    points, friction, ratings, ids = planted(linear, surfaces=15, seed=1)
+    low, high = judge.r2_interval(points, friction, ratings, ids)
+    expected = leave_one_out(lambda keep: judge.r2(points[keep], friction[keep], ratings[keep]), ids)
+    np.testing.assert_allclose((high - low) / 2, expected, rtol=1e-6)
+    recovered = judge.predict(points, friction)
+    low, high = response_interval(recovered, ratings, ids)
+    expected = leave_one_out(lambda keep: response_matrix(recovered[keep], ratings[keep]), ids)
+    np.testing.assert_allclose((high - low) / 2, expected, rtol=1e-6)
+    np.testing.assert_allclose((high + low) / 2, response_matrix(recovered, ratings))
+
+
+def requests(count=60, takes=5, seed=0):
+    rng = np.random.default_rng(seed)
+    ids = np.repeat(np.arange(count), takes)
+    # correlated, as roughness and bumpiness are
+    return (rng.standard_normal((count, 3)) @ [[0.8, 0.3, 0], [0, 0.6, 0], [0, 0, 0.7]])[ids], ids
+
+
+def test_response_of_full_control_is_the_identity():
+    requested, _ = requests()
+    np.testing.assert_allclose(response_matrix(requested, requested), np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(response_matrix(requested + 0.3, requested), np.eye(3), atol=1e-9)
+
+
+def test_response_of_ignored_conditioning_is_zero():
+    requested, ids = requests()
+    recovered = np.random.default_rng(1).standard_normal(requested.shape)
+    low, high = response_interval(recovered, requested, ids)
+    assert np.mean((low < 0) & (high > 0)) >= 8 / 9  # 95 % each
+    # 300 textures: standard error of a slope at most 0.1
+    np.testing.assert_allclose(response_matrix(recovered, requested), 0, atol=0.3)
+
+
+def test_leakage_is_found_where_it_is():
+    requested, ids = requests()
+    planted_slopes = np.array([[0.8, 0.4, 0.0], [0.0, 0.5, 0.0], [-0.3, 0.0, 0.6]])  # [recovered, requested]
+    rng = np.random.default_rng(2)
+    recovered = requested @ planted_slopes.T + 0.3 * rng.standard_normal(requested.shape)
+    slopes, (low, high) = response_matrix(recovered, requested), response_interval(recovered, requested, ids)
+    np.testing.assert_allclose(slopes, planted_slopes, atol=0.12)  # four standard errors of 0.03
+    assert low[0, 1] > 0.2 and high[2, 0] < -0.1  # found, and not by correlation of the requests
+    assert np.mean((low < planted_slopes) & (planted_slopes < high)) >= 7 / 9
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda p, f, r, i: (p, f, r[:-1], i), "`ratings` must have one entry per texture, 320, got 319"),
+        (lambda p, f, r, i: (p[:, 0], f, r, i), "`points` must have the shape"),
+        (lambda p, f, r, i: (p, f, r[:, :2], i), "`ratings` must have the shape \\(n, 3\\)"),
+        (
+            lambda p, f, r, i: (np.where(p == p[7, 0], np.inf, p), f, r, i),
+            "`points` must be finite, but texture 7 \\(1",
+        ),
+        (
+            lambda p, f, r, i: (p, np.where(i == 1, np.nan, f), r, i),
+            "`log_friction` must be finite, but texture 4 \\(4",
+        ),
+        (lambda p, f, r, i: (p, f, np.where(i[:, None] < 71, np.nan, r), i), "of 9 surfaces .* at least 10"),
+    ],
+)
+def test_bad_training_data_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        Judge.fit(*change(*planted(linear)))
+
+
+def test_bad_textures_and_requests_are_refused():
+    points, friction, ratings, ids = planted(linear)
+    judge = Judge.fit(points, friction, ratings, ids)
+    with pytest.raises(ValueError, match="`points` must have 12 features, as in `fit`, got 11"):
+        judge.predict(points[:, 1:], friction)
+    with pytest.raises(ValueError, match="`log_friction` must be finite"):
+        judge.predict(points, friction * np.nan)
+    requested, groups = requests(6)
+    free = requested.copy()
+    free[3, 1] = np.nan
+    with pytest.raises(ValueError, match="`requested` must not hold NaN"):
+        response_matrix(requested, free)
+    flat = requested * [1, 1, 0]
+    with pytest.raises(ValueError, match="must vary along all three axes"):
+        response_matrix(requested, flat)
+    with pytest.raises(ValueError, match="also when one surface is left out"):
+        response_interval(requested[:20], requested[:20], groups[:20])
+    with pytest.raises(ValueError, match="at least 2 surfaces"):
+        response_interval(requested, requested, np.zeros(len(requested)))

@@ -1,0 +1,264 @@
+"""The report as a whole, on a tiny pipeline and a few virtual surfaces: contract, resuming, determinism, refusals."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers.cli import evaluate
+from tactile_diffusers.cli.readme import markers
+from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.evaluation.baselines import SLUGS
+from tactile_diffusers.evaluation.report import leaves, run_sections
+from tactile_diffusers.evaluation.sections import QUICK, SECTIONS, Context
+from tactile_diffusers.evaluation.sections.generation import _SetJudge
+from tactile_diffusers.evaluation.sections.long_textures import largest_correlation, long_texture_study, overlap_mask
+from tactile_diffusers.evaluation.statistics import is_leaf
+from tactile_diffusers.evaluation.summary import baselines_that_win, readme_markdown, report_markdown
+from tactile_diffusers.evaluation.tables import markdown_table, text
+from tactile_diffusers.signal import rms
+
+SECONDS = 2048 / 2500  # the shortest segment that an embedding and the tiny networks share
+TINY = replace(
+    QUICK,
+    steps=(1, 10),
+    per_surface=2,
+    takes=2,
+    audio_textures=24,
+    novelty_textures=8,
+    novelty_segments=40,
+    control_values=(-2.0, -1.0, 1.0, 2.0),
+    control_takes=3,
+    truth_candidates=300,
+    truth_surfaces=12,
+    truth_seconds=4.0,
+    shift_step=2.0,
+    shift_takes=2,
+    spectra_step=2.0,
+    spectra_takes=2,
+    protocol_segments=2,
+    protocol_repeats=2,
+    repeats=1,
+    long_textures=1,
+    long_seconds=2.0,
+)
+METRICS = (
+    "nine_band_db lsd_db gfc rmse_n snr_db power_difference_n2 level_error_db band_error_db_20_60 "
+    "band_error_db_60_150 band_error_db_400_650 band_error_db_650_1000 out_of_band_db ftd ktd"
+).split()
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    """24 virtual surfaces, 8 of them held out, in segments of the tiny networks' length."""
+    folder = tmp_path_factory.mktemp("report")
+    generate_recordings(folder / "r.h5", surfaces=24, seconds=10, explorers=2, seed=2, quiet=True)
+    limits = SegmentLimits(seconds=SECONDS)
+    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=1, test=8, quiet=True)
+    return folder / "p.h5"
+
+
+def _report(pipe, prepared, folder, names=tuple(SECTIONS), seed=0, settings=TINY):
+    checkpoint = folder / "checkpoint"
+    if not checkpoint.exists():
+        pipe.save_pretrained(checkpoint)
+    context = Context(pipe, prepared, "test", settings, seed, folder / "out")
+    return run_sections(context, names, checkpoint)
+
+
+def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path):
+    report = _report(evaluable_pipe(), prepared, tmp_path)
+    json.dumps(report, allow_nan=False)
+    for key in "checkpoint data seed machine versions reconstruction generation control unseen_surfaces speed".split():
+        assert report[key] is not None, key
+    step = report["reconstruction"]["steps"]["10"]
+    for metric in (*METRICS, "seconds_per_segment", "efficiency_score"):
+        assert is_leaf(step[metric]), metric
+    assert list(report["reconstruction"]["baselines"]) == list(SLUGS) == list(report["generation"]["baselines"])
+    for entry in report["reconstruction"]["baselines"].values():
+        assert all(is_leaf(entry[metric]) for metric in METRICS)
+    silence = report["reconstruction"]["baselines"]["silence"]
+    assert silence["snr_db"]["mean"] == pytest.approx(0, abs=1e-9)
+    assert silence["rmse_n"]["mean"] == pytest.approx(report["reconstruction"]["real"]["rms_n"]["mean"])
+    generation = report["generation"]["1.0"]
+    for metric in (
+        "ftd ktd ftd_real_real ktd_real_real ftd_excess ktd_excess diversity novelty_share precision recall "
+        "rmse_protocol_n"
+    ).split():
+        assert is_leaf(generation[metric]), metric
+    assert generation["rmse_protocol_n"]["n"] == 4
+    control = report["control"]
+    assert set(control["judge_r2"]) == {"roughness", "bumpiness", "slipperiness"}
+    for matrix in (control["response_real"], control["1.0"]["response"]):
+        assert np.array([[leaf["mean"] for leaf in row] for row in matrix]).shape == (3, 3)
+    for axis in control["judge_r2"]:
+        for value in ("-2.0", "-1.0", "1.0", "2.0"):
+            entry = control["1.0"]["axes"][axis][value]
+            for name in "level_db shape_db log_friction".split():
+                assert is_leaf(entry[name]) and entry[f"{name}_truth"]["mean"] is not None
+            assert is_leaf(entry["latent_shift_percent"]) and is_leaf(entry["latent_shift_dprime"])
+    assert set(report["unseen_surfaces"]["nine_band_db"]) == {"model", *SLUGS}
+    assert report["paper"]["latent_shift_percent"]["roughness"]["0.0"]["mean"] == pytest.approx(0, abs=1e-3)
+    found = list(leaves(report))
+    assert len(found) > 500
+    for path, leaf in found:
+        assert leaf["interval"] is None or leaf["interval"][0] <= leaf["mean"] <= leaf["interval"][1], path
+    for name in "overlays steps unseen control response latent_shift spectra".split():
+        assert (tmp_path / "out" / f"{name}.png").stat().st_size > 5000
+    written = report_markdown(report) + readme_markdown(report, "figures")
+    assert "nan" not in written.lower() and "another take" in written
+
+
+def test_vibromaf_judges_reconstructions_only(evaluable_pipe, prepared, tmp_path):
+    pytest.importorskip("vibromaf")
+    evaluable_pipe(dale=False).save_pretrained(tmp_path / "c")
+    settings = replace(TINY, steps=(1,))
+    context = Context(evaluable_pipe(False), prepared, "test", settings, 0, tmp_path / "out", vibromaf=True)
+    section = run_sections(context, ["reconstruction"], tmp_path / "c")["reconstruction"]
+    assert is_leaf(section["steps"]["1"]["spqi"]) and is_leaf(section["steps"]["1"]["st_sim"])
+    assert "spqi" not in section["baselines"]["other_take"]
+
+
+def test_callers_embedding_is_used_and_named(evaluable_pipe, prepared, tmp_path):
+    """Any callable serves the paper's distribution distance; this one hears nothing but level and crest."""
+
+    def loudness_embedding(textures, sampling_rate):
+        return np.stack([np.log(rms(textures)), np.abs(textures).max(-1) / rms(textures)], -1)
+
+    context = Context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path, embedding=loudness_embedding)
+    found = _SetJudge(context).audio(context.real)
+    assert set(found) == {"fad_loudness", "fad_loudness_real_real"}
+    assert found["fad_loudness"]["mean"] == pytest.approx(found["fad_loudness_real_real"]["mean"])
+    assert found["fad_loudness"]["n"] == len(context.real) <= TINY.audio_textures
+
+
+def test_done_sections_are_read_not_run_again(evaluable_pipe, prepared, tmp_path, monkeypatch):
+    pipe = evaluable_pipe(dale=False)
+    first = _report(pipe, prepared, tmp_path, ["speed"])
+    monkeypatch.setitem(SECTIONS, "speed", lambda context: pytest.fail("ran again"))
+    assert _report(pipe, prepared, tmp_path, ["speed"]) == first
+    monkeypatch.setitem(SECTIONS, "speed", lambda context: {"speed": "measured anew"})
+    assert _report(pipe, prepared, tmp_path, ["speed"], seed=1)["speed"] == "measured anew"
+    # what was cut off while it was written counts as not done
+    path = tmp_path / "out" / "sections" / "speed.json"
+    path.write_text(path.read_text()[:-20])
+    assert _report(pipe, prepared, tmp_path, ["speed"], seed=1)["speed"] == "measured anew"
+    # other weights under the same name are another checkpoint
+    monkeypatch.setitem(SECTIONS, "speed", lambda context: {"speed": "other weights"})
+    with torch.no_grad():
+        next(pipe.lctg.parameters()).add_(1.0)
+    pipe.save_pretrained(tmp_path / "checkpoint")
+    assert _report(pipe, prepared, tmp_path, ["speed"], seed=1)["speed"] == "other weights"
+
+
+def test_a_seed_gives_the_same_report_and_order_changes_nothing(evaluable_pipe, prepared, tmp_path):
+    def plain(report):
+        timed = {"seconds_per_segment", "efficiency_score"}
+        return {
+            path: leaf["mean"] for path, leaf in leaves(report) if leaf["mean"] is not None and not timed & set(path)
+        }
+
+    (tmp_path / "a").mkdir(), (tmp_path / "b").mkdir()
+    names = ["reconstruction", "paper"]
+    first, second = (
+        plain(_report(evaluable_pipe(), prepared, tmp_path / f, order))
+        for f, order in (("a", names), ("b", names[::-1]))
+    )
+    assert first == pytest.approx(second, rel=1e-9)
+
+
+def test_pipeline_without_dale_reports_reconstruction_only(evaluable_pipe, prepared, tmp_path):
+    report = _report(evaluable_pipe(dale=False), prepared, tmp_path, list(SECTIONS))
+    assert report["reconstruction"] and report["speed"] and report["generation"] is None and report["control"] is None
+    assert "Reconstruction" in report_markdown(report)
+
+
+def test_checkpoint_and_data_must_fit(evaluable_pipe, make_extractor, prepared, tmp_path):
+    pipe = evaluable_pipe()
+    other_band = make_extractor(band=(30.0, 900.0), preemphasis_frequencies=None, preemphasis_db=None)
+    pipe.register_modules(feature_extractor=other_band)
+    with pytest.raises(ValueError, match="band is .30.0, 900.0. Hz"):
+        Context(pipe, prepared, "test", TINY, 0, tmp_path)
+    pipe.register_modules(feature_extractor=make_extractor(delivery_rate=5000))
+    with pytest.raises(ValueError, match="sampling rate of 10000 Hz"):
+        Context(pipe, prepared, "test", TINY, 0, tmp_path)
+
+
+def test_segments_of_another_length_are_refused(pipe, prepared, tmp_path):
+    with pytest.raises(ValueError, match="segments of 0.2048 s"):
+        Context(pipe, prepared, "test", TINY, 0, tmp_path)
+
+
+def test_halves_of_the_held_out_segments_share_no_sample(evaluable_pipe, prepared, tmp_path):
+    context = Context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path)
+    first, second = context.chosen
+    held_out = PreparedDataset(prepared, "test")
+    assert (held_out.surface_ids[first] == held_out.surface_ids[second]).all()
+    assert not any(held_out.overlap(a, b) for a in first for b in second)
+    assert len({*first, *second}) == 2 * len(first)
+    rows = context.matching()
+    assert sorted(context.requests[1][rows]) == sorted(context.surfaces)
+
+
+def test_readme_is_rewritten_between_its_markers_only(evaluable_pipe, prepared, tmp_path):
+    report = _report(evaluable_pipe(dale=False), prepared, tmp_path, ["reconstruction"])
+    readme = tmp_path / "README.md"
+    begin, end = markers("results")
+    readme.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
+    for _ in range(2):  # twice gives the same
+        evaluate.write_readme(readme, "results", report, tmp_path / "out")
+        lines = readme.read_text()
+    assert lines.startswith("before\n" + begin) and lines.endswith(end + "\nafter\n")
+    assert "old" not in lines.split("\n") and lines.count("### Measured") == 1
+    assert (tmp_path / "examples" / "results" / "results" / "overlays.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (["--data", "nowhere.h5"], "not a file"),
+        (["--steps", "0"], "at least 1"),
+        (["--guidance-scale", "-1"], "0 or more"),
+        (["--readme", "nowhere.md"], "must hold the lines"),
+    ],
+)
+def test_command_refuses_bad_arguments(prepared, tmp_path, capsys, changes, message):
+    with pytest.raises(SystemExit) as caught:
+        evaluate.parse_arguments(["--data", str(prepared), "--output", str(tmp_path), *changes])
+    assert caught.value.code == 2 and message in capsys.readouterr().err
+
+
+def test_a_baseline_that_wins_is_named():
+    leaf = dict.fromkeys(("n", "min", "max", "median", "interval"))
+    entry = {metric: {**leaf, "mean": 2.0} for metric in METRICS}
+    better = {**entry, "ktd": {**leaf, "mean": 1.0}, "snr_db": {**leaf, "mean": 9.0}}
+    report = {"reconstruction": {"steps": {"10": entry}, "baselines": {"other_take": better, "lpc20": entry}}}
+    found = dict(baselines_that_win(report))
+    assert len(found) == 2 and all("another take" in winners[0] and len(winners) == 1 for winners in found.values())
+
+
+def test_repetition_is_found():
+    rng = np.random.default_rng(0)
+    fresh = rng.standard_normal(60_000)
+    repeated = fresh.copy()
+    repeated[40_000:50_000] = fresh[10_000:20_000]
+    # white noise over 10,000 samples: correlations are about 1/100, the largest of 50,000 below 0.06
+    assert largest_correlation(fresh, 10_000) < 0.06
+    assert largest_correlation(repeated, 10_000) == pytest.approx(1, abs=1e-9)
+
+
+def test_long_texture_study_runs_and_the_mask_covers_the_overlaps(pipe):
+    found = long_texture_study(pipe, [[0.0, 0.0, 0.0]], duration_s=3.0)
+    assert len(found["overlap_bands_db"]) == 7 and np.isfinite(found["overlap_rms_db"])
+    mask = overlap_mask(pipe, 30_000, 10_000)
+    assert mask.any() and not mask.all() and not mask[:100].any()
+
+
+def test_table_has_every_column_and_a_dash_for_what_is_missing():
+    rows = {"a": {"x": 1.0}, "b": {"x": float("nan"), "y": 2}}
+    assert markdown_table(rows).splitlines() == ["| | x | y |", "|---|---|---|", "| a | 1.00 | – |", "| b | – | 2 |"]
+    shown = markdown_table(rows, labels={"y": ("why", 0)})
+    assert shown.splitlines()[0] == "| | why |" and shown.splitlines()[-1] == "| b | 2 |"
+    assert text(0.0012345) == "0.00123" and text(None) == "–"

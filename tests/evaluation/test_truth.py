@@ -1,0 +1,317 @@
+"""The truth of a request: against closed forms, against exploring everything, and on tiny virtual data."""
+
+import h5py
+import numpy as np
+import pytest
+from scipy import stats
+
+from tactile_diffusers.data import PreparedDataset, generate_recordings, prepare_recordings
+from tactile_diffusers.data.virtual import FIRST_FRESH, fresh_ratings, fresh_textures
+from tactile_diffusers.evaluation import truth
+from tactile_diffusers.evaluation.truth import (
+    KERNEL_WIDTH,
+    RatedTextures,
+    draw_surfaces,
+    log_kernel,
+    recorded_truth,
+    truth_of,
+    virtual_truth,
+)
+from tactile_diffusers.signal import level
+
+FREE = np.nan
+POPULATION = [FREE, FREE, FREE]
+REQUESTS = [POPULATION, *([value, FREE, FREE] for value in (-1.0, 0.0, 1.0)), [FREE, 0.5, -0.5]]
+SPREAD = np.array([0.8, 0.7, 0.7])
+
+
+def planted(ratings, rng, noise=0.5, per_surface=2):
+    """Measures of two textures per surface: a straight line and a parabola in the ratings, plus noise."""
+    surface_ids = np.repeat(np.arange(len(ratings)), per_surface)
+    x = ratings[surface_ids]
+    line = 2 * x[:, 0] - x[:, 1] + noise * rng.standard_normal(len(x))
+    return surface_ids, {"line": line, "both": np.stack([line, x[:, 0] ** 2], axis=1)}
+
+
+@pytest.fixture(scope="module")
+def gaussian():
+    """A Gaussian population of 20,000 rated surfaces, of which 1500 draws are explored."""
+    rng = np.random.default_rng(0)
+    candidates = SPREAD * rng.standard_normal((20_000, 3))
+    drawn, importance = draw_surfaces(candidates, REQUESTS, 1500, seed=1)
+    surface_ids, measures = planted(candidates[drawn], rng)
+    return RatedTextures(measures, surface_ids, candidates[drawn], importance)
+
+
+@pytest.mark.parametrize("request_", REQUESTS)
+def test_truth_is_the_closed_form(gaussian, request_):
+    # a Gaussian population times a Gaussian kernel is Gaussian again: per axis its mean and variance are
+    specified = ~np.isnan(request_)
+    mean = np.where(specified, np.nan_to_num(request_) * SPREAD**2 / (SPREAD**2 + KERNEL_WIDTH**2), 0.0)
+    variance = np.where(specified, SPREAD**2 * KERNEL_WIDTH**2 / (SPREAD**2 + KERNEL_WIDTH**2), SPREAD**2)
+    expected = np.array([2 * mean[0] - mean[1], mean[0] ** 2 + variance[0]])
+    low, high = gaussian.interval("both", request_)
+    error = (high - low) / 2 / 1.96
+    assert (np.abs(gaussian.mean("both", request_) - expected) < 4 * error).all()
+    assert (error < 0.2).all()  # or the line above would show nothing
+    np.testing.assert_allclose(gaussian.mean("line", request_), gaussian.mean("both", request_)[0])
+    # about 200 surfaces count: standard errors of a mean rating and of a standard deviation are below 0.06 and 5 %
+    np.testing.assert_allclose(gaussian.mean_rating(request_), mean, atol=0.2)
+    spread = np.sqrt(4 * variance[0] + variance[1] + 0.5**2)
+    assert gaussian.spread("line", request_) == pytest.approx(spread, rel=0.2)
+
+
+def test_drawing_agrees_with_exploring_everything():
+    rng = np.random.default_rng(2)
+    candidates = SPREAD * rng.standard_normal((3000, 3))
+    surface_ids, measures = planted(candidates, rng)
+    everything = RatedTextures(measures, surface_ids, candidates, np.ones(3000))
+    estimates, totals = [], []
+    for seed in range(200):
+        drawn, importance = draw_surfaces(candidates, REQUESTS, 500, seed)
+        # both textures of each drawn surface
+        few = {
+            name: values.reshape(3000, 2, -1)[drawn].reshape(2 * len(drawn), -1) for name, values in measures.items()
+        }
+        some = RatedTextures(few, np.repeat(np.arange(len(drawn)), 2), candidates[drawn], importance)
+        estimates.append([some.mean("line", request)[0] for request in REQUESTS])
+        totals.append(importance.sum() / 500)
+    error = np.std(estimates, axis=0, ddof=1) / np.sqrt(200)
+    expected = [everything.mean("line", request) for request in REQUESTS]
+    # a ratio of estimates is biased by about 1 / effective size of a spread, here less than a standard error
+    assert (np.abs(np.mean(estimates, axis=0) - expected) < 4 * error).all()
+    # draws over probability count the candidates without bias
+    assert np.mean(totals) == pytest.approx(3000, abs=4 * np.std(totals) / np.sqrt(200))
+
+
+def test_each_request_gets_its_share_of_the_draws():
+    candidates = SPREAD * np.random.default_rng(3).standard_normal((20_000, 3))
+    ends = [[2.0, FREE, FREE], [-2.0, FREE, FREE]]
+    plain = RatedTextures({}, np.arange(1500), candidates[:1500], np.ones(1500))
+    drawn, importance = draw_surfaces(candidates, ends, 1500)
+    aimed = RatedTextures({}, np.arange(len(drawn)), candidates[drawn], importance)
+    for request in ends:
+        assert aimed.effective_size(request) > 5 * plain.effective_size(request)
+
+
+def test_effective_size_counts_surfaces_not_textures():
+    ratings, importance = np.zeros((3, 3)), np.array([1.0, 1.0, 2.0])
+    few = RatedTextures({}, [0, 1, 2], ratings, importance)
+    many = RatedTextures({}, [0, 0, 0, 0, 1, 2, 2], ratings, importance)
+    for textures in (few, many):
+        assert textures.effective_size(POPULATION) == pytest.approx(4**2 / (1 + 1 + 4))
+    np.testing.assert_allclose(many.weights(POPULATION), [0.0625] * 4 + [0.25] + [0.25] * 2)
+    assert RatedTextures({}, np.arange(7), np.zeros((7, 3)), np.ones(7)).effective_size(POPULATION) == pytest.approx(7)
+
+
+def test_kernel_is_a_gaussian_over_specified_axes_only():
+    ratings = np.array([[0.0, 0.0, 0.0], [0.25, 5.0, -5.0], [0.5, 0.0, 9.0]])
+    weights = RatedTextures({}, np.arange(3), ratings, np.ones(3)).weights([0, None, FREE])
+    np.testing.assert_allclose(weights / weights[0], np.exp([0, -0.5, -2.0]))
+    two_axes = log_kernel(ratings, [0.0, 4.0, FREE], width=2.0)
+    np.testing.assert_allclose(two_axes, [-2.0, -0.5 * (0.125**2 + 0.5**2), -0.5 * (0.25**2 + 4)])
+
+
+def test_request_far_outside_says_so():
+    ratings = SPREAD * np.random.default_rng(4).standard_normal((100, 3))
+    textures = RatedTextures({"x": ratings[:, 0]}, np.arange(100), ratings, np.ones(100))
+    far = [60.0, FREE, FREE]
+    # the roughest surface is all that counts, nearly
+    assert 1 <= textures.effective_size(far) < 1.1
+    assert textures.mean("x", far) == pytest.approx(ratings[:, 0].max(), rel=0.01)
+    assert np.isnan(textures.interval("x", far)).all()
+
+
+def test_surfaces_that_are_not_rated_do_not_count():
+    ratings = np.array([[1.0, FREE, FREE], [1.0, 1.0, FREE], [FREE, 2.0, FREE], [1.0, 1.0, FREE]])
+    textures = RatedTextures({"x": np.arange(4.0)}, np.arange(4), ratings, np.ones(4))
+    np.testing.assert_allclose(textures.weights([1.0, FREE, FREE]), [1 / 3, 1 / 3, 0, 1 / 3])
+    np.testing.assert_allclose(textures.weights(POPULATION), 0.25)
+    np.testing.assert_allclose(textures.mean_rating([1.0, FREE, FREE]), [1.0, 1.0, FREE])
+    with pytest.raises(ValueError, match="No surface is rated on bumpiness and slipperiness"):
+        textures.weights([FREE, 1.0, 0.0])
+
+
+def test_interval_equals_leaving_out_each_surface_by_hand():
+    rng = np.random.default_rng(5)
+    ratings, importance = SPREAD * rng.standard_normal((12, 3)), rng.uniform(1, 3, 12)
+    surface_ids = np.concatenate([np.arange(12), rng.integers(0, 12, 20)])
+    values = rng.standard_normal(32)
+    request = [0.0, FREE, FREE]
+    textures = RatedTextures({"x": values}, surface_ids, ratings, importance)
+    weights = textures.weights(request)
+    left_out = np.array([np.average(values, weights=weights * (surface_ids != number)) for number in range(12)])
+    error = np.sqrt(11 / 12 * np.sum((left_out - left_out.mean()) ** 2))
+    low, high = textures.interval("x", request)
+    assert (low + high) / 2 == pytest.approx(textures.mean("x", request))
+    expected = stats.t.ppf(0.975, textures.effective_size(request) - 1) * error
+    assert (high - low) / 2 == pytest.approx(expected)
+
+
+def test_intervals_cover():
+    rng = np.random.default_rng(6)
+    request = [1.0, FREE, FREE]
+    mean = SPREAD[0] ** 2 / (SPREAD[0] ** 2 + KERNEL_WIDTH**2)
+    covered = []
+    for seed in range(300):
+        candidates = SPREAD * rng.standard_normal((2000, 3))
+        drawn, importance = draw_surfaces(candidates, REQUESTS, 150, seed)
+        surface_ids, measures = planted(candidates[drawn], rng)
+        low, high = RatedTextures(measures, surface_ids, candidates[drawn], importance).interval("line", request)
+        covered.append(low < 2 * mean < high)
+    # 95 %: 300 repetitions scatter by 1.3 %, and some 40 surfaces that count leave the jackknife a little short
+    assert 0.89 < np.mean(covered) < 0.99
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ({"ratings": np.zeros((2, 2))}, "`ratings` must have the shape"),
+        ({"importance": np.array([1.0, 0.0])}, "`importance` must be finite and above zero"),
+        ({"measures": {"x": np.zeros(4)}}, "`measures\\['x'\\]` has 4 rows for 3 textures"),
+        ({"surface_ids": [0, 0, 0]}, "each of the 2 surfaces at least once"),
+        ({"surface_ids": [0, 1, 2]}, "each of the 2 surfaces at least once"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(arguments, message):
+    good = {"measures": {}, "surface_ids": [0, 0, 1], "ratings": np.zeros((2, 3)), "importance": np.ones(2)}
+    RatedTextures(**good)
+    with pytest.raises(ValueError, match=message):
+        RatedTextures(**{**good, **arguments})
+
+
+def test_bad_requests_are_refused(gaussian):
+    with pytest.raises(ValueError, match="`request` must be 3 ratings"):
+        gaussian.mean("line", [1.0, 2.0])
+    with pytest.raises(ValueError, match="`request` must be 3 ratings"):
+        gaussian.mean("line", [1.0, 2.0, np.inf])
+    with pytest.raises(ValueError, match="`width`"):
+        gaussian.weights(POPULATION, width=0)
+
+
+# virtual surfaces, tiny
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("truth")
+    generate_recordings(folder / "r.h5", surfaces=6, seconds=8, explorers=2, seed=4, agreement=2.0, quiet=True)
+    prepare_recordings(folder / "r.h5", folder / "p.h5", validation=1, test=1, quiet=True)
+    return folder / "p.h5"
+
+
+def describe(textures, levels, friction_coefficients):
+    """Keeps the samples too: these are few."""
+    assert textures.dtype == np.float32 and len(textures) == len(levels) == len(friction_coefficients)
+    return {"textures": textures, "levels": levels, "friction": friction_coefficients}
+
+
+def test_virtual_truth_explores_what_it_drew(prepared, monkeypatch):
+    monkeypatch.setattr(truth, "_CHUNK", 6)  # three surfaces at a time
+    data = PreparedDataset(prepared, "test")
+    rated = virtual_truth(data, REQUESTS, describe, surfaces=8, candidates=40, seconds=8.0, seed=2)
+    training = np.unique(PreparedDataset(prepared, "train", "full").surface_ids)
+    ratings = fresh_ratings(40, seed=4, agreement=2.0, training=training)
+    drawn, importance = draw_surfaces(ratings, REQUESTS, 8, seed=2)
+    np.testing.assert_array_equal(rated.ratings, ratings[drawn])
+    np.testing.assert_array_equal(rated.importance, importance)
+    assert rated.dropped == 0 and rated.measures["textures"].shape[1] == data.segment_samples
+    np.testing.assert_allclose(level(rated.measures["textures"]), rated.measures["levels"], atol=1e-4)  # float32
+    for number in (0, len(drawn) - 1):
+        textures, friction, *_ = fresh_textures(FIRST_FRESH + drawn[number], seed=4, explorers=2, seconds=8.0)
+        np.testing.assert_array_equal(rated.measures["textures"][rated.surface_ids == number], textures)
+        np.testing.assert_array_equal(rated.measures["friction"][rated.surface_ids == number], friction)
+    again = virtual_truth(data, REQUESTS, describe, surfaces=8, candidates=40, seconds=8.0, seed=2, workers=2)
+    np.testing.assert_array_equal(again.measures["textures"], rated.measures["textures"])
+    assert np.isfinite(rated.mean("levels", POPULATION))
+
+
+def test_file_s_own_ratings_are_reproduced(prepared):
+    """The raters, their scales and the recipe are the file's: its own surfaces get its own ratings, bit for bit."""
+    data = PreparedDataset(prepared, "all", "full")
+    training = np.unique(PreparedDataset(prepared, "train", "full").surface_ids)
+    assert len(training) == 4
+    facts = data.attributes
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tactile_diffusers.data.virtual.fresh.FIRST_FRESH", 0)
+        again = fresh_ratings(6, facts["seed"], facts["agreement"], training)
+    np.testing.assert_array_equal(again, data.surface_ratings)
+
+
+def test_surfaces_without_a_segment_are_tried_again_then_dropped(prepared, monkeypatch):
+    tried = []
+
+    def some_fail(number, trial, **settings):
+        tried.append((number, trial))
+        count = {0: 0 if trial == 0 else 1, 1: 0}.get((number - FIRST_FRESH) % 4, 2)
+        return (np.zeros((count, 8), np.float32), *(np.full(count, value, np.float32) for value in (0.5, -5.0, 80.0)))
+
+    monkeypatch.setattr(truth, "fresh_textures", some_fail)
+    data = PreparedDataset(prepared, "test")
+    rated = virtual_truth(data, REQUESTS, describe, surfaces=20, candidates=40)
+    first = np.array([number for number, trial in tried if trial == 0])
+    second = np.array([number for number, trial in tried if trial == 1])
+    np.testing.assert_array_equal(second, first[first % 4 < 2])
+    assert rated.dropped == np.sum(first % 4 == 1) > 0
+    training = np.unique(PreparedDataset(prepared, "train", "full").surface_ids)
+    ratings = fresh_ratings(40, seed=4, agreement=2.0, training=training)
+    drawn, importance = draw_surfaces(ratings, REQUESTS, 20)
+    np.testing.assert_array_equal(rated.ratings, ratings[drawn[drawn % 4 != 1]])
+    np.testing.assert_array_equal(rated.importance, importance[drawn % 4 != 1])
+    monkeypatch.setattr(truth, "fresh_textures", lambda number, **settings: some_fail(FIRST_FRESH + 1, 0))
+    with pytest.raises(ValueError, match="No fresh surface has a segment"):
+        virtual_truth(data, [POPULATION], describe, surfaces=3, candidates=40)
+
+
+def test_full_subset_has_no_limits(prepared, monkeypatch):
+    limits = []
+
+    def note(number, trial, **settings):
+        limits.append(settings["limits"])
+        return np.zeros((1, 8), np.float32), *np.ones((3, 1), np.float32)
+
+    monkeypatch.setattr(truth, "fresh_textures", note)
+    for subset in ("filtered", "full"):
+        virtual_truth(PreparedDataset(prepared, "train", subset), [POPULATION], describe, surfaces=1, candidates=40)
+    assert tuple(limits[0].speed) == (66.0, 99.0) and limits[1].speed is None and limits[1].normal_force is None
+
+
+def test_recorded_truth_takes_all_surfaces_as_they_are(prepared, monkeypatch):
+    monkeypatch.setattr(truth, "_CHUNK", 5)
+    data = PreparedDataset(prepared, "all", "full")
+    rated = recorded_truth(data, describe, per_surface=3)
+    assert len(rated.ratings) == 6 and (rated.importance == 1).all()
+    assert (np.bincount(rated.surface_ids) == 3).all()
+    np.testing.assert_array_equal(rated.ratings, data.surface_ratings)
+    chosen = data.non_overlapping(3)
+    np.testing.assert_array_equal(rated.measures["levels"], data.levels[chosen])
+    assert rated.mean("levels", POPULATION) == pytest.approx(data.levels[chosen].mean())
+
+
+def test_source_decides(prepared, tmp_path):
+    virtual = truth_of(prepared, [POPULATION], describe, surfaces=2, candidates=40, seconds=8.0)
+    assert len(virtual.ratings) <= 2
+    copy = tmp_path / "p.h5"
+    copy.write_bytes(prepared.read_bytes())
+    with h5py.File(copy, "r+") as file:
+        file.attrs["source"] = "a study"
+    recorded = truth_of(copy, [POPULATION], describe, surfaces=2, per_surface=1)
+    assert (
+        len(recorded.ratings) == len(recorded.surface_ids) == len(np.unique(PreparedDataset(copy, "all").surface_ids))
+    )
+    with pytest.raises(ValueError, match="`dataset` must hold virtual surfaces, got 'a study'"):
+        virtual_truth(PreparedDataset(copy), [POPULATION], describe)
+
+
+def test_other_recipes_rates_and_nonsense_are_refused(prepared, monkeypatch):
+    data = PreparedDataset(prepared)
+    with pytest.raises(ValueError, match="`requests` must not be empty"):
+        virtual_truth(data, [], describe)
+    for name in ("surfaces", "per_surface"):
+        with pytest.raises(ValueError, match=f"`{name}`"):
+            virtual_truth(data, [POPULATION], describe, **{name: 0})
+    with pytest.raises(ValueError, match="native rate, 10000 Hz"):
+        virtual_truth(PreparedDataset(prepared, sampling_rate=2500), [POPULATION], describe)
+    monkeypatch.setattr(truth, "RECIPE_VERSION", 2)
+    with pytest.raises(ValueError, match="is of recipe 1, the code makes surfaces of recipe 2"):
+        virtual_truth(data, [POPULATION], describe)
