@@ -18,6 +18,7 @@ from tqdm.auto import tqdm
 from tactile_diffusers import DALEModel, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.models.dale import NUM_SCALARS
+from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.arguments import (
     add_training_arguments,
     check_not_negative,
@@ -138,7 +139,7 @@ def build_dale(config, pipe, dataset, latents):
         "reference_speed": statistics(dataset.speeds)[0],
         **config.get("dale", {}),
     }
-    return DALEModel(**settings), VDDIMScheduler(**config.get("dale_scheduler", {}))
+    return DALEModel(**settings), VDDIMScheduler(**{**RECOMMENDED, **config.get("dale_scheduler", {})})
 
 
 def make_states(dale, dataset, latents):

@@ -21,6 +21,7 @@ from torch import nn
 from tactile_diffusers import LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.features import fit_preemphasis
+from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import (
     add_training_arguments,
@@ -123,7 +124,7 @@ def build_components(args):
         "segment_samples": math.ceil(seconds * extractor.sampling_rate / latent_hop) * latent_hop,
         **config.get("lctg", {}),
     }
-    return extractor, LCTGModel(**model_settings), VDDIMScheduler(**config.get("scheduler", {}))
+    return extractor, LCTGModel(**model_settings), VDDIMScheduler(**{**RECOMMENDED, **config.get("scheduler", {})})
 
 
 def make_collate(extractor, sampling_rate):

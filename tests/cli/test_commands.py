@@ -9,6 +9,7 @@ from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli import benchmark, evaluate, publish
 from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.evaluation import solver_study
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +56,24 @@ def test_benchmark_reports_every_part(checkpoint, tmp_path, monkeypatch):
     report = json.loads((tmp_path / "b" / "benchmark.json").read_text())
     assert set(report["batch"]) == {f"batch {n}" for n in (1, 2, 4, 8, 16)} and len(report["duration"]) == 5
     assert all(row["whole s"] > 0 for row in report["steps"].values())
+
+
+def test_benchmark_compares_solvers(checkpoint, prepared, tmp_path, monkeypatch):
+    """A small version of the whole comparison, trained models included."""
+    whole = solver_study.mixture_errors
+    monkeypatch.setattr(solver_study, "mixture_errors", lambda: whole(steps=(4, 10, 20, 160)))
+    monkeypatch.setattr(solver_study, "REFERENCE_STEPS", 20)
+    monkeypatch.setattr(solver_study, "STEPS", (3, 4, 10))
+    monkeypatch.setattr(solver_study.trained_errors, "__defaults__", (None, None, None, (3, 4, 10), True))
+    out, readme = tmp_path / "b", tmp_path / "README.md"
+    readme.write_text("\n".join(markers("scheduler")))
+    arguments = f"--checkpoint {checkpoint} --data {prepared} --output {out} --suite scheduler --segments 3 --quiet"
+    assert benchmark.main([*arguments.split(), "--readme", str(readme)]) == 0
+    report = json.loads((out / "scheduler.json").read_text())
+    assert set(report["trained"]) == {"lctg", "dale", "real_ktd"}
+    assert report["trained"]["lctg"]["order 2, both_ends"]["4"]["nine_band_db"]["mean"] > 0
+    assert report["analytic"]["orders"]["rotation_2"]["uniform"] > 1.8
+    assert "Trained LCTG" in readme.read_text() and (out / "scheduler.png").stat().st_size > 20_000
 
 
 def test_publish_halves_the_weights_and_keeps_the_texture(checkpoint, prepared, tmp_path):

@@ -234,7 +234,11 @@ def test_a_baseline_that_wins_is_named():
     leaf = dict.fromkeys(("n", "min", "max", "median", "interval"))
     entry = {metric: {**leaf, "mean": 2.0} for metric in METRICS}
     better = {**entry, "ktd": {**leaf, "mean": 1.0}, "snr_db": {**leaf, "mean": 9.0}}
-    report = {"reconstruction": {"steps": {"10": entry}, "baselines": {"other_take": better, "lpc20": entry}}}
+    pipeline = {"num_inference_steps": 10, "guidance_scale": 1.0}
+    report = {
+        "pipeline": pipeline,
+        "reconstruction": {"steps": {"10": entry}, "baselines": {"other_take": better, "lpc20": entry}},
+    }
     found = dict(baselines_that_win(report))
     assert len(found) == 2 and all("another take" in winners[0] and len(winners) == 1 for winners in found.values())
 

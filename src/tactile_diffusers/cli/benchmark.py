@@ -17,7 +17,7 @@ import sys, torch
 from tactile_diffusers import TactileTexturePipeline
 pipe = TactileTexturePipeline.from_pretrained(sys.argv[1])
 pipe.set_progress_bar_config(disable=True)
-pipe([[1.5, 0.0, -1.0]], num_inference_steps=10, generator=torch.Generator("cpu").manual_seed(0))
+pipe([[1.5, 0.0, -1.0]], generator=torch.Generator("cpu").manual_seed(0))
 """
 
 
@@ -25,13 +25,26 @@ def parse_arguments(argv=None):
     """Arguments of the command."""
     parser = argparse.ArgumentParser(prog="benchmark.py", description="Measure speed and memory of generating.")
     parser.add_argument("--checkpoint", metavar="FOLDER", help="default: the bundled checkpoint")
+    parser.add_argument("--suite", choices=["speed", "scheduler"], default="speed", help="default %(default)s")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="benchmark.json, benchmark.md")
     parser.add_argument("--threads", type=int, help="of torch; default: its own choice")
     parser.add_argument("--repeats", type=int, default=5, help="the median counts")
-    readme.add_arguments(parser, "benchmark")
+    compared = parser.add_argument_group("suite scheduler")
+    compared.add_argument(
+        "--data", type=Path, metavar="PREPARED.h5", help="also compare on trained models: takes longer"
+    )
+    compared.add_argument("--segments", type=int, default=60, help="held-out segments, one a surface")
+    compared.add_argument("--seed", type=int, default=0)
+    compared.add_argument("--quiet", action="store_true", help="no progress bars")
+    readme.add_arguments(parser, None)
     arguments = parser.parse_args(argv)
     if arguments.repeats < 1 or (arguments.threads is not None and arguments.threads < 1):
         parser.error("arguments --repeats and --threads must be at least 1")
+    if arguments.segments < 3 or arguments.seed < 0:
+        parser.error("arguments --segments and --seed must be at least 3 and 0")
+    if arguments.data is not None and not arguments.data.is_file():
+        parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
+    arguments.readme_name = arguments.readme_name or arguments.suite
     readme.check_arguments(parser, arguments)
     return arguments
 
@@ -48,8 +61,10 @@ def _median_seconds(run, repeats):
 
 def _stages(pipe, repeats):
     """Seconds of DALE alone, of both stages, and the real-time factor, at several steps."""
+    from ..pipelines.pipeline_tactile_texture import DEFAULT_STEPS
+
     rows = {}
-    for steps in (4, 10, 25, 50):
+    for steps in (3, DEFAULT_STEPS, 10, 25):
         common = {"ratings": [[1.5, 0.0, -1.0]], "num_inference_steps": steps}
         latent = _median_seconds(lambda c=common: pipe(output_type="latent", **c), repeats)
         whole = _median_seconds(lambda c=common: pipe(**c), repeats)
@@ -98,13 +113,30 @@ def main(argv=None):
 
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
-    from ..evaluation.tables import markdown_table
-
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
     checkpoint = str(arguments.checkpoint or bundled_checkpoint())
     pipe = TactileTexturePipeline.from_pretrained(checkpoint)
     pipe.set_progress_bar_config(disable=True)
+    if arguments.suite == "scheduler":
+        from .benchmark_scheduler import run
+
+        text = run(arguments, pipe)
+    else:
+        text = _speed(arguments, pipe, checkpoint)
+    if arguments.readme is not None:
+        readme.write_between(arguments.readme, arguments.readme_name, text)
+    print(text)
+    return 0
+
+
+def _speed(arguments, pipe, checkpoint):
+    """Measures, writes benchmark.json and benchmark.md, and returns the Markdown."""
+    import torch
+
+    from ..evaluation.tables import markdown_table
+    from ..pipelines.pipeline_tactile_texture import DEFAULT_STEPS
+
     batches, durations = _scaling(pipe, arguments.repeats)
     report = {
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, torch {torch.__version__}",
@@ -113,13 +145,15 @@ def main(argv=None):
         "duration": durations,
         "memory": _peak_memory(checkpoint),
     }
-    titles = {"steps": "One segment", "batch": "Batch, 10 + 10 steps", "duration": "Duration", "memory": "Memory"}
+    titles = {
+        "steps": "One segment",
+        "batch": f"Batch, {DEFAULT_STEPS} + {DEFAULT_STEPS} steps",
+        "duration": "Duration",
+        "memory": "Memory",
+    }
     tables = [f"#### {title}\n\n{markdown_table(report[key], 3)}\n" for key, title in titles.items()]
     text = [f"### Speed and memory\n\n{report['machine']}; medians of {arguments.repeats}.\n", *tables]
     arguments.output.mkdir(parents=True, exist_ok=True)
     (arguments.output / "benchmark.json").write_text(json.dumps(report, indent=2) + "\n")
     (arguments.output / "benchmark.md").write_text("\n".join(text))
-    if arguments.readme is not None:
-        readme.write_between(arguments.readme, arguments.readme_name, "\n".join(text))
-    print("\n".join(text))
-    return 0
+    return "\n".join(text)

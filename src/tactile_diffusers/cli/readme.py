@@ -12,9 +12,9 @@ def markers(name):
 
 
 def add_arguments(parser, name):
-    """Adds `--readme` and `--readme-name` (default `name`) to a command."""
+    """Adds `--readme` and `--readme-name` (default `name`; `None` = the command sets it) to a command."""
     parser.add_argument("--readme", type=Path, metavar="README.md", help="write the results into this file too")
-    parser.add_argument("--readme-name", default=name, metavar="NAME", help=f"of the markers there; default {name}")
+    parser.add_argument("--readme-name", default=name, metavar="NAME", help="of the markers there")
 
 
 def check_arguments(parser, arguments):

@@ -11,7 +11,7 @@ _DPI = 90
 
 
 @contextmanager
-def _figure(output_path, rows, columns, size):
+def figure_panels(output_path, rows, columns, size):
     """Yields an array of panels, then writes the PNG."""
     import matplotlib
 
@@ -42,7 +42,7 @@ def plot_overlays(real, made, sampling_rate, edges, output_path, seconds=0.2):
     shown = {"best": order[0], "median": order[len(order) // 2], "worst": order[-1]}
     start = real.shape[-1] // 2
     piece = slice(start, start + int(seconds * sampling_rate))
-    with _figure(output_path, 2, 3, (13, 6)) as panels:
+    with figure_panels(output_path, 2, 3, (13, 6)) as panels:
         for (waves, spectra), (name, row) in zip(panels.T, shown.items(), strict=True):
             for texture, label in ((real[row], "original"), (made[row], "reconstruction")):
                 time = np.arange(piece.start, piece.stop) / sampling_rate
@@ -66,7 +66,7 @@ def plot_steps(result, output_path):
         "seconds_per_segment": "s per segment",
         "efficiency_score": "efficiency score (RMSE × s), N·s",
     }
-    with _figure(output_path, 1, len(quantities), (3.4 * len(quantities), 3.2)) as panels:
+    with figure_panels(output_path, 1, len(quantities), (3.4 * len(quantities), 3.2)) as panels:
         for panel, (name, label) in zip(panels[0], quantities.items(), strict=True):
             means = [_mean(result["steps"][str(count)][name]) for count in steps]
             panel.plot(steps, means, marker="o", markersize=3, label="LCTG")
@@ -86,7 +86,7 @@ def plot_control(control, guidance, output_path):
     """Level, shape and friction against one requested rating: generated, ridge baseline, and the truth."""
     quantities = {"level_db": "level, dB re 1 N", "shape_db": "shape change, dB", "log_friction": "log friction"}
     sources = {"generated": control[str(guidance)]["axes"], "ridge": control["baselines"]["ridge"]["axes"]}
-    with _figure(output_path, len(quantities), len(RATING_AXES), (12, 8.5)) as panels:
+    with figure_panels(output_path, len(quantities), len(RATING_AXES), (12, 8.5)) as panels:
         for row, (name, label) in zip(panels, quantities.items(), strict=True):
             for panel, axis in zip(row, RATING_AXES, strict=True):
                 values = [float(value) for value in sources["generated"][axis]]
@@ -115,7 +115,7 @@ def plot_responses(control, guidance, output_path):
         f"generated, guidance {guidance:g}": control[str(guidance)]["response"],
         **{slug: entry["response"] for slug, entry in control["baselines"].items()},
     }
-    with _figure(output_path, 1, len(matrices), (3.4 * len(matrices), 3.3)) as panels:
+    with figure_panels(output_path, 1, len(matrices), (3.4 * len(matrices), 3.3)) as panels:
         for panel, (name, matrix) in zip(panels[0], matrices.items(), strict=True):
             slopes = np.array([[_mean(leaf) for leaf in row] for row in matrix])
             panel.imshow(slopes, cmap="RdBu_r", vmin=-1, vmax=1)
@@ -130,7 +130,7 @@ def plot_responses(control, guidance, output_path):
 
 def plot_latent_shift(shift, output_path):
     """The paper's Figure 2: shift of the latent against one rating, the noise fixed."""
-    with _figure(output_path, 1, 1, (5.5, 3.6)) as panels:
+    with figure_panels(output_path, 1, 1, (5.5, 3.6)) as panels:
         panel = panels[0, 0]
         for axis, values in shift.items():
             panel.plot(
@@ -151,7 +151,7 @@ def plot_spectra(densities, frequencies, output_path):
     import matplotlib
 
     colours = matplotlib.colormaps["coolwarm"]
-    with _figure(output_path, 1, len(densities), (13, 3.8)) as panels:
+    with figure_panels(output_path, 1, len(densities), (13, 3.8)) as panels:
         for panel, (axis, spectra) in zip(panels[0], densities.items(), strict=True):
             low, high = min(spectra), max(spectra)
             for value, density in spectra.items():
@@ -169,7 +169,7 @@ def plot_unseen(bands, output_path):
         bands (`dict[str, tuple]`): name -> (real, made), each (surfaces, 9) dB.
         output_path (`Path`): the PNG.
     """
-    with _figure(output_path, 1, len(bands), (3.6 * len(bands), 3.6)) as panels:
+    with figure_panels(output_path, 1, len(bands), (3.6 * len(bands), 3.6)) as panels:
         for panel, (name, (real, made)) in zip(panels[0], bands.items(), strict=True):
             colour = np.tile(np.arange(real.shape[1]), (len(real), 1))
             panel.scatter(real, made, c=colour, cmap="viridis", s=6)

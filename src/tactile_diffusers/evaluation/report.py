@@ -42,6 +42,7 @@ def run_sections(context, names, checkpoint):
         "data": _data(context),
         "seed": context.seed,
         "settings": {**asdict(context.settings), "guidance_scales": context.guidance_scales},
+        "pipeline": {"num_inference_steps": context.steps, "guidance_scale": context.default_guidance},
         "machine": machine(),
         "versions": _versions(),
         **dict.fromkeys(MEASURED),
@@ -88,6 +89,7 @@ def _conditions(context, checkpoint):
         "guidance_scales": context.guidance_scales,
         "embedding": embedding,
         "vibromaf": context.vibromaf,
+        "pipeline": [context.steps, context.default_guidance],
         "threads": torch.get_num_threads(),
         "version": _versions()["tactile-diffusers"],
     }

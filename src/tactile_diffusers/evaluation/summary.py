@@ -119,13 +119,12 @@ def _head(report, level=1):
 
 
 def _model_steps(report):
-    steps = report["reconstruction"]["steps"]
-    return "10" if "10" in steps else next(iter(steps))
+    steps, default = report["reconstruction"]["steps"], str(report["pipeline"]["num_inference_steps"])
+    return default if default in steps else next(iter(steps))
 
 
 def _default_guidance(report):
-    scales = [key for key in report["generation"] if key not in ("baselines", "real")]
-    return "1.0" if "1.0" in scales else scales[0]
+    return str(float(report["pipeline"]["guidance_scale"]))
 
 
 def _side_by_side(report, level=2):
@@ -185,7 +184,7 @@ def _rows(report, steps):
 
 def _shown_steps(report):
     steps = report["reconstruction"]["steps"]
-    return [count for count in ("4", "10", "25") if count in steps] or list(steps)
+    return [count for count in ("2", "3", "5", "10", "25") if count in steps] or list(steps)
 
 
 def _reconstruction(report, level=2):

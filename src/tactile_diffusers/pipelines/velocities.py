@@ -16,6 +16,7 @@ def rating_velocity(dale, ratings, frames, guidance_scale):
     """
 
     def guided(state, t, ratings):
+        state = state.to(dale.dtype)  # the sampler's state is wider than a half-precision model
         if guidance_scale == 1.0:
             return dale(state, t, ratings, return_dict=False)[0]
         both = torch.cat([torch.full_like(ratings, torch.nan), ratings])
@@ -42,11 +43,11 @@ def texture_velocity(lctg, latents):
     size = lctg.config.segment_samples // lctg.config.latent_hop
     windows = Windows(latents.shape[-1], min(size, latents.shape[-1]))
     if len(windows.starts) == 1:
-        return lambda waveform, t: lctg(waveform, t, latents, return_dict=False)[0]
+        return lambda waveform, t: lctg(waveform.to(lctg.dtype), t, latents, return_dict=False)[0]
     fine, contexts = windows.scaled(lctg.config.latent_hop), windows.split(latents)
 
     def fused(waveform, t):
-        pieces = fine.split(waveform)
+        pieces = fine.split(waveform.to(lctg.dtype))
         return fine.fuse(in_chunks(lambda x, z: lctg(x, t, z, return_dict=False)[0], pieces, contexts))
 
     return fused

@@ -1,5 +1,5 @@
 """The sampler."""
 
-from .scheduling_v_ddim import VDDIMScheduler, VDDIMSchedulerOutput
+from .scheduling_v_ddim import RECOMMENDED, VDDIMScheduler, VDDIMSchedulerOutput
 
-__all__ = ["VDDIMScheduler", "VDDIMSchedulerOutput"]
+__all__ = ["RECOMMENDED", "VDDIMScheduler", "VDDIMSchedulerOutput"]

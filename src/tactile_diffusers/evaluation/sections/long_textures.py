@@ -7,7 +7,6 @@ from scipy.signal import fftconvolve
 from ...pipelines.windows import Windows
 from ...signal import band_edges, band_levels_db
 from ..statistics import leaf, number
-from .context import STEPS
 
 
 def run(context):
@@ -40,7 +39,7 @@ def long_texture_study(pipe, ratings, duration_s=30.0, seed=0):
         windows overlap over level elsewhere; "largest_correlation": see `largest_correlation`.
     """
     generator = torch.Generator("cpu").manual_seed(seed)
-    out = pipe(ratings, STEPS, duration_s=duration_s, generator=generator)
+    out = pipe(ratings, duration_s=duration_s, generator=generator)
     rate = out.sampling_rate
     # frames of 0.1 s that lie wholly inside or wholly outside the overlaps; they resolve all but the two lowest bands
     frame = int(0.1 * rate)

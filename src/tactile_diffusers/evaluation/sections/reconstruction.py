@@ -17,7 +17,6 @@ from ..reconstruction import (
     snr_db,
 )
 from ..statistics import leaf, number
-from .context import STEPS
 from .speed import decoding_seconds
 
 #: Bands of the signed error, Hz: where lows fade, and where noise appears (paper section 4).
@@ -27,8 +26,9 @@ _SPECTRAL = ("nine_band_db", "lsd_db", "gfc", "level_error_db", "out_of_band_db"
 
 def run(context):
     """The section: `{"reconstruction": ...}`; writes steps.png and overlays.png."""
-    steps, made = {}, None
-    for count in context.settings.steps:
+    steps, counts = {}, context.settings.steps
+    shown = context.steps if context.steps in counts else counts[-1]
+    for count in counts:
         textures = reconstruct(context.pipe, context.real, context.rate, count, context.seed, quiet=context.quiet)
         entry = pair_metrics(context, textures)
         if context.vibromaf:
@@ -38,8 +38,8 @@ def run(context):
         score = None if entry["rmse_n"]["mean"] is None else entry["rmse_n"]["mean"] * np.median(seconds)
         entry["efficiency_score"] = number(score, len(textures))
         steps[str(count)] = entry
-        if count == STEPS:
-            made = textures
+        if count == shown:
+            plot_overlays(context.real, textures, context.rate, context.edges, context.output / "overlays.png")
     baselines = {slug: {name: number() for name in (*METRICS, "ftd", "ktd")} for slug in SLUGS}
     for slug, textures in context.baseline_textures.items():  # without ratings there are fewer than slugs
         baselines[slug] = pair_metrics(context, textures, context.baseline_points[slug])
@@ -49,8 +49,6 @@ def run(context):
         "different_surface": pair_metrics(context, context.different),
         "real": {**context.real_distances, "rms_n": leaf(rms(context.real), context.surfaces)},
     }
-    if made is not None:
-        plot_overlays(context.real, made, context.rate, context.edges, context.output / "overlays.png")
     plot_steps(result, context.output / "steps.png")
     return {"reconstruction": result}
 

@@ -6,7 +6,6 @@ import numpy as np
 import torch
 
 from ..statistics import leaf, number
-from .context import STEPS
 
 #: The paper's display works in blocks of about this length.
 BLOCK_SECONDS = 0.1
@@ -27,8 +26,8 @@ def run(context):
     }
     if pipe.dale is not None:
         ratings = [[None] * len(pipe.dale.config.rating_axes)]
-        latent = _timed(context, lambda: pipe(ratings, num_inference_steps=STEPS, output_type="latent"))
-        whole = _timed(context, lambda: pipe(ratings, num_inference_steps=STEPS))
+        latent = _timed(context, lambda: pipe(ratings, output_type="latent"))
+        whole = _timed(context, lambda: pipe(ratings))
         result["dale_seconds"], result["pipeline_seconds"] = leaf(latent), leaf(whole)
         result["real_time_factor"] = leaf(np.array(whole) * rate / config.segment_samples)
     return {"speed": result}

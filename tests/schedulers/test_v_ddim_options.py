@@ -1,0 +1,544 @@
+"""Options of `VDDIMScheduler`: fresh noise, starts part-way, one's own timesteps, spacings, configs of others."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+from diffusers import DDIMScheduler, DPMSolverMultistepScheduler
+
+from tactile_diffusers import VDDIMScheduler
+from tactile_diffusers.evaluation.solvers import rotation_2, run
+from tactile_diffusers.schedulers.scheduling_v_ddim import SPACINGS, spaced_angles
+
+OTHERS = [DDIMScheduler, DPMSolverMultistepScheduler]
+
+
+def _noise(*shape, seed=0, dtype=torch.float32):
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=dtype)
+
+
+def _generator(seed):
+    return torch.Generator().manual_seed(seed)
+
+
+def _angle(t):
+    return math.pi / 2 * (float(t) + 1) / 1000
+
+
+def _model(x, phi):
+    return torch.tanh(1.3 * x) * math.cos(3 * phi) + 0.2 * x
+
+
+def _follow(scheduler, x, first=0, velocity=_model, **kwargs):
+    """The loop over the timesteps that are set."""
+    for t in scheduler.timesteps[first:]:
+        x = scheduler.step(velocity(x, _angle(t)), t, x, **kwargs).prev_sample
+    return x
+
+
+def _sample(scheduler, x, steps, **kwargs):
+    scheduler.set_timesteps(steps)
+    return _follow(scheduler, x, **kwargs)
+
+
+# --- fresh noise
+
+
+def test_eta_0_is_deterministic_and_draws_nothing():
+    noise, generator = _noise(2, 1, 32), _generator(5)
+    before = generator.get_state()
+    made = _sample(VDDIMScheduler(), noise, 6, eta=0.0, generator=generator)
+    assert torch.equal(made, _sample(VDDIMScheduler(), noise, 6))
+    assert torch.equal(generator.get_state(), before)
+
+
+@pytest.mark.parametrize("deviation", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("eta", [0.4, 1.0])
+def test_eta_gives_the_variance_of_song_et_al(eta, deviation):
+    # For data N(0, s^2) every step is linear: x' = gain x + spread * noise, with alpha_bar = cos^2 and the spread of
+    # equation 16. The variance follows from that alone, in float64; many steps lead to s^2.
+    def velocity(x, phi):
+        cos, sin = math.cos(phi), math.sin(phi)
+        return x * (1 - deviation**2) * sin * cos / ((deviation * cos) ** 2 + sin**2)
+
+    def variance_after(steps):
+        variance, angles = 1.0, math.pi / 2 * (1 - np.arange(steps + 1) / steps)
+        for phi, following in zip(angles[:-1], angles[1:], strict=True):
+            bar, bar_next = math.cos(phi) ** 2, math.cos(following) ** 2
+            spread = eta * math.sqrt((1 - bar_next) / (1 - bar) * (1 - bar / bar_next))
+            marginal = deviation**2 * bar + 1 - bar
+            data, noise = deviation**2 * math.sqrt(bar) / marginal, math.sqrt(1 - bar) / marginal  # predicted, per x
+            gain = math.sqrt(bar_next) * data + math.sqrt(max(0.0, 1 - bar_next - spread**2)) * noise
+            variance = gain**2 * variance + spread**2
+        return variance
+
+    samples = 100_000
+    made = _sample(VDDIMScheduler(), _noise(samples), 12, velocity=velocity, eta=eta, generator=_generator(1))
+    # a variance of 100,000 Gaussian samples has a relative standard error of sqrt(2 / 100,000) = 0.45 %: 4 of them
+    assert float(made.var()) == pytest.approx(variance_after(12), rel=0.018)
+    assert abs(float(made.mean())) < 4 * math.sqrt(variance_after(12) / samples)
+    assert variance_after(2000) == pytest.approx(deviation**2, rel=0.01)  # first order: measured 0.6 % at worst
+
+
+def test_eta_changes_the_sample_and_its_generator_repeats_it():
+    noise = _noise(3, 2, 16)
+    made = _sample(VDDIMScheduler(), noise, 5, eta=1.0, generator=_generator(1))
+    assert torch.equal(made, _sample(VDDIMScheduler(), noise, 5, eta=1.0, generator=_generator(1)))
+    for other in (dict(eta=1.0, generator=_generator(2)), dict(eta=0.5, generator=_generator(1)), dict()):
+        assert (made - _sample(VDDIMScheduler(), noise, 5, **other)).abs().max() > 0.1
+
+
+def test_a_list_of_generators_serves_each_sample_alone():
+    noise = _noise(3, 2, 16)
+    together = _sample(VDDIMScheduler(), noise, 5, eta=1.0, generator=[_generator(seed) for seed in (4, 5, 6)])
+    for row, seed in enumerate((4, 5, 6)):
+        alone = _sample(VDDIMScheduler(), noise[row : row + 1], 5, eta=1.0, generator=_generator(seed))
+        # vectorised arithmetic may differ in the last bit
+        torch.testing.assert_close(together[row : row + 1], alone, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float64])
+def test_eta_keeps_the_dtype(dtype):
+    made = _sample(VDDIMScheduler(), _noise(2, 8).to(dtype), 3, eta=1.0, generator=_generator(0))
+    assert made.dtype == dtype and made.isfinite().all()
+
+
+def test_the_last_step_adds_no_noise():
+    scheduler, x, v = VDDIMScheduler(), _noise(1, 64), _noise(1, 64, seed=1)
+    scheduler.set_timesteps(3)
+    out = scheduler.step(v, scheduler.timesteps[-1], x, eta=1.0, generator=_generator(0))
+    torch.testing.assert_close(out.prev_sample, out.pred_original_sample, rtol=0, atol=1e-6)  # float32
+
+
+@pytest.mark.parametrize("eta", [-0.1, 1.01, float("nan"), float("inf")])
+def test_eta_out_of_range_is_refused(eta):
+    scheduler, x = VDDIMScheduler(), _noise(1, 4)
+    scheduler.set_timesteps(3)
+    with pytest.raises(ValueError, match="`eta` must be between 0 and 1"):
+        scheduler.step(x, scheduler.timesteps[0], x, eta=eta)
+
+
+def test_eta_of_order_2_is_refused():
+    scheduler, x = VDDIMScheduler(solver_order=2), _noise(1, 4)
+    scheduler.set_timesteps(3)
+    with pytest.raises(ValueError, match="`eta` must be .* 0 for solver_order 2"):
+        scheduler.step(x, scheduler.timesteps[0], x, eta=0.5)
+    assert scheduler.step(x, scheduler.timesteps[0], x, eta=0.0).prev_sample.isfinite().all()
+
+
+# --- starting part-way, and again
+
+
+@pytest.mark.parametrize("spacing", SPACINGS)
+@pytest.mark.parametrize("by_index", [True, False])
+def test_order_2_starts_part_way_with_a_step_of_order_1(spacing, by_index):
+    scheduler, x = VDDIMScheduler(solver_order=2, spacing=spacing), _noise(20, dtype=torch.float64)
+    _sample(scheduler, x, 8)  # an earlier run, whose history must be gone
+    scheduler.set_timesteps(8)
+    if by_index:
+        scheduler.set_begin_index(3)
+    angles = spaced_angles(8, spacing)[3:]
+    expected = run(rotation_2, angles, lambda x, phi: np.tanh(1.3 * x) * math.cos(3 * phi) + 0.2 * x, x.numpy())
+    made = x
+    for t, phi in zip(scheduler.timesteps[3:], angles, strict=False):
+        made = scheduler.step(_model(made, phi), t, made).prev_sample
+    np.testing.assert_allclose(made.numpy(), expected, rtol=0, atol=1e-12)  # float64
+    assert scheduler.step_index == 8
+
+
+def test_set_begin_index_forgets_the_last_step():
+    x, v = _noise(1, 16), _noise(1, 16, seed=1)
+    scheduler, fresh = VDDIMScheduler(solver_order=2), VDDIMScheduler(solver_order=2)
+    scheduler.set_timesteps(6)
+    scheduler.step(v, scheduler.timesteps[0], x)
+    scheduler.set_begin_index(2)
+    fresh.set_timesteps(6)
+    fresh.set_begin_index(2)
+    made = scheduler.step(v, scheduler.timesteps[2], x).prev_sample
+    assert torch.equal(made, fresh.step(v, fresh.timesteps[2], x).prev_sample)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_two_runs_of_one_scheduler_are_equal(order):
+    scheduler, noise = VDDIMScheduler(solver_order=order), _noise(2, 16)
+    first = _sample(scheduler, noise, 5)
+    scheduler.set_timesteps(7)
+    scheduler.step(noise, scheduler.timesteps[0], noise)  # a run that is left
+    assert torch.equal(_sample(scheduler, noise, 5), first)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_buffers_that_are_used_again_change_nothing(order):
+    # as with CUDA graphs: model output and sample are always the same memory
+    scheduler, expected = VDDIMScheduler(solver_order=order), _sample(VDDIMScheduler(solver_order=order), _noise(64), 8)
+    x, v = _noise(64), torch.empty(64)
+    scheduler.set_timesteps(8)
+    for t in scheduler.timesteps:
+        v.copy_(_model(x, _angle(t)))
+        x.copy_(scheduler.step(v, t, x).prev_sample)
+    assert torch.equal(x, expected)
+
+
+# --- one's own timesteps
+
+
+@pytest.mark.parametrize("form", [list, tuple, np.array, torch.tensor])
+def test_timesteps_of_any_form(form):
+    scheduler = VDDIMScheduler()
+    scheduler.set_timesteps(timesteps=form([999, 500, 3]))
+    assert scheduler.timesteps.tolist() == [999, 500, 3] and scheduler.num_inference_steps == 3
+    assert scheduler.timesteps.dtype == torch.float32
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("spacing", SPACINGS)
+def test_the_preset_as_own_timesteps_is_the_preset(spacing, order):
+    preset, own = VDDIMScheduler(solver_order=order, spacing=spacing), VDDIMScheduler(solver_order=order)
+    noise = _noise(64)
+    expected = _sample(preset, noise, 9)
+    own.set_timesteps(timesteps=preset.timesteps)
+    assert torch.equal(own.timesteps, preset.timesteps)
+    # float32 timesteps of up to 999 are angles to 5e-8 rad
+    torch.testing.assert_close(_follow(own, noise), expected, rtol=0, atol=2e-6)
+
+
+def test_own_timesteps_may_start_part_way():
+    # from 45 degrees, in turns of 30 and 15 degrees, to clean data
+    scheduler = VDDIMScheduler()
+    scheduler.set_timesteps(timesteps=[499, 1000 / 6 - 1])
+    x, v = _noise(1, 32, dtype=torch.float64), _noise(1, 32, seed=1, dtype=torch.float64)
+    made = scheduler.step(v, scheduler.timesteps[0], x).prev_sample
+    # a timestep in a list is a float32 on its way: 1e-8 rad
+    torch.testing.assert_close(made, math.cos(math.pi / 6) * x - math.sin(math.pi / 6) * v, rtol=0, atol=1e-6)
+    made = scheduler.step(v, scheduler.timesteps[1], x).prev_sample
+    torch.testing.assert_close(made, math.cos(math.pi / 12) * x - math.sin(math.pi / 12) * v, rtol=0, atol=1e-6)
+    assert scheduler.step_index == 2
+
+
+@pytest.mark.parametrize(
+    "timesteps",
+    [
+        [],
+        [500, 999],
+        [999, 500, 500],
+        [999, 100, 500],
+        [1000, 500],
+        [999, -1],
+        [999, -2.5],
+        [999, float("nan")],
+        [float("inf"), 500],
+        [[999, 500]],
+        999,
+    ],
+)
+def test_unusable_timesteps_are_refused(timesteps):
+    scheduler = VDDIMScheduler()
+    scheduler.set_timesteps(4)
+    before = scheduler.timesteps
+    with pytest.raises(ValueError, match=r"`timesteps` must fall, without repeats, inside \(-1, 999\], got"):
+        scheduler.set_timesteps(timesteps=timesteps)
+    assert torch.equal(scheduler.timesteps, before)  # and nothing is broken
+
+
+@pytest.mark.parametrize("arguments", [{}, {"num_inference_steps": 2, "timesteps": [999, 500]}])
+def test_both_or_neither_of_count_and_timesteps_are_refused(arguments):
+    with pytest.raises(ValueError, match="either `num_inference_steps` or `timesteps`"):
+        VDDIMScheduler().set_timesteps(**arguments)
+
+
+# --- spacings and the shift
+
+
+def test_spacings_are_what_they_say():
+    way = 1 - np.arange(11) / 10
+    tolerance = dict(rtol=0, atol=1e-14)  # float64
+    np.testing.assert_allclose(spaced_angles(10), math.pi / 2 * way, **tolerance)
+    np.testing.assert_allclose(spaced_angles(10, "dense"), math.pi / 2 * way**2, **tolerance)
+    cosine = (1 - np.cos(math.pi * way)) / 2
+    np.testing.assert_allclose(spaced_angles(10, "both_ends"), math.pi / 2 * (way + cosine) / 2, **tolerance)
+    log_snr = -2 * np.log(np.tan(spaced_angles(10, "log_snr")[1:-1]))
+    np.testing.assert_allclose(np.diff(log_snr), 1.6, rtol=1e-9)  # from -8 to 8 in ten steps
+
+
+def test_both_ends_is_symmetric_and_denser_there():
+    turns = -np.diff(spaced_angles(20, "both_ends"))
+    np.testing.assert_allclose(turns, turns[::-1], rtol=1e-12)  # float64
+    assert np.all(np.diff(turns[:10]) > 0)
+
+
+@pytest.mark.parametrize("shift", [-6.0, -0.5, 0.7, 6.0])
+@pytest.mark.parametrize("spacing", SPACINGS)
+def test_the_shift_moves_the_log_snr_and_keeps_the_ends(spacing, shift):
+    def log_snr(angles):
+        return 2 * np.log(np.cos(angles[1:-1]) / np.sin(angles[1:-1]))
+
+    for steps in (1, 2, 10, 1000):
+        plain, moved = spaced_angles(steps, spacing), spaced_angles(steps, spacing, shift)
+        # float64: an angle near pi/2 has an error of 1e-16, which its cosine of 1e-4 magnifies
+        np.testing.assert_allclose(log_snr(moved) - log_snr(plain), shift, rtol=0, atol=1e-9)
+        assert moved[0] == math.pi / 2 and moved[-1] == 0 and np.all(np.diff(moved) < 0)
+    scheduler = VDDIMScheduler(spacing=spacing, log_snr_shift=shift)
+    scheduler.set_timesteps(1000)
+    expected = 1000 * spaced_angles(1000, spacing, shift)[:-1] / (math.pi / 2) - 1
+    np.testing.assert_allclose(scheduler.timesteps.numpy(), expected, rtol=1e-7, atol=1e-7)  # float32
+
+
+@pytest.mark.parametrize("shift", [-20.0, -10.0, 10.0, 20.0])
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("spacing", SPACINGS)
+def test_a_large_shift_still_lands_on_the_data(spacing, order, shift):
+    # many short turns beside one long: what the short ones say of the model's change is mostly rounding
+    data, noise = _noise(64, seed=1), _noise(64)
+    scheduler, x = VDDIMScheduler(solver_order=order, spacing=spacing, log_snr_shift=shift), noise
+    scheduler.set_timesteps(10)
+    for t, phi in zip(scheduler.timesteps, spaced_angles(10, spacing, shift), strict=False):
+        x = scheduler.step(math.cos(phi) * noise - math.sin(phi) * data, t, x).prev_sample
+    torch.testing.assert_close(x, data, rtol=0, atol=1e-5)  # float32 of numbers up to 4, ten steps
+
+
+@pytest.mark.parametrize("shift", [float("nan"), float("inf"), -float("inf")])
+def test_a_shift_that_is_no_number_is_refused(shift):
+    with pytest.raises(ValueError, match="`log_snr_shift`"):
+        VDDIMScheduler(log_snr_shift=shift)
+
+
+@pytest.mark.parametrize("shift", [-3000.0, -100.0, 100.0, 3000.0])
+def test_an_absurd_shift_is_refused_or_works(shift):
+    # at -100 angles round to pi/2 and coincide, at 1500 exp is 0: neither may become a division by zero while sampling
+    try:
+        scheduler = VDDIMScheduler(solver_order=2, log_snr_shift=shift)
+        scheduler.set_timesteps(10)
+    except ValueError as error:
+        assert "log_snr_shift" in str(error)
+        return
+    made = _follow(scheduler, _noise(8))
+    assert made.isfinite().all()
+
+
+def test_an_unknown_spacing_is_refused():
+    with pytest.raises(ValueError, match="`spacing` must be one of .*, got 'karras'"):
+        VDDIMScheduler(spacing="karras")
+
+
+# --- to diffusers' schedulers
+
+
+@pytest.mark.parametrize("length", [1, 2, 50, 1000])
+def test_betas_are_those_of_cos_squared(length):
+    betas = VDDIMScheduler(length).betas()
+    assert isinstance(betas, list) and len(betas) == length and betas[-1] == 1.0
+    assert all(isinstance(beta, float) and 0 < beta <= 1 for beta in betas)
+    expected = np.cos(math.pi / 2 * np.arange(1, length + 1) / length) ** 2
+    np.testing.assert_allclose(np.cumprod(1 - np.array(betas)), expected, rtol=0, atol=1e-13)  # float64 products
+
+
+@pytest.fixture(params=["made", "saved"])
+def config(request, tmp_path):
+    """The config of a new scheduler with defaults, and of the same one from its file: they must say the same."""
+    scheduler = VDDIMScheduler()
+    if request.param == "saved":
+        scheduler.save_pretrained(tmp_path)
+        scheduler = VDDIMScheduler.from_pretrained(tmp_path)
+    return scheduler.config
+
+
+def _only_unused_keys(found):
+    return [text for text in found if "are not expected and will be ignored" not in text]
+
+
+def _angles_of(other):
+    return np.arccos(np.sqrt(other.alphas_cumprod.double().numpy()))
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_our_config_says_what_diffusers_schedulers_need(other, config, recorded_warnings):
+    with recorded_warnings() as found:
+        made = other.from_config(config)
+    assert not _only_unused_keys(found)
+    wanted = {
+        "num_train_timesteps": 1000,
+        "prediction_type": "v_prediction",
+        "beta_schedule": "squaredcos_cap_v2",
+        "timestep_spacing": "trailing",
+        "rescale_betas_zero_snr": True,
+    }
+    assert {key: made.config[key] for key in wanted} == wanted
+    assert made.config.get("clip_sample", False) is False
+    # their schedule lags by up to 0.0125 rad (docstring; measured 0.011), the last alpha is 2^-24 for DPM-Solver
+    assert np.abs(_angles_of(made) - math.pi / 2 * np.arange(1, 1001) / 1000).max() <= 0.0125
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_with_our_betas_their_schedule_is_ours(other, config, recorded_warnings):
+    with recorded_warnings() as found:
+        made = other.from_config(config, trained_betas=VDDIMScheduler().betas())
+    assert not _only_unused_keys(found)
+    # float32 products: alphas to 3e-7 (an angle near clean data shows that as 1e-4 rad), the last 0 or 2^-24
+    expected = np.cos(math.pi / 2 * np.arange(1, 1001) / 1000) ** 2
+    np.testing.assert_allclose(made.alphas_cumprod.numpy(), expected, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("other", "order", "tolerance"),
+    # the schedule lags by 0.011 rad, samples and velocities have a size of 1 to 3: measured 0.014. DPM-Solver++ 2M is
+    # another rule beside: measured 0.019. Were the model one of noise, of another schedule or clipped: above 0.5
+    [(DDIMScheduler, 1, 0.03), (DPMSolverMultistepScheduler, 2, 0.04)],
+)
+def test_diffusers_schedulers_sample_close_to_ours(config, other, order, tolerance):
+    noise = _noise(200)
+    ours = _sample(VDDIMScheduler(solver_order=order), noise, 50)
+    theirs = other.from_config(config, solver_order=2) if order == 2 else other.from_config(config)
+    made = _sample(theirs, noise, 50)
+    assert (made - ours).abs().max() < tolerance
+
+
+# --- from diffusers' schedulers
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_a_v_prediction_cosine_scheduler_becomes_ours(other, recorded_warnings):
+    theirs = other(num_train_timesteps=400, prediction_type="v_prediction", beta_schedule="squaredcos_cap_v2")
+    with recorded_warnings() as found:
+        ours = VDDIMScheduler.from_config(theirs.config)
+    assert not _only_unused_keys(found)
+    assert ours.config.num_train_timesteps == 400 and len(ours) == 400
+    assert _sample(ours, _noise(8), 5).isfinite().all()
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_trained_betas_of_our_schedule_are_accepted(other):
+    theirs = other(trained_betas=VDDIMScheduler().betas(), prediction_type="v_prediction")
+    assert len(VDDIMScheduler.from_config(theirs.config)) == 1000
+    cosine = other(beta_schedule="squaredcos_cap_v2").betas.tolist()  # of diffusers' own, nearly the same schedule
+    assert len(VDDIMScheduler(trained_betas=cosine)) == 1000
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"beta_schedule": "squaredcos_cap_v2"}, "`prediction_type` must be 'v_prediction', got 'epsilon'"),
+        (
+            {"beta_schedule": "squaredcos_cap_v2", "prediction_type": "sample"},
+            "`prediction_type` must be 'v_prediction', got 'sample'",
+        ),
+        ({"prediction_type": "v_prediction"}, "`beta_schedule` must be 'squaredcos_cap_v2', got 'linear'"),
+        (
+            {"prediction_type": "v_prediction", "beta_schedule": "scaled_linear"},
+            "`beta_schedule` must be 'squaredcos_cap_v2', got 'scaled_linear'",
+        ),
+        ({"prediction_type": "v_prediction", "trained_betas": [0.01] * 1000}, "`trained_betas` must be those of cos"),
+        ({}, "`(prediction_type|beta_schedule)` must be"),  # every default of theirs is wrong for us
+    ],
+)
+@pytest.mark.parametrize("saved", [False, True])
+@pytest.mark.parametrize("other", OTHERS)
+def test_schedulers_of_another_model_are_refused(other, saved, changes, message, tmp_path):
+    theirs = other(**changes)
+    if saved:
+        theirs.save_pretrained(tmp_path)
+    with pytest.raises(ValueError, match=message):
+        VDDIMScheduler.from_pretrained(tmp_path) if saved else VDDIMScheduler.from_config(theirs.config)
+
+
+@pytest.mark.parametrize(
+    "betas",
+    [
+        [],
+        [0.5] * 999,
+        [2.0] * 1000,
+        [float("nan")] * 1000,
+        VDDIMScheduler(500).betas(),
+        np.linspace(1e-4, 0.02, 1000).tolist(),
+    ],
+)
+def test_foreign_betas_are_refused(betas):
+    with pytest.raises(ValueError, match="`trained_betas` must be those of cos.2 over 1000 timesteps"):
+        VDDIMScheduler(trained_betas=betas)
+
+
+# --- configs
+
+
+OPTIONS = {
+    "num_train_timesteps": 400,
+    "solver_order": 2,
+    "spacing": "both_ends",
+    "log_snr_shift": -0.5,
+    "rescale_betas_zero_snr": False,
+    "timestep_spacing": "leading",
+    "clip_sample": True,
+}
+
+
+def test_every_option_survives_its_file(tmp_path, recorded_warnings):
+    made = VDDIMScheduler(**OPTIONS, trained_betas=VDDIMScheduler(400).betas())
+    with recorded_warnings() as found:
+        made.save_pretrained(tmp_path)
+        loaded = VDDIMScheduler.from_pretrained(tmp_path)
+        again = VDDIMScheduler.from_config(loaded.config)
+    assert not found
+    for scheduler in (loaded, again):
+        assert {key: scheduler.config[key] for key in OPTIONS} == OPTIONS
+        assert scheduler.config.trained_betas == VDDIMScheduler(400).betas()
+        assert scheduler.config.prediction_type == "v_prediction"
+    noise = _noise(16)
+    assert torch.equal(_sample(again, noise, 7), _sample(made, noise, 7))
+
+
+def test_files_of_earlier_versions_load_silently(tmp_path, recorded_warnings):
+    old = {"_class_name": "VDDIMScheduler", "_diffusers_version": "0.42.1", "num_train_timesteps": 1000}
+    for order in (1, 2):
+        (tmp_path / "scheduler_config.json").write_text(json.dumps({**old, "solver_order": order}))
+        with recorded_warnings() as found:
+            loaded = VDDIMScheduler.from_pretrained(tmp_path)
+        assert not found
+        assert loaded.config.solver_order == order and loaded.config.spacing == "uniform"
+        assert loaded.config.log_snr_shift == 0.0 and loaded.config.prediction_type == "v_prediction"
+
+
+def test_a_config_may_be_changed_on_the_way():
+    changed = VDDIMScheduler.from_config(VDDIMScheduler().config, solver_order=2, spacing="both_ends")
+    assert changed.config.solver_order == 2 and changed.config.spacing == "both_ends"
+
+
+# --- maps between noise, velocity and data; precision
+
+
+def test_get_noise_inverts_add_noise_and_get_velocity():
+    scheduler, data, noise = VDDIMScheduler(), _noise(6, 2, 9), _noise(6, 2, 9, seed=1)
+    timesteps = torch.tensor([-1.0, 0.0, 250.25, 500.0, 998.5, 999.0])
+    noisy, velocity = scheduler.add_noise(data, noise, timesteps), scheduler.get_velocity(data, noise, timesteps)
+    made = scheduler.get_noise(velocity, noisy, timesteps)
+    torch.testing.assert_close(made, noise, rtol=0, atol=1e-6)  # float32 of numbers up to 4
+    # and is what `step` turns into the sample, with the data
+    turned = scheduler.add_noise(scheduler.get_original_sample(velocity, noisy, timesteps), made, timesteps)
+    torch.testing.assert_close(turned, noisy, rtol=0, atol=2e-6)
+    for dtype in (torch.float16, torch.bfloat16, torch.float64):
+        assert scheduler.get_noise(velocity.to(dtype), noisy.to(dtype), timesteps).dtype == dtype
+
+
+def test_float64_stays_float64_in_the_maps():
+    scheduler = VDDIMScheduler()
+    data, noise = _noise(5, 8, dtype=torch.float64), _noise(5, 8, seed=1, dtype=torch.float64)
+    timesteps = torch.tensor([-1.0, 0.0, 250.25, 500.0, 999.0])
+    phi = (math.pi / 2 * (timesteps.double() + 1) / 1000)[:, None]
+    noisy, velocity = scheduler.add_noise(data, noise, timesteps), scheduler.get_velocity(data, noise, timesteps)
+    exact = dict(rtol=0, atol=1e-12)  # float64
+    torch.testing.assert_close(noisy, phi.cos() * data + phi.sin() * noise, **exact)
+    torch.testing.assert_close(velocity, phi.cos() * noise - phi.sin() * data, **exact)
+    torch.testing.assert_close(scheduler.get_noise(velocity, noisy, timesteps), noise, **exact)
+    torch.testing.assert_close(scheduler.get_original_sample(velocity, noisy, timesteps), data, **exact)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float32, torch.float64])
+def test_both_outputs_have_the_dtype_of_the_sample(order, dtype):
+    for velocity_dtype in (torch.float16, torch.float32, torch.float64):
+        scheduler, x = VDDIMScheduler(solver_order=order), _noise(1, 2, 8).to(dtype)
+        scheduler.set_timesteps(3)
+        for t in scheduler.timesteps:
+            out = scheduler.step(_noise(1, 2, 8, seed=1).to(velocity_dtype), t, x)
+            x = out.prev_sample
+            assert x.dtype == dtype and out.pred_original_sample.dtype == dtype

@@ -1,0 +1,371 @@
+"""Hard cases for `VDDIMScheduler`: step counts, precisions, scales, wrong models, guidance, broken numbers."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from scipy.special import ellipk
+
+from tactile_diffusers import VDDIMScheduler
+from tactile_diffusers.schedulers.scheduling_v_ddim import SPACINGS, spaced_angles
+
+COUNTS = (1, 2, 3, 7, 13, 64, 999, 1000, 2000)
+RULES = [(order, spacing) for order in (1, 2) for spacing in SPACINGS]
+
+
+def _noise(*shape, seed=0, dtype=torch.float32):
+    return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=torch.float64).to(dtype)
+
+
+def _loop(order, spacing, velocity, x, steps):
+    """`velocity(x, phi)` is followed from noise to data, with the angles in float64."""
+    scheduler = VDDIMScheduler(solver_order=order, spacing=spacing)
+    scheduler.set_timesteps(steps)
+    for t, phi in zip(scheduler.timesteps, spaced_angles(steps, spacing), strict=False):
+        x = scheduler.step(velocity(x, phi), t, x).prev_sample
+    return x
+
+
+def _towards(data, noise):
+    """The exact velocity of data that is one point, whatever x: errors of the state are never corrected."""
+    return lambda x, phi: math.cos(phi) * noise - math.sin(phi) * data
+
+
+def _gaussian(mean, deviation):
+    """The exact velocity of data N(mean, deviation^2); the path ends at mean + deviation * noise."""
+
+    def velocity(x, phi):
+        cos, sin = math.cos(phi), math.sin(phi)
+        offset, variance = x - mean * cos, (deviation * cos) ** 2 + sin**2
+        return cos * sin * (1 - deviation**2) / variance * offset - sin * mean
+
+    return velocity
+
+
+# --- any number of steps
+
+
+@pytest.mark.parametrize("steps", COUNTS)
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_every_rule_lands_on_both_ends(order, spacing, steps):
+    data, noise = _noise(32, seed=1, dtype=torch.float64), _noise(32, dtype=torch.float64)
+    scheduler = VDDIMScheduler(solver_order=order, spacing=spacing)
+    scheduler.set_timesteps(steps)
+    assert len(scheduler.timesteps) == steps and float(scheduler.timesteps[0]) == 999
+    first = scheduler.step(-data, scheduler.timesteps[0], noise)
+    # float64 all the way: an angle, sample or velocity rounded to float32 would show as 1e-8
+    torch.testing.assert_close(first.pred_original_sample, data, rtol=0, atol=1e-12)
+    made = _loop(order, spacing, _towards(data, noise), noise, steps)
+    torch.testing.assert_close(made, data, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("steps", [3, 10, 1000])
+def test_a_float32_sample_lands_on_the_data(steps):
+    data, noise = _noise(32, seed=1), _noise(32)
+    made = _loop(2, "both_ends", _towards(data, noise), noise, steps)
+    # each step rounds numbers below 4 by at most 4 * 2**-24 = 2.4e-7; mostly in both directions
+    torch.testing.assert_close(made, data, rtol=0, atol=1e-6 + 6e-8 * steps)
+
+
+@pytest.mark.parametrize("steps", COUNTS)
+@pytest.mark.parametrize("spacing", SPACINGS)
+def test_angles_fall_strictly_from_end_to_end(spacing, steps):
+    angles, scheduler = spaced_angles(steps, spacing), VDDIMScheduler(spacing=spacing)
+    assert angles[0] == math.pi / 2 and angles[-1] == 0 and len(angles) == steps + 1
+    assert np.all(np.diff(angles) < 0)
+    scheduler.set_timesteps(steps)
+    assert torch.all(scheduler.timesteps.diff() < 0) and scheduler.timesteps[-1] > -1  # float32, what the model sees
+
+
+def test_angles_fall_strictly_for_every_count():
+    for spacing in SPACINGS:
+        for steps in range(1, 2001):
+            angles = spaced_angles(steps, spacing)
+            assert angles[0] == math.pi / 2 and angles[-1] == 0 and np.all(np.diff(angles) < 0), (spacing, steps)
+
+
+# --- precision
+
+
+@pytest.mark.parametrize("steps", [10, 300])
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_the_model_may_be_of_half_precision(order, spacing, dtype, steps):
+    data, noise = _noise(200, seed=1), _noise(200)
+    exact = _towards(data, noise)
+    made = _loop(order, spacing, lambda x, phi: exact(x, phi).to(dtype), noise, steps)
+    # The sum of the turns is pi/2, so that rounding v (at most 3.5 here) by eps/2 can add up to no more than
+    # 3.5 * pi/2 * eps/2 = 2.7 eps; measured 0.8 eps. Beside it float32 rounding, 2e-5 at 300 steps of one direction.
+    bound = 2.7 * torch.finfo(dtype).eps + 6e-8 * steps
+    assert made.dtype == torch.float32 and (made - data).abs().max() < bound
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_sample_of_half_precision_is_rounded_once_a_step(order, dtype):
+    data, noise = _noise(200, seed=1), _noise(200).to(dtype)
+    made = _loop(order, "uniform", lambda x, phi: _towards(data, noise)(x, phi).to(dtype), noise, 10)
+    # each of 10 steps rounds numbers below 4 by eps/2: at worst 10 * 4 * eps/2, and the velocity adds 2.7 eps
+    assert made.dtype == dtype and (made.float() - data).abs().max() < 23 * torch.finfo(dtype).eps
+
+
+# --- scales of the data
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1e-4, 1.0, 1e4])
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_errors_are_relative_to_the_scale(order, spacing, scale):
+    data, noise = scale * _noise(64, seed=1, dtype=torch.float64), _noise(64, dtype=torch.float64)
+    made = _loop(order, spacing, _towards(data, noise), noise, 13)
+    # float64 of numbers of size max(1, scale), the noise's and the data's, over 13 steps
+    torch.testing.assert_close(made, data, rtol=0, atol=1e-14 * max(1.0, scale))
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1e-3, 1e4])
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_a_step_has_no_scale_of_its_own(order, spacing, scale):
+    # everything 1e-8 or 1e4 times as large gives a result 1e-8 or 1e4 times as large: nothing is clipped or offset
+    noise, turn = _noise(500), _noise(500, seed=2)
+
+    def velocity(x, phi):
+        return math.sin(2 * phi) * x + math.cos(phi) * torch.tensor(size) * turn
+
+    size = 1.0
+    plain = _loop(order, spacing, velocity, noise, 13)
+    size = scale
+    scaled = _loop(order, spacing, velocity, noise * scale, 13)
+    # float32 over 13 steps; entries near zero are what is left of numbers of size 1
+    torch.testing.assert_close(scaled / scale, plain, rtol=0, atol=3e-6 * float(plain.abs().max()))
+
+
+@pytest.mark.parametrize("deviation", [1e-8, 1e-3, 1e4])
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_weak_and_strong_gaussians_stay_in_bounds(order, spacing, deviation):
+    noise = _noise(100, dtype=torch.float64)
+    for steps in (4, 10, 60):
+        made = _loop(order, spacing, _gaussian(0.0, deviation), noise, steps)
+        # no rule leads a component further than twice its size (6 dB; log_snr: 5.7 dB at 5 steps)
+        assert (made.abs() <= 2 * deviation * noise.abs() + 1e-14).all()
+
+
+# --- data that are nearly one point
+
+
+@pytest.mark.parametrize("steps", [10, 13, 64, 300])
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_nearly_deterministic_data(order, spacing, steps):
+    mean, deviation = 0.7, 1e-4  # variance 1e-8
+    noise = _noise(300)
+    made = _loop(order, spacing, _gaussian(mean, deviation), noise, steps)
+    # asked: 1e-3; measured 3e-4, all of the spread (it needs far more steps), and nothing of the mean
+    assert (made - (mean + deviation * noise)).abs().max() <= 4e-4
+
+
+# --- a model that is wrong
+
+
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_a_constant_error_of_the_model_does_not_grow_with_the_steps(order, spacing):
+    # on a path of its own the error turns with the sample: at most 1e-3 * pi/2 in all, whatever the number of steps
+    data, noise, found = _noise(8, seed=1, dtype=torch.float64), _noise(8, dtype=torch.float64), []
+    for steps in (10, 100, 1000):
+        made = _loop(order, spacing, lambda x, phi: _towards(data, noise)(x, phi) + 1e-3, noise, steps)
+        found.append(float((made - data).abs().max()))
+    assert max(found) < 1.0001e-3 * math.pi / 2 and min(found) > 1e-3  # measured 1.43e-3 to 1.571e-3
+
+
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_a_constant_error_on_gaussians_does_not_grow_with_the_steps(order, spacing):
+    deviations = torch.tensor([0.03, 0.3, 1.0, 3.0, 8.0], dtype=torch.float64)
+    velocity, noise, found = _gaussian(0.0, deviations), torch.ones(5, dtype=torch.float64), []
+    for steps in (10, 100, 300):
+        wrong, right = (
+            _loop(order, spacing, lambda x, phi, add=add: velocity(x, phi) + add, noise, steps) for add in (1e-3, 0.0)
+        )
+        found.append((wrong - right).abs().numpy())
+    # The exact path stretches what is added at phi by s / sqrt(s^2 cos^2 + sin^2): an elliptic integral in all.
+    exact = 1e-3 * ellipk(1 - 1 / deviations.numpy() ** 2)
+    assert np.all(np.array(found) < 1.2 * exact)  # measured 1.18, DDIM at s = 0.03
+    assert np.all(np.abs(found[2] / exact - 1)[1:] < 0.02)  # 0.03 needs more steps
+
+
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_random_errors_of_the_model_do_not_grow_with_the_steps(order, spacing):
+    found = []
+    for steps in (10, 100, 1000):
+        generator = torch.Generator().manual_seed(3)
+
+        def velocity(x, phi, generator=generator):
+            return torch.randn(x.shape, generator=generator, dtype=x.dtype)
+
+        found.append(float(_loop(order, spacing, velocity, torch.zeros(500, dtype=torch.float64), steps).std()))
+    # independent errors of steps of about pi/2/n: they average out as 1/sqrt(n), measured at most 0.7, 0.27, 0.07
+    assert np.all(np.array(found) < 4 / np.sqrt([10, 100, 1000])), found
+
+
+def test_an_error_before_a_long_step_is_not_blown_up():
+    # a step of 0.0002 rad tells nothing of the 1.4 rad that follow: an error of 1e-3 between the two would be 5
+    data, noise, scheduler = _noise(8, seed=1), _noise(8), VDDIMScheduler(solver_order=2)
+    scheduler.set_timesteps(timesteps=[999.0, 998.9, 100.0])
+    x = noise
+    for index, t in enumerate(scheduler.timesteps):
+        x = scheduler.step(_towards(data, noise)(x, math.pi / 2 * (float(t) + 1) / 1000) + 1e-3 * (index == 1), t, x)
+        x = x.prev_sample
+    assert (x - data).abs().max() < 1e-2
+
+
+# --- guidance
+
+
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_guidance_of_unit_gaussians_is_exactly_proportional(order, spacing):
+    # unconditional N(0, 1), conditional N(m, 1): the guided velocity is -g m sin(phi), and the path ends at x + g m
+    noise, mean = _noise(50, dtype=torch.float64), 0.8
+    conditional, unconditional = _gaussian(mean, 1.0), _gaussian(0.0, 1.0)
+    shifts = []
+    for scale in (0.0, 1.0, 7.5, 20.0):
+
+        def guided(x, phi, scale=scale):
+            return unconditional(x, phi) + scale * (conditional(x, phi) - unconditional(x, phi))
+
+        shifts.append(_loop(order, spacing, guided, noise, 10) - _loop(order, spacing, unconditional, noise, 10))
+    for scale, shift in zip((0.0, 1.0, 7.5, 20.0), shifts, strict=True):
+        torch.testing.assert_close(shift, scale * shifts[1], rtol=0, atol=1e-12)  # float64
+    assert (shifts[1] - mean).abs().max() < (0.2 if order == 1 else 0.12)  # measured 0.16 and 0.1 (log_snr)
+
+
+def _mixture(means, shares, deviation):
+    """The exact velocity of a mixture of Gaussians of one deviation; x (n,)."""
+    means, shares = torch.tensor(means)[:, None], torch.tensor(shares)[:, None]
+
+    def velocity(x, phi):
+        cos, sin = math.cos(phi), math.sin(phi)
+        variance, offset = (deviation * cos) ** 2 + sin**2, x - cos * means
+        likely = torch.softmax(shares.log() - 0.5 * offset**2 / variance, 0)
+        return (likely * (cos * sin * (1 - deviation**2) / variance * offset - sin * means)).sum(0)
+
+    return velocity
+
+
+def _guided(conditional, unconditional, scale):
+    return lambda x, phi: unconditional(x, phi) + scale * (conditional(x, phi) - unconditional(x, phi))
+
+
+@pytest.mark.parametrize("deviation", [0.1, 0.3])
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_guidance_towards_one_of_three_modes_stays_in_proportion(order, spacing, deviation):
+    every, one = _mixture([-1.0, 0.2, 1.0], [0.4, 0.3, 0.3], deviation), _mixture([1.0], [1.0], deviation)
+    for scale in (0.0, 1.0, 7.5, 20.0):
+        few, ten, forty = (
+            float(_loop(order, spacing, _guided(one, every, scale), _noise(100), steps).abs().max())
+            for steps in (4, 10, 40)
+        )
+        # the exact paths of guidance 20 end below 3 (the mode at 1, its spread drawn outwards); measured 3.5
+        assert ten < 4 and forty < 4
+        # few steps may overshoot, by no more than what is extrapolated: measured 37 (order 2, log_snr, guidance 20)
+        assert few < 4 + 2 * scale
+
+
+@pytest.mark.parametrize("steps", [1, 4, 10, 20, 100])
+@pytest.mark.parametrize(("order", "spacing"), RULES)
+def test_the_hardest_pull_of_guidance_stays_finite_and_settles(order, spacing, steps):
+    # a narrow Gaussian, N(0.9, 0.3^2) against N(0, 1), pulls in proportion to the distance, without limit: 20 times
+    # that is beyond what an explicit step of a tenth of the way can follow. The exact paths end near 1.
+    noise, narrow, wide = _noise(200), _gaussian(0.9, 0.3), _gaussian(0.0, 1.0)
+    for scale in (3.0, 7.5, 20.0):
+        made = _loop(order, spacing, _guided(narrow, wide, scale), noise, steps)
+        assert made.isfinite().all() and made.abs().max() < 1e4  # measured 7e3: 5 steps, order 2, guidance 20
+        if (steps >= 10 and scale < 7) or (steps >= 20 and scale < 10) or steps >= 100:
+            assert made.abs().max() < 1.2  # measured 1.14
+
+
+# --- shapes
+
+
+@pytest.mark.parametrize("shape", [(3, 1), (2, 7), (1, 3, 129), (2, 1, 3, 5), (1, 2, 3, 5, 7)])
+@pytest.mark.parametrize("order", [1, 2])
+def test_rank_and_odd_lengths_do_not_matter(order, shape):
+    def velocity(x, phi):
+        return torch.tanh(1.3 * x) * math.cos(3 * phi)
+
+    noise = _noise(*shape)
+    made = _loop(order, "both_ends", velocity, noise, 5)
+    assert made.shape == shape
+    # vectorised arithmetic of a flat tensor may differ in the last bit
+    flat = _loop(order, "both_ends", velocity, noise.flatten(), 5)
+    torch.testing.assert_close(made.flatten(), flat, rtol=0, atol=1e-6)
+
+
+# --- NaN and infinity
+
+
+def _broken(shape, value):
+    broken = torch.zeros(shape)
+    broken.flatten()[-1] = value
+    return broken
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+@pytest.mark.parametrize("at", [0, 2, 4])
+@pytest.mark.parametrize("order", [1, 2])
+def test_on_the_cpu_a_broken_output_is_refused_at_once(order, at, value):
+    scheduler, x = VDDIMScheduler(solver_order=order), _noise(2, 1, 16)
+    scheduler.set_timesteps(5)
+    for t in scheduler.timesteps[:at]:
+        x = scheduler.step(torch.zeros_like(x), t, x).prev_sample
+    timestep = (999, 799, 599, 399, 199)[at]
+    with pytest.raises(FloatingPointError, match=rf"NaN or infinity at step {at} of 5 \(timestep {timestep}\)"):
+        scheduler.step(_broken(x.shape, value), scheduler.timesteps[at], x)
+    # nothing has been taken from it: the step may be made again, and the loop goes on
+    made = scheduler.step(torch.zeros_like(x), scheduler.timesteps[at], x).prev_sample
+    assert made.isfinite().all() and scheduler.step_index == at + 1
+
+
+class _Accelerated(torch.Tensor):
+    """A CPU tensor that says it is on an accelerator, and counts how often the CPU would have waited for it."""
+
+    reads = 0
+
+    @property
+    def device(self):
+        return torch.device("cuda")
+
+    def __bool__(self):
+        _Accelerated.reads += 1
+        return super().__bool__()
+
+    def item(self):
+        _Accelerated.reads += 1
+        return super().item()
+
+
+@pytest.mark.parametrize("at", [0, 2, 4, None])
+@pytest.mark.parametrize("order", [1, 2])
+def test_on_an_accelerator_a_broken_output_is_flagged_and_refused_at_the_end(order, at):
+    scheduler, x = VDDIMScheduler(solver_order=order), _noise(2, 1, 16)
+    scheduler.set_timesteps(5)
+    _Accelerated.reads = 0
+    for index, t in enumerate(scheduler.timesteps[:-1]):
+        output = _broken(x.shape, float("nan") if index == at else 0.5)
+        # the sample is set again, so that the flag alone knows of the broken step
+        scheduler.step(output.as_subclass(_Accelerated), t, x.as_subclass(_Accelerated))
+    assert _Accelerated.reads == 0
+    last = _broken(x.shape, float("nan") if at == 4 else 0.5).as_subclass(_Accelerated)
+    if at is None:
+        scheduler.step(last, scheduler.timesteps[-1], x)
+    else:
+        with pytest.raises(FloatingPointError, match="NaN or infinity at one of the 5 steps"):
+            scheduler.step(last, scheduler.timesteps[-1], x)
+    assert _Accelerated.reads == 1  # once, at the end
+    scheduler.set_timesteps(1)  # a new run has forgotten the flag
+    x = _noise(2, 1, 16).as_subclass(_Accelerated)
+    assert scheduler.step(torch.zeros_like(x), scheduler.timesteps[0], x).prev_sample.isfinite().all()
+
+
+def test_extreme_but_finite_outputs_are_not_refused():
+    scheduler = VDDIMScheduler()
+    scheduler.set_timesteps(5)
+    big = torch.full((1, 4), 3e38)  # near the largest float32
+    made = scheduler.step(big, scheduler.timesteps[0], torch.ones(1, 4)).prev_sample
+    torch.testing.assert_close(made, -math.sin(math.pi / 10) * big, rtol=1e-6, atol=0)  # float32
