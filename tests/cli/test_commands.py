@@ -15,9 +15,9 @@ from tactile_diffusers.evaluation import solver_study
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("commands")
-    generate_recordings(folder / "r.h5", surfaces=6, seconds=15, explorers=2, seed=4, quiet=True)
+    generate_recordings(folder / "r.h5", surfaces=8, seconds=15, explorers=2, seed=4, quiet=True)
     limits = SegmentLimits(seconds=2048 / 2500)  # those of `evaluable_pipe`
-    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=1, test=2, quiet=True)
+    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=3, test=2, quiet=True)
     return folder / "p.h5"
 
 
@@ -43,11 +43,23 @@ def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, cap
     assert "another take" in readme.read_text()
 
 
-@pytest.mark.parametrize("extra", ["--steps 0", "--per-surface 0", "--data nowhere.h5", "--readme nowhere.md"])
+@pytest.mark.parametrize(
+    "extra", ["--steps 0", "--per-surface 0", "--data nowhere.h5", "--readme nowhere.md", "--checkpoint nowhere"]
+)
 def test_evaluate_refuses_before_any_work(extra, prepared, tmp_path):
     with pytest.raises(SystemExit) as stop:
         evaluate.main(f"--data {prepared} --output {tmp_path / 'report'} {extra}".split())
     assert stop.value.code == 2 and not (tmp_path / "report").exists()
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [("--embedding nowhere:f", "'nowhere' cannot be imported"), ("--seed 1 --embedding json:dumps2", "has no")],
+)
+def test_evaluate_says_what_does_not_fit(checkpoint, prepared, tmp_path, capsys, extra, message):
+    arguments = f"--checkpoint {checkpoint} --data {prepared} --output {tmp_path / 'r'} --quick --quiet {extra}"
+    assert evaluate.main([*arguments.split(), "--sections", "reconstruction"]) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_benchmark_reports_every_part(checkpoint, tmp_path, monkeypatch):
@@ -70,7 +82,7 @@ def test_benchmark_compares_solvers(checkpoint, prepared, tmp_path, monkeypatch)
     arguments = f"--checkpoint {checkpoint} --data {prepared} --output {out} --suite scheduler --segments 3 --quiet"
     assert benchmark.main([*arguments.split(), "--readme", str(readme)]) == 0
     report = json.loads((out / "scheduler.json").read_text())
-    assert set(report["trained"]) == {"lctg", "dale", "real_ktd"}
+    assert set(report["trained"]) == {"lctg", "dale", "real_ktd", "rules"}
     assert report["trained"]["lctg"]["order 2, both_ends"]["4"]["nine_band_db"]["mean"] > 0
     assert report["analytic"]["orders"]["rotation_2"]["uniform"] > 1.8
     assert "Trained LCTG" in readme.read_text() and (out / "scheduler.png").stat().st_size > 20_000

@@ -100,3 +100,22 @@ def test_too_few_members_are_refused():
         kernel_tactile_distance(a[:1], a, 1.0)
     with pytest.raises(ValueError, match="`width` must be above zero"):
         kernel_tactile_distance(a, a, 0.0)
+
+
+def test_ktd_of_clustered_sets_is_unbiased_only_without_pairs_of_one_cluster():
+    """40 surfaces of 4 alike takes against 100: leaving out pairs of one surface gives zero on average, keeping them
+    does not. The mean of 60 draws is known to its standard error."""
+    rng, kept, left_out = np.random.default_rng(5), [], []
+
+    def clustered(surfaces):
+        groups = np.repeat(np.arange(surfaces), 4)
+        return rng.normal(size=(surfaces, 6))[groups] + 0.3 * rng.normal(size=(4 * surfaces, 6)), groups
+
+    for _ in range(60):
+        (a, a_groups), (b, b_groups) = clustered(40), clustered(100)
+        kept.append(kernel_tactile_distance(a, b, 3.0))
+        left_out.append(kernel_tactile_distance(a, b, 3.0, a_groups, b_groups))
+    error = np.std(left_out, ddof=1) / np.sqrt(60)
+    assert abs(np.mean(left_out)) < 3 * error < np.mean(kept)
+    with pytest.raises(ValueError, match="at least 2 groups"):
+        kernel_tactile_distance(a, b, 3.0, np.zeros(len(a)))

@@ -48,7 +48,7 @@ def world():
 
 @pytest.fixture(scope="module")
 def frozen(world):
-    return Reference(world["train"].textures, DEVICE_RATE)
+    return Reference(world["train"].textures, DEVICE_RATE, world["train"].surface_ids)
 
 
 def _ktd(frozen, textures, groups):
@@ -58,7 +58,8 @@ def _ktd(frozen, textures, groups):
 def test_real_textures_are_close_to_the_reference(world, frozen):
     held_out = world["held_out"]
     ktd = _ktd(frozen, held_out.textures, held_out.surface_ids)
-    assert ktd["interval"][0] < 0 < ktd["interval"][1] or abs(ktd["mean"]) < 10
+    # 48 surfaces on either side: their own draw moves it by some units, far from every failure below
+    assert abs(ktd["mean"]) < 10
 
 
 def test_lost_lows_are_seen(world, frozen):

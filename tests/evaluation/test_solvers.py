@@ -112,4 +112,6 @@ def test_settled_is_the_first_count_within_the_noise_of_the_best():
         str(n): {"ktd": number(mean, 9, (mean - 2, mean + 2))} for n, mean in ((1, 30.0), (4, 10.9), (10, 10.0))
     }
     assert settled_at(by_steps, "ktd") == 4  # 10.9 lies within the standard error, 1.0, of the best
+    by_steps["25"] = {"ktd": number(12.0, 9, (10, 14))}  # what leaves the noise again has not settled
+    assert settled_at(by_steps, "ktd") is None
     assert settled_at({"1": {"ktd": number()}}, "ktd") is None

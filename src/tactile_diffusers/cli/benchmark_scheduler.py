@@ -10,6 +10,11 @@ from . import readme
 #: Rules and spacings that the tables show; the JSON has all.
 _SHOWN = ("ddim", "rotation_2", "rotation_2_lowered", "rotation_3", "adams_bashforth_2", "adams_bashforth_3", "data_2m")
 _FEW, _MANY = "4", "10"
+_SPACINGS = ("uniform", "both_ends", "log_snr")
+#: Standard deviations of components in the table.
+_SPREADS = (0.03, 0.1, 0.3, 1.0, 3.0)
+# segments of the comparison of all rules
+_RULE_SEGMENTS = 16
 
 
 def analytic(pipe, real, sampling_rate):
@@ -41,17 +46,21 @@ def trained(pipe, data, segments, seed, quiet):
     """Errors of LCTG and DALE against a fine reference, and what they do to textures."""
     from ..data import PreparedDataset
     from ..evaluation.reference import Reference
-    from ..evaluation.solver_study import TrainedStage, trained_errors
+    from ..evaluation.solver_study import TrainedStage, trained_errors, trained_rules
 
-    held_out, train = PreparedDataset(data, "test"), PreparedDataset(data, "train")
+    held_out, train = PreparedDataset(data, "validation"), PreparedDataset(data, "train")
     rate = held_out.sampling_rate
     reference = Reference(train.textures(train.non_overlapping(2, seed)), rate)
     rows = held_out.non_overlapping(1, seed)[:segments]
     real, ratings = held_out.textures(rows), held_out.surface_ratings[held_out.surface_ids[rows]]
     lctg = TrainedStage(pipe, "lctg", real, ratings, rate, seed)
     found = {"lctg": trained_errors(lctg, real, rate, reference, quiet=quiet)}
+    few = slice(None, _RULE_SEGMENTS)
+    found["rules"] = {"lctg": trained_rules(TrainedStage(pipe, "lctg", real[few], None, rate, seed), quiet=quiet)}
     if pipe.dale is not None:
         found["dale"] = trained_errors(TrainedStage(pipe, "dale", real, ratings, rate, seed), quiet=quiet)
+        stage = TrainedStage(pipe, "dale", real[few], ratings[few], rate, seed)
+        found["rules"]["dale"] = trained_rules(stage, quiet=quiet)
     found["real_ktd"] = reference.distances(reference.embed(real), np.arange(len(real)))["ktd"]
     return found, real, rate
 
@@ -107,21 +116,51 @@ def markdown(report):
             for metric in ("nine_band_db", "ktd")
         }
         parts += ["Fewest steps within one standard error of the best:", markdown_table(settled)]
-    rows = {}
-    for rule in _SHOWN:
-        for spacing in ("uniform", "both_ends", "log_snr"):
-            mixture, spectra = report["analytic"]["mixture"][rule][spacing], report["analytic"]["textures"]["whitened"]
-            row = {f"RMS, {n} steps": mixture[n]["rms"] for n in (_FEW, _MANY)}
-            row["order"] = report["analytic"]["orders"][rule][spacing]
-            for n in (_FEW, _MANY):
-                found = spectra[rule][spacing][n]
-                row[f"components, {n} steps, dB"] = f"{found['lowest']:.2f} to {found['highest']:.2f}"
-            rows[f"{rule}, {spacing}"] = row
-    parts += ["#### Analytic: Gaussian mixture, and components of whitened held-out textures", markdown_table(rows, 4)]
+    parts += ["#### All that was tried", _rules_table(report)]
+    parts += [
+        f"#### Level of one Gaussian component, {_MANY} steps, dB, by standard deviation",
+        _component_table(report),
+    ]
     costs = report["costs"]
     share = {name: f"{100 * costs['scheduler step'] / costs[name]:.2f} %" for name in ("LCTG", "DALE") if name in costs}
     parts.append(f"One step of the sampler costs {', '.join(f'{s} of {n}' for n, s in share.items())} at batch 1.")
     return "\n\n".join(parts) + "\n"
+
+
+def _rules_table(report):
+    """Analytic and trained errors of every rule and spacing."""
+    from ..evaluation.tables import markdown_table
+
+    rows, trained = {}, (report.get("trained") or {}).get("rules", {})
+    for rule in _SHOWN:
+        for spacing in _SPACINGS:
+            mixture, spectra = report["analytic"]["mixture"][rule][spacing], report["analytic"]["textures"]["whitened"]
+            row = {"order": report["analytic"]["orders"][rule][spacing]}
+            row |= {f"mixture, {n} steps": mixture[n]["rms"] for n in (_FEW, _MANY)}
+            for n in (_FEW, _MANY):
+                found = spectra[rule][spacing][n]
+                row[f"components, {n} steps, dB"] = f"{found['lowest']:.2f} to {found['highest']:.2f}"
+            for stage, by_rule in trained.items():
+                row |= {f"{stage.upper()}, {n} steps": by_rule[rule][spacing][n] for n in (_FEW, _MANY)}
+            rows[f"{rule}, {spacing}"] = row
+    note = (
+        "RMS errors on an analytic Gaussian mixture and on the trained models; observed order of the median error on "
+        "the mixture, 20 to 160 steps; lowest and highest level error over components of whitened held-out textures."
+    )
+    return f"{note}\n\n{markdown_table(rows, 3)}"
+
+
+def _component_table(report):
+    from ..evaluation.tables import markdown_table
+
+    found = report["analytic"]["components"]
+    columns = {f"{spread:g}": found["spreads"].index(spread) for spread in _SPREADS}
+    rows = {
+        f"{rule}, {spacing}": {name: found["levels_db"][rule][spacing][_MANY][i] for name, i in columns.items()}
+        for rule in ("ddim", "rotation_2", "adams_bashforth_2", "data_2m")
+        for spacing in (*_SPACINGS, "dense")
+    }
+    return markdown_table(rows)
 
 
 def _trained_table(by_scheduler):
@@ -133,6 +172,8 @@ def _trained_table(by_scheduler):
             if count in by_steps:
                 entry = dict(by_steps[count])
                 entry.pop("bands_db", None)
+                if "rmse_n" in entry:
+                    entry["score"] = entry["rmse_n"]["mean"] * entry["seconds"]["mean"]
                 rows[f"{name}, {count}"] = entry
     labels = {
         "solver_rms": ("solver error, RMS", 4),
@@ -140,6 +181,7 @@ def _trained_table(by_scheduler):
         "nine_band_db": "nine-band error, dB",
         "ktd": "KTD",
         "rmse_n": ("RMSE, N", 5),
+        "score": ("efficiency score, N·s", 6),
     }
     shown = {key: label for key, label in labels.items() if any(key in row for row in rows.values())}
     return markdown_table(rows, labels=shown)
@@ -158,8 +200,15 @@ def plot(report, output_path):
                 counts = sorted(map(int, by))
                 marker = "o" if rule == "rotation_2" else None
                 values = [by[str(n)]["median"] for n in counts]
+                order = report["analytic"]["orders"][rule][spacing]
                 mixture.loglog(
-                    counts, values, style, color=colour, marker=marker, markersize=3, label=f"{rule}, {spacing}"
+                    counts,
+                    values,
+                    style,
+                    color=colour,
+                    marker=marker,
+                    markersize=3,
+                    label=f"{rule}, {spacing}: order {order:.2f}",
                 )
         mixture.set(title="Gaussian mixture", xlabel="steps", ylabel="median error")
         spreads = report["analytic"]["components"]["spreads"]
@@ -194,8 +243,8 @@ def run(arguments, pipe):
 
     if arguments.data is not None:
         found, real, rate = trained(pipe, arguments.data, arguments.segments, arguments.seed, arguments.quiet)
-        source = PreparedDataset(arguments.data, "test").source
-        where = f"{len(real)} held-out segments of {len(real)} surfaces, {source}"
+        source = PreparedDataset(arguments.data, "validation").source
+        where = f"{len(real)} segments of {len(real)} validation surfaces, {source}"
     else:
         from ..data.virtual import fresh_textures
 

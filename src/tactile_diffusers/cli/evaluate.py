@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,6 +43,8 @@ def parse_arguments(argv=None):
     arguments = parser.parse_args(argv)
     if not arguments.data.is_file():
         parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
+    if arguments.checkpoint is not None and not Path(arguments.checkpoint).is_dir():
+        parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder; give a local checkpoint")
     if arguments.per_surface is not None and arguments.per_surface < 1:
         parser.error(f"argument --per-surface: must be at least 1, got {arguments.per_surface}")
     if arguments.steps is not None and min(arguments.steps) < 1:
@@ -63,27 +66,23 @@ def write_readme(path, name, report, output):
     readme.write_between(path, name, readme_markdown(report, folder.as_posix()))
 
 
-def main(argv=None):
-    """Runs the command; sections that need DALE are null for a pipeline without one."""
-    arguments = parse_arguments(argv)
-    from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+def make_context(arguments):
+    """The checkpoint and the data, checked against each other, and how much of them is measured."""
+    from tactile_diffusers import TactileTexturePipeline
 
-    from ..data.files import atomic_path
     from ..evaluation.audio_distance import load_embedding
-    from ..evaluation.report import run_sections
     from ..evaluation.sections import FULL, QUICK, Context
-    from ..evaluation.summary import report_markdown
 
     settings = QUICK if arguments.quick else FULL
     if arguments.steps:
         settings = replace(settings, steps=tuple(sorted(set(arguments.steps))))
     if arguments.per_surface:
-        settings = replace(settings, per_surface=arguments.per_surface)
-        settings = replace(settings, takes=max(settings.takes, settings.per_surface))
-    checkpoint = str(arguments.checkpoint or bundled_checkpoint())
-    pipe = TactileTexturePipeline.from_pretrained(checkpoint)
+        takes = max(settings.takes, arguments.per_surface)
+        settings = replace(settings, per_surface=arguments.per_surface, takes=takes)
+    embedding = load_embedding(arguments.embedding) if arguments.embedding else None
+    pipe = TactileTexturePipeline.from_pretrained(arguments.checkpoint)
     pipe.set_progress_bar_config(disable=True)
-    context = Context(
+    return Context(
         pipe,
         arguments.data,
         arguments.split,
@@ -91,11 +90,28 @@ def main(argv=None):
         arguments.seed,
         arguments.output,
         arguments.guidance_scale,
-        load_embedding(arguments.embedding) if arguments.embedding else None,
+        embedding,
         arguments.vibromaf,
         arguments.quiet,
     )
-    report = run_sections(context, arguments.sections, checkpoint)
+
+
+def main(argv=None):
+    """Runs the command; sections that need DALE are null for a pipeline without one."""
+    arguments = parse_arguments(argv)
+    from tactile_diffusers import bundled_checkpoint
+
+    from ..data.files import atomic_path
+    from ..evaluation.report import run_sections
+    from ..evaluation.summary import report_markdown
+
+    arguments.checkpoint = str(arguments.checkpoint or bundled_checkpoint())
+    try:
+        context = make_context(arguments)
+    except (ValueError, OSError) as error:
+        print(f"evaluate.py: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    report = run_sections(context, arguments.sections, arguments.checkpoint)
     with atomic_path(arguments.output / "report.json") as temporary:
         temporary.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n")
     markdown = report_markdown(report)

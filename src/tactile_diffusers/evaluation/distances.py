@@ -43,7 +43,7 @@ def frechet_tactile_distance(a, b):
     return float(shift + spread)
 
 
-def kernel_tactile_distance(a, b, width):
+def kernel_tactile_distance(a, b, width, a_groups=None, b_groups=None):
     """1000 times the unbiased squared maximum mean discrepancy of two sets of embeddings (KTD).
 
     Gaussian kernel `exp(-d^2 / width^2)`; the recipe is that of the kernel audio distance (arXiv 2502.15602). Two
@@ -52,6 +52,8 @@ def kernel_tactile_distance(a, b, width):
     Args:
         a, b (`np.ndarray`): (n, features), (m, features), at least two members each.
         width (`float`): `TactileEmbedding.width`, frozen from the reference.
+        a_groups, b_groups (`np.ndarray`, *optional*): (n,), (m,) surfaces. Takes of one surface are alike, which would
+            raise the similarity within a set above that between sets: pairs of one surface are left out.
 
     Returns:
         `float`
@@ -65,11 +67,27 @@ def kernel_tactile_distance(a, b, width):
         raise ValueError(f"`width` must be above zero, got {width}. Use that of the fitted `TactileEmbedding`.")
     if min(len(a), len(b)) < 2:
         raise ValueError(f"`a` and `b` must have at least 2 members each, got {len(a)} and {len(b)}.")
-    # a member's kernel with itself is 1, and does not belong in an unbiased estimate
-    within_a = (_kernel_sum(a, a, width) - len(a)) / (len(a) * (len(a) - 1))
-    within_b = (_kernel_sum(b, b, width) - len(b)) / (len(b) * (len(b) - 1))
     between = _kernel_sum(a, b, width) / (len(a) * len(b))
-    return float(1000 * (within_a + within_b - 2 * between))
+    return float(1000 * (within_similarity(a, width, a_groups) + within_similarity(b, width, b_groups) - 2 * between))
+
+
+def within_similarity(points, width, groups=None):
+    """Mean kernel over pairs of different members, or of different groups.
+
+    Raises:
+        ValueError: if all members are of one group.
+    """
+    # a member's kernel with itself is 1, and does not belong in an unbiased estimate
+    groups = np.arange(len(points)) if groups is None else np.asarray(groups)
+    names, counts = np.unique(groups, return_counts=True)
+    if len(names) < 2:
+        raise ValueError("`groups` must name at least 2 groups: without pairs of different ones nothing is compared.")
+    alike = (
+        len(points)
+        if len(names) == len(points)
+        else sum(_kernel_sum(points[groups == name], points[groups == name], width) for name in names)
+    )
+    return (_kernel_sum(points, points, width) - alike) / (len(points) ** 2 - np.square(counts).sum())
 
 
 def _kernel_sum(a, b, width):

@@ -63,8 +63,8 @@ def run_sections(context, names, checkpoint):
 
 
 def _can_steer(context):
-    rated = np.isfinite(context.held_out.surface_ratings[context.surfaces]).all(-1).any()
-    return context.pipe.dale is not None and bool(rated)
+    rated = (context.held_out.surface_ratings[context.surfaces], context.training.ratings)
+    return context.pipe.dale is not None and all(np.isfinite(ratings).all(-1).any() for ratings in rated)
 
 
 def _read(path, conditions):
@@ -79,7 +79,7 @@ def _read(path, conditions):
 def _conditions(context, checkpoint):
     """What a result depends on, as JSON."""
     facts = os.stat(context.held_out.path)
-    embedding = context.embedding and f"{context.embedding.__module__}:{context.embedding.__qualname__}"
+    named = context.embedding and getattr(context.embedding, "__qualname__", type(context.embedding).__qualname__)
     state = {
         "checkpoint": folder_digest(checkpoint),
         "data": [facts.st_size, facts.st_mtime_ns],
@@ -87,13 +87,24 @@ def _conditions(context, checkpoint):
         "seed": context.seed,
         "settings": asdict(context.settings),
         "guidance_scales": context.guidance_scales,
-        "embedding": embedding,
+        "embedding": named and f"{context.embedding.__module__}:{named}",
         "vibromaf": context.vibromaf,
         "pipeline": [context.steps, context.default_guidance],
         "threads": torch.get_num_threads(),
-        "version": _versions()["tactile-diffusers"],
+        "versions": _versions(),
+        "machine": machine(),
+        "code": _code_digest(),
     }
     return json.loads(json.dumps(state))
+
+
+def _code_digest():
+    """SHA-256 over the package's source: what another version would measure is another result."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[1]
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 def folder_digest(folder):

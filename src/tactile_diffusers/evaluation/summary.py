@@ -1,64 +1,8 @@
 """report.md and README's results: tables written from a report, and nothing else."""
 
+from .labels import BANDS, NAMES, PAPER, SETS, SPECTRAL, default_guidance, default_steps
 from .tables import markdown_table, text
-
-#: How people read the rows. Baselines that describe the very recording know more than ratings can tell.
-NAMES = {
-    "silence": "silence",
-    "other_take": "another take of the surface",
-    "phase_randomised": "phase-randomised copy",
-    "mean_spectrum": "noise of the mean spectrum",
-    "lpc20": "autoregressive model (LPC 20)",
-    "beta_envelope": "beta envelope (ours, after arXiv 2605.23804)",
-    "slope_envelope": "slope envelope (ours, after arXiv 2605.23804)",
-    "nine_band_noise": "nine-band noise",
-    "decimated": "low-passed to the latent's bits",
-    "knn_blend": "blend of 5 nearest surfaces (from ratings)",
-    "ridge": "ridge regression and noise (from ratings)",
-}
-#: Baselines that are told the surface's ratings, or nothing: what generation competes with.
-FROM_RATINGS = ("mean_spectrum", "knn_blend", "ridge")
-#: What the paper reports (sections 3.1 to 3.4), on SENS3, which was not available here.
-PAPER = {
-    "rmse_mn": "11.4 (6.2–18.1)",
-    "snr_db": "−1.87 (−2.36 to −1.21)",
-    "power_difference_n2": "5.0e-05, max 1.0e-04",
-    "best_steps": "10",
-    "real_time_steps": "over 50 (RTX 4060)",
-    "rmse_protocol_mn": "5.57",
-    "latent_shift_percent": "0–2",
-    "fad": "21.62 (embedding not stated)",
-}
-_SPECTRAL = {
-    "nine_band_db": "nine-band error, dB",
-    "lsd_db": "LSD, dB",
-    "gfc": "GFC",
-    "level_error_db": "level error, dB",
-    "out_of_band_db": "above 1.05 kHz, dB",
-    "snr_db": "SNR, dB",
-    "ftd": "FTD",
-    "ktd": "KTD",
-}
-_BANDS = {
-    f"band_error_db_{low}_{high}": f"{low}–{high} Hz"
-    for low, high in ((20, 60), (60, 150), (150, 400), (400, 650), (650, 1000), (1000, 1200))
-}
-_SETS = {
-    "ftd": "FTD",
-    "ftd_excess": "FTD over real",
-    "ktd": "KTD",
-    "ktd_excess": "KTD over real",
-    "precision": "precision",
-    "recall": "recall",
-    "diversity": "diversity",
-    "nearest_correlation": "nearest training segment, correlation",
-    "novelty_share": "closer than real 1st percentile: correlation",
-    "novelty_share_embedding": "embedding",
-    "novelty_share_latent": "latent",
-    "out_of_band_db": "above 1.05 kHz, dB",
-}
-# metrics of which less is better, and of which more is
-_LESS, _MORE = ("nine_band_db", "lsd_db", "ftd", "ktd"), ("gfc", "snr_db")
+from .winners import baselines_that_win
 
 
 def report_markdown(report):
@@ -109,7 +53,7 @@ def _head(report, level=1):
     data, machine = report["data"], report["machine"]
     facts = (
         f"Checkpoint `{report['checkpoint']['name']}` on {data['segments']} segments of {data['surfaces']} "
-        f"{data['split']} surfaces that no training saw; {data['source']}. Reference of the distances: "
+        f"surfaces that the data hold out as {data['split']}; {data['source']}. Reference of the distances: "
         f"{data['reference_segments']} segments of {data['reference_surfaces']} training surfaces. Seed "
         f"{report['seed']}; {machine['processor']}, {machine['threads']} threads. Brackets: 95 % intervals over "
         "surfaces. A silent output has an SNR of 0 dB, a second take of the same surface about −3 dB: read waveform "
@@ -118,21 +62,12 @@ def _head(report, level=1):
     return _title("Report" if level == 1 else "Measured", level) + facts
 
 
-def _model_steps(report):
-    steps, default = report["reconstruction"]["steps"], str(report["pipeline"]["num_inference_steps"])
-    return default if default in steps else next(iter(steps))
-
-
-def _default_guidance(report):
-    return str(float(report["pipeline"]["guidance_scale"]))
-
-
 def _side_by_side(report, level=2):
     """What the paper reports, two yardsticks and ours."""
     columns = ("paper, on SENS3", "silence", "another take", "ours")
     rows = {}
     if report.get("reconstruction"):
-        section, count = report["reconstruction"], _model_steps(report)
+        section, count = report["reconstruction"], default_steps(report)
         ours, base = section["steps"][count], section["baselines"]
         for key, (label, paper, scale, digits) in {
             "rmse_n": ("reconstruction RMSE, mN", "rmse_mn", 1e3, 2),
@@ -151,12 +86,15 @@ def _side_by_side(report, level=2):
             steps = text(report["speed"][key]["real_time_steps"], 0)
             rows[label] = {columns[0]: paper, columns[3]: f"{steps} (CPU)"}
     if report.get("generation"):
-        entry = report["generation"][_default_guidance(report)]
+        entry = report["generation"][default_guidance(report)]
         rmse = entry["rmse_protocol_n"]["mean"]
         shown = text(None if rmse is None else 1e3 * rmse)
         rows["full-pipeline RMSE (random ratings), mN"] = {columns[0]: PAPER["rmse_protocol_mn"], columns[3]: shown}
-        for name in [key for key in entry if key.startswith("fad_") and not key.endswith("_real_real")]:
-            real, ours = text(entry[f"{name}_real_real"]), text(entry[name])
+        for name in [key for key in entry if key.startswith("fad_") and not key.endswith(("_real_real", "_matched"))]:
+            real = text(entry[f"{name}_real_real"])
+            ours = (
+                f"{text(entry[name])} ({entry[name]['n']} textures), {text(entry[f'{name}_matched'])} at equal number"
+            )
             label = f"Fréchet audio distance ({name[4:].replace('_', '-')} embedding, not VGGish)"
             rows[label] = {columns[0]: PAPER["fad"], columns[2]: f"{real} (held-out real)", columns[3]: ours}
     if report.get("paper"):
@@ -188,12 +126,13 @@ def _shown_steps(report):
 
 
 def _reconstruction(report, level=2):
-    table = markdown_table(_rows(report, _shown_steps(report)), labels=_SPECTRAL)
-    return _title("Reconstruction (LCTG)", level) + table
+    table = markdown_table(_rows(report, _shown_steps(report)), labels=SPECTRAL)
+    note = "The level of a reconstruction is set after decoding, so its error is nothing by construction."
+    return _title("Reconstruction (LCTG)", level) + note + "\n\n" + table
 
 
 def _bands(report, level=2):
-    table = markdown_table(_rows(report, _shown_steps(report)), labels=_BANDS)
+    table = markdown_table(_rows(report, _shown_steps(report)), labels=BANDS)
     return _title("Signed level error by band, dB", level) + table
 
 
@@ -224,7 +163,7 @@ def _generation(report, level=2):
         "a memoriser would have a large share closer to a training segment than the "
         "closest 1 % of real held-out ones."
     )
-    return _title("Generated sets", level) + note + "\n\n" + markdown_table(rows, labels=_SETS)
+    return _title("Generated sets", level) + note + "\n\n" + markdown_table(rows, labels=SETS)
 
 
 def _unseen(report, level=2):
@@ -234,7 +173,7 @@ def _unseen(report, level=2):
         name = "**generated from ratings**" if slug == "model" else NAMES[slug]
         rows[name] = {metric: section[metric][slug] for metric in ("nine_band_db", "level_r", "log_friction_r")}
     for scale, entry in section["guidance"].items():
-        if scale != _default_guidance(report):
+        if scale != default_guidance(report):
             rows[f"**guidance {scale}**"] = entry
     labels = {
         "nine_band_db": "error of the mean spectrum, dB",
@@ -254,7 +193,7 @@ def _unseen(report, level=2):
 
 
 def _control(report, level=2):
-    control, guidance = report["control"], _default_guidance(report)
+    control, guidance = report["control"], default_guidance(report)
     judges = ", ".join(f"{axis} {text(value, interval=True)}" for axis, value in control["judge_r2"].items())
     truth = control["truth"]
     few = [
@@ -272,14 +211,19 @@ def _control(report, level=2):
     for axis, values in control[guidance]["axes"].items():
         for value, entry in values.items():
             if value in ("-2.0", "-1.0", "1.0", "2.0"):
-                rows[f"{axis} {float(value):+g}"] = entry
+                rows[f"{axis} {float(value):+g}"] = entry | {
+                    f"shape_difference_{slug}": made["axes"][axis][value]["shape_difference_db"]
+                    for slug, made in control["baselines"].items()
+                }
     labels = {
         "rating_truth": "rating of the real",
         "level_db": "level, dB re 1 N",
         "level_db_truth": "real",
         "shape_db": "shape change, dB",
         "shape_db_truth": "real",
-        "shape_difference_db": "shape: ours against real, dB",
+        "shape_difference_db": "shape against real: ours, dB",
+        "shape_difference_knn_blend": "blend",
+        "shape_difference_ridge": "ridge",
         "log_friction": "log friction",
         "log_friction_truth": "real",
         "latent_shift_percent": "latent shift, %",
@@ -290,7 +234,7 @@ def _control(report, level=2):
 
 
 def _responses(report, level=2):
-    control, guidance = report["control"], _default_guidance(report)
+    control, guidance = report["control"], default_guidance(report)
     sources = {"real": control["response_real"], "generated": control[guidance]["response"]}
     sources |= {slug: entry["response"] for slug, entry in control["baselines"].items()}
     axes = list(control["judge_r2"])
@@ -333,35 +277,6 @@ def _long(report, level=2):
     }
     name = f"{found['seconds']['n']} × {text(found['seconds'], 0)} s"
     return _title("Long textures", level) + markdown_table({name: found}, labels=labels)
-
-
-def baselines_that_win(report):
-    """Where a baseline still has the better figure: pairs of metric label and the baselines' names with figures."""
-    found = []
-    if report.get("reconstruction"):
-        count = _model_steps(report)
-        ours, others = report["reconstruction"]["steps"][count], report["reconstruction"]["baselines"]
-        for metric in (*_LESS, *_MORE):
-            winners = _better(ours[metric], {slug: entry[metric] for slug, entry in others.items()}, metric in _MORE)
-            found.append((f"reconstruction, {_SPECTRAL[metric]} ({count} steps: {text(ours[metric])})", winners))
-    if report.get("generation"):
-        ours, others = report["generation"][_default_guidance(report)], report["generation"]["baselines"]
-        for metric in ("ftd", "ktd"):
-            chosen = {slug: others[slug][metric] for slug in FROM_RATINGS}
-            found.append((f"generation, {_SETS[metric]} ({text(ours[metric])})", _better(ours[metric], chosen, False)))
-        unseen = report["unseen_surfaces"]
-        for metric, more in (("nine_band_db", False), ("level_r", True), ("log_friction_r", True)):
-            chosen, model = {slug: unseen[metric][slug] for slug in FROM_RATINGS}, unseen[metric]["model"]
-            found.append((f"unseen surfaces, {metric} ({text(model)})", _better(model, chosen, more)))
-    return [(label, winners) for label, winners in found if winners]
-
-
-def _better(ours, others, more):
-    if ours["mean"] is None:
-        return []
-    sign = -1 if more else 1
-    better = {k: v for k, v in others.items() if v["mean"] is not None and sign * v["mean"] < sign * ours["mean"]}
-    return [f"{NAMES[slug]} ({text(leaf)})" for slug, leaf in better.items()]
 
 
 def _baselines_that_win(report, level=2):

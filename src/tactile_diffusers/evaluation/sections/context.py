@@ -38,11 +38,11 @@ class Settings:
         long_textures (`int`), long_seconds (`float`): long textures checked at their joints.
     """
 
-    steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 15, 25, 50, 100)
+    steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 15, 25, 50)
     per_surface: int = 4
     takes: int = 9
     audio_textures: int = 500
-    novelty_textures: int = 240
+    novelty_textures: int = 160
     novelty_segments: int | None = None
     control_values: tuple = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)
     control_takes: int = 100
@@ -128,10 +128,28 @@ class Context:
         self.default_guidance = float(defaults["guidance_scale"].default)
         self._generated = {}
         self.guidance_scales = sorted({1.0, self.default_guidance, *map(float, guidance_scales)})
+        _ = self.chosen  # refuses data without another take before any work
 
     def rng(self, purpose):
         """A random generator of its own for each purpose, so that sections do not depend on each other's order."""
         return np.random.default_rng([self.seed, *purpose.encode()])
+
+    def frictions(self, dataset, rows):
+        """(n,) friction coefficients of segments; all NaN unless all of the held-out and training data have one."""
+        known = (self.held_out.friction_coefficients[np.concatenate(self.chosen)], self.train.friction_coefficients)
+        if not all((values > 0).all() for values in known):  # NaN fails too
+            return np.full(len(rows), np.nan)
+        return dataset.friction_coefficients[rows]
+
+    @cached_property
+    def knows_friction(self):
+        """Whether friction is part of what is compared."""
+        return bool(np.isfinite(self.real_frictions).all())
+
+    @cached_property
+    def real_frictions(self):
+        """(n,) of the chosen held-out segments."""
+        return self.frictions(self.held_out, self.chosen[0])
 
     @cached_property
     def training(self):
@@ -140,13 +158,13 @@ class Context:
         rows = train.non_overlapping(self.settings.per_surface, self.seed)
         surfaces = train.surface_ids[rows]
         ratings = train.surface_ratings[surfaces]
-        frictions = train.friction_coefficients[rows]
+        frictions = self.frictions(train, rows)
         return TrainingTextures(train.textures(rows), ratings, frictions, surfaces, self.rate, train.band)
 
     @cached_property
     def reference(self):
         """The embedded training surfaces."""
-        return Reference(self.training.textures, self.rate)
+        return Reference(self.training.textures, self.rate, self.training.surface_ids)
 
     @cached_property
     def chosen(self):

@@ -24,8 +24,7 @@ def run(context):
     """The section: `{"control": ...}`; writes control.png and response.png."""
     truth = _truth(context)
     judge, r2 = _judge(context)
-    held_out, rows = context.held_out, context.chosen[0]
-    frictions = np.log(held_out.friction_coefficients[rows])
+    held_out, frictions = context.held_out, np.log(context.real_frictions)
     real = _recovered(judge, context.real_points, frictions)
     requested = held_out.surface_ratings[context.surfaces]
     result = {
@@ -35,13 +34,15 @@ def run(context):
     }
     for scale in context.guidance_scales:
         made = {key: _generated(context, key, scale) for key in _conditions(context)}
-        entry = _axes(context, made, truth)
+        entry = _axes(context, made, truth, _generated(context, (None, None), scale, purpose=6))
         textures = context.generated(scale)
         ratings, surfaces = context.requests
         points = context.reference.embed(textures.textures)
         recovered = _recovered(judge, points, np.log(textures.friction_coefficients))
         result[str(scale)] = entry | {"response": _matrix(recovered, ratings, surfaces)}
-    result["baselines"] = {slug: _baseline(context, slug, judge, truth) for slug in _STEERABLE}
+    result["baselines"] = {
+        slug: _baseline(context, slug, judge, truth) for slug in _STEERABLE if slug in context.baselines
+    }
     plot_control(result, context.default_guidance, context.output / "control.png")
     plot_responses(result, context.default_guidance, context.output / "response.png")
     return {"control": result}
@@ -63,6 +64,8 @@ def _truth(context):
 
     def describe(textures, levels, friction_coefficients):
         latents = context.summarise(textures)
+        if not context.knows_friction:
+            friction_coefficients = np.full(len(textures), np.nan)
         return texture_measures(textures, levels, friction_coefficients, context.rate, context.edges, latents)
 
     requests = [_request(key) for key in _conditions(context)]
@@ -85,14 +88,14 @@ def _judge(context):
 
     With too few rated surfaces for a judge there is none, and its leaves are empty.
     """
-    training, held_out, rows = context.training, context.held_out, context.chosen[0]
+    training, held_out = context.training, context.held_out
     rated = np.isfinite(training.ratings).all(-1)
     ratings = held_out.surface_ratings[context.surfaces]
     if len(np.unique(training.surface_ids[rated])) < FEWEST_SURFACES:
         return None, {axis: number() for axis in RATING_AXES}
     frictions = np.log(training.friction_coefficients)
     judge = Judge.fit(context.reference.points, frictions, training.ratings, training.surface_ids, context.seed)
-    points, frictions = context.real_points, np.log(held_out.friction_coefficients[rows])
+    points, frictions = context.real_points, np.log(context.real_frictions)
     r2 = judge.r2(points, frictions, ratings)
     low, high = judge.r2_interval(points, frictions, ratings, context.surfaces)
     return judge, {axis: number(r2[i], len(points), (low[i], high[i])) for i, axis in enumerate(RATING_AXES)}
@@ -117,6 +120,7 @@ class _Condition:
 
     def __init__(self, context, textures, levels, frictions, latents=None):
         summary = context.summarise(textures)
+        frictions = frictions if context.knows_friction else np.full(len(textures), np.nan)
         self.measures = texture_measures(textures, levels, frictions, context.rate, context.edges, summary)
         edges = np.array([context.edges[0], *SHARE_BAND_HZ, context.edges[-1]])
         power = 10 ** (band_levels_db(textures, context.rate, edges) / 10)
@@ -124,10 +128,11 @@ class _Condition:
         self.latents = latents
 
 
-def _generated(context, key, scale):
+def _generated(context, key, scale, purpose=3):
+    """Textures of one condition; one `purpose` is one set of noises."""
     takes = context.settings.control_takes
     ratings = np.tile(_request(key), (takes, 1))
-    made = context.generate(ratings, noise_seeds([context.seed, 3], takes), scale)
+    made = context.generate(ratings, noise_seeds([context.seed, purpose], takes), scale)
     return _Condition(context, made.textures, made.levels, made.friction_coefficients, made.latents)
 
 
@@ -139,20 +144,27 @@ def _baseline(context, slug, judge, truth):
         request, rng = BaselineRequest(np.tile(_request(key), (takes, 1))), context.rng(f"control {slug}")
         textures = baseline.sample(request, rng)
         levels = 0.5 * np.log(np.square(textures).mean(-1))
-        made[key] = _Condition(context, textures, levels, baseline.friction_coefficients(request, rng))
-    frictions = np.log(baseline.friction_coefficients(context.request, context.rng(slug + " friction")))
+        # the same state of the generator: the friction that belongs to these textures
+        frictions = baseline.friction_coefficients(request, context.rng(f"control {slug}"))
+        made[key] = _Condition(context, textures, levels, frictions)
+    frictions = np.log(baseline.friction_coefficients(context.request, context.rng(slug)))
     recovered = _recovered(judge, context.baseline_points[slug], frictions)
     response = _matrix(recovered, context.request.ratings, context.surfaces)
     return _axes(context, made, truth) | {"response": response}
 
 
-def _axes(context, made, truth):
-    """`{"axes": {axis: {value: leaves}}, "spearman": {axis: leaves}}` of conditions."""
+def _axes(context, made, truth, independent=None):
+    """`{"axes": {axis: {value: leaves}}, "spearman": {axis: leaves}}` of conditions.
+
+    `independent`: the baseline from noise of its own, as the chance that d′ takes out supposes.
+    """
     axes, spearman, base = {}, {}, made[None, None]
+    independent = independent or base
     values = context.settings.control_values
     for axis in RATING_AXES:
         axes[axis] = {
-            str(value): _against_truth(made[axis, value], base, truth, _request((axis, value))) for value in values
+            str(value): _against_truth(made[axis, value], base, independent, truth, _request((axis, value)))
+            for value in values
         }
         tracks = {
             "level_db": [made[axis, value].measures["level_db"].mean() for value in values],
@@ -165,7 +177,7 @@ def _axes(context, made, truth):
     return {"axes": axes, "spearman": spearman}
 
 
-def _against_truth(condition, base, truth, request):
+def _against_truth(condition, base, independent, truth, request):
     """Leaves of one condition beside what real data with these ratings are."""
     nothing = np.full(len(RATING_AXES), np.nan)
     ours, ours_base = condition.measures, base.measures
@@ -187,7 +199,7 @@ def _against_truth(condition, base, truth, request):
 
     percent = None if condition.latents is None else latent_shift_percent(condition.latents, base.latents)
     entry["latent_shift_percent"] = leaf(percent)
-    ends = [(m["latent"].mean(0), m["latent"].std(0, ddof=1), len(takes)) for m in (ours, ours_base)]
+    ends = [(m["latent"].mean(0), m["latent"].std(0, ddof=1), len(takes)) for m in (ours, independent.measures)]
     entry["latent_shift_dprime"] = number(d_prime(*ends[0], *ends[1]), len(takes))
     ends = [(truth.mean("latent", r), truth.spread("latent", r), truth.effective_size(r)) for r in (request, nothing)]
     entry["latent_shift_dprime_truth"] = number(d_prime(*ends[0], *ends[1]), ends[0][2])

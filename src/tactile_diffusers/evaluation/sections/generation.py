@@ -86,7 +86,7 @@ class _SetJudge:
         leaves["out_of_band_db"] = leaf(out_of_band_ratio_db(textures, context.rate), groups)
         silent = not np.any(textures)
         leaves |= {name: number() for name in ("diversity", "precision", "recall")}
-        if not silent:
+        if not silent and _has_takes(groups):
             bands = band_levels_db(textures, context.rate, context.edges)
             spread = diversity(bands, groups, self.bands, context.surfaces)
             leaves["diversity"] = number(spread, len(textures))
@@ -109,21 +109,31 @@ class _SetJudge:
         embedding = context.embedding or log_mel_embedding
         name = "fad_" + getattr(embedding, "__name__", "custom").removesuffix("_embedding")
         count = min(context.settings.audio_textures, len(textures))
-        sets = {name: context.rng("audio").permutation(textures)[:count], f"{name}_real_real": context.real}
+        sets = {
+            name: context.rng("audio").permutation(textures)[:count],
+            f"{name}_matched": textures[context.matching()],  # as many as there are real ones to compare with
+            f"{name}_real_real": context.real,
+        }
         reference = context.training.textures
         leaves = {}
+        rows = [embedding(members[:1], context.rate) for members in (reference, textures)]
+        fewest = max(1, np.shape(rows[0])[-1] // max(1, len(rows[0])) + 1)  # textures that a covariance needs
         for key, members in sets.items():
-            try:
-                value = frechet_audio_distance(members, reference, context.rate, embedding)
-            except ValueError:  # too few rows for a covariance: no number rather than a wrong one
-                value = None
+            enough = min(len(members), len(reference)) > fewest
+            value = frechet_audio_distance(members, reference, context.rate, embedding) if enough else None
             leaves[key] = number(value, len(members))
         return leaves
 
 
+def _has_takes(groups):
+    """Whether there is more than one take of anything."""
+    return len(np.unique(groups)) < len(groups)
+
+
 def _share(values, real, groups):
     """Share closer to training than the real first percentile, and its interval over surfaces."""
-    return jackknife(lambda mask: closer_share(values[mask], real)[0], groups)
+    share, interval = jackknife(lambda mask: closer_share(values[mask], real)[0], groups)
+    return share, interval if 0 < share < 1 else None  # a spread over surfaces that is nothing says nothing
 
 
 def _protocol_rmse(context, scale):
@@ -159,7 +169,7 @@ class _Unseen:
             "log_friction_r": number(),
         }
         if frictions is not None:
-            real_frictions = np.log(held_out.friction_coefficients[rows])
+            real_frictions = np.log(context.real_frictions)
             self.leaves["log_friction_r"] = self._correlation(np.log(frictions), real_frictions)
 
     def _means(self, values, members):
@@ -188,9 +198,12 @@ def _unseen_table(context, by_guidance):
             textures = baseline.sample(request, context.rng(f"{slug} unseen"))
         frictions = None
         if hasattr(baseline, "friction_coefficients"):
-            frictions = baseline.friction_coefficients(request, context.rng(f"{slug} friction"))
+            # the same state of the generator: the friction that belongs to these textures
+            purpose = slug if baseline.knows == "recording" else f"{slug} unseen"
+            frictions = baseline.friction_coefficients(request, context.rng(purpose))
         entries[slug] = _Unseen(context, textures, groups, np.log(rms(textures)), frictions)
-    shown = {name: entries[name].spectra for name in ("model", "knn_blend", "ridge", "mean_spectrum")}
+    names = [name for name in ("model", "knn_blend", "ridge", "mean_spectrum") if name in entries]
+    shown = {name: entries[name].spectra for name in names}
     plot_unseen(shown, context.output / "unseen.png")
     table = {
         name: {slug: entry.leaves[name] if entry else number() for slug, entry in entries.items()}

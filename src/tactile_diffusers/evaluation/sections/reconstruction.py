@@ -40,9 +40,10 @@ def run(context):
         steps[str(count)] = entry
         if count == shown:
             plot_overlays(context.real, textures, context.rate, context.edges, context.output / "overlays.png")
-    baselines = {slug: {name: number() for name in (*METRICS, "ftd", "ktd")} for slug in SLUGS}
+    names = (*METRICS, "ftd", "ktd", "seconds_per_segment", "efficiency_score")
+    baselines = {slug: {name: number() for name in names} for slug in SLUGS}
     for slug, textures in context.baseline_textures.items():  # without ratings there are fewer than slugs
-        baselines[slug] = pair_metrics(context, textures, context.baseline_points[slug])
+        baselines[slug] |= pair_metrics(context, textures, context.baseline_points[slug])
     result = {
         "steps": steps,
         "baselines": baselines,
@@ -67,7 +68,8 @@ def pair_metrics(context, textures, points=None):
         values["gfc"] = goodness_of_fit(textures, real, rate, context.held_out.band)
         values["level_error_db"] = level_error_db(textures, real)
         values["out_of_band_db"] = out_of_band_ratio_db(textures, rate)
-        bands = {band: (max(band[0], context.edges[0]), band[1]) for band in SIGNED_BANDS_HZ if band[1] <= rate / 2}
+        low = context.edges[0]
+        bands = {band: (max(band[0], low), band[1]) for band in SIGNED_BANDS_HZ if low < band[1] <= rate / 2}
         signed = signed_band_error_db(textures, real, rate, list(bands.values()))
         values |= {_band_name(band): column for band, column in zip(bands, signed.T, strict=True)}
     if context.held_out.unit == "N":

@@ -52,15 +52,12 @@ def _timed(context, work):
 
 
 def _real_time(context, frames, rate):
-    """The largest number of steps that takes no longer than the texture lasts, and the measured time it takes."""
+    """A number of steps that takes no longer than the texture lasts, about the largest, and its measured time."""
     duration = frames * context.pipe.lctg.config.latent_hop / rate
     few, many = (np.median(decoding_seconds(context, steps, frames)) for steps in (_FEW, _MANY))
     per_step = max((many - few) / (_MANY - _FEW), 1e-9)
-    steps = int((duration - few) / per_step) + _FEW
-    measured = None
-    for _ in range(4):  # costs are not quite linear: measured until it holds
-        if steps < 1:
-            break
+    steps, measured = int((duration - few) / per_step) + _FEW, None
+    while steps >= 1:  # costs are not quite linear: lowered until a measured number of steps holds
         measured = decoding_seconds(context, steps, frames)
         if np.median(measured) <= duration:
             break

@@ -1,0 +1,68 @@
+"""Names of rows, columns and metrics, as people read them."""
+
+#: How people read the rows. Baselines that describe the very recording know more than ratings can tell.
+NAMES = {
+    "silence": "silence",
+    "other_take": "another take of the surface",
+    "phase_randomised": "phase-randomised copy",
+    "mean_spectrum": "noise of the mean spectrum",
+    "lpc20": "autoregressive model (LPC 20)",
+    "beta_envelope": "beta envelope (ours, after arXiv 2605.23804)",
+    "slope_envelope": "slope envelope (ours, after arXiv 2605.23804)",
+    "nine_band_noise": "nine-band noise",
+    "decimated": "low-passed to the latent's bits",
+    "knn_blend": "blend of 5 nearest surfaces (from ratings)",
+    "ridge": "ridge regression and noise (from ratings)",
+}
+#: Baselines that are told the surface's ratings, or nothing: what generation competes with.
+FROM_RATINGS = ("mean_spectrum", "knn_blend", "ridge")
+#: What the paper reports (sections 3.1 to 3.4), on SENS3, which was not available here.
+PAPER = {
+    "rmse_mn": "11.4 (6.2–18.1)",
+    "snr_db": "−1.87 (−2.36 to −1.21)",
+    "power_difference_n2": "5.0e-05, max 1.0e-04",
+    "best_steps": "10",
+    "real_time_steps": "over 50 (RTX 4060)",
+    "rmse_protocol_mn": "5.57",
+    "latent_shift_percent": "0–2",
+    "fad": "21.62 (embedding not stated)",
+}
+SPECTRAL = {
+    "nine_band_db": "nine-band error, dB",
+    "lsd_db": "LSD, dB",
+    "gfc": "GFC",
+    "level_error_db": "level error, dB",
+    "out_of_band_db": "above 1.05 kHz, dB",
+    "snr_db": "SNR, dB",
+    "ftd": "FTD",
+    "ktd": "KTD",
+}
+BANDS = {
+    f"band_error_db_{low}_{high}": f"{low}–{high} Hz"
+    for low, high in ((20, 60), (60, 150), (150, 400), (400, 650), (650, 1000), (1000, 1200))
+}
+SETS = {
+    "ftd": "FTD",
+    "ftd_excess": "FTD over real",
+    "ktd": "KTD",
+    "ktd_excess": "KTD over real",
+    "precision": "precision",
+    "recall": "recall",
+    "diversity": "diversity",
+    "nearest_correlation": "nearest training segment, correlation",
+    "novelty_share": "closer than real 1st percentile: correlation",
+    "novelty_share_embedding": "embedding (reference only)",
+    "novelty_share_latent": "latent (reference only)",
+    "out_of_band_db": "above 1.05 kHz, dB",
+}
+
+
+def default_steps(report):
+    """Key of the step sweep that the pipeline's default stands for."""
+    steps, default = report["reconstruction"]["steps"], str(report["pipeline"]["num_inference_steps"])
+    return default if default in steps else next(iter(steps))
+
+
+def default_guidance(report):
+    """Key of the pipeline's default guidance scale."""
+    return str(float(report["pipeline"]["guidance_scale"]))
