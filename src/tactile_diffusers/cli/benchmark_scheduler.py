@@ -177,7 +177,7 @@ def _trained_table(by_scheduler):
                 rows[f"{name}, {count}"] = entry
     labels = {
         "solver_rms": ("solver error, RMS", 4),
-        "seconds": ("s per segment", 4),
+        "seconds": ("s per segment (batch 8)", 4),
         "nine_band_db": "nine-band error, dB",
         "ktd": "KTD",
         "rmse_n": ("RMSE, N", 5),
@@ -231,7 +231,7 @@ def plot(report, output_path):
             errors = [entry["nine_band_db"]["mean"] for entry in by_steps.values()]
             pareto.semilogx(seconds, errors, marker="o", markersize=3, label=name)
         solver.set(title="trained LCTG", xlabel="steps", ylabel="solver error, RMS")
-        pareto.set(title="trained LCTG", xlabel="s per segment (batch 16)", ylabel="nine-band error, dB", ylim=(0.7, 2))
+        pareto.set(title="trained LCTG", xlabel="s per segment (batch 8)", ylabel="nine-band error, dB", ylim=(0.7, 2))
         for panel in panels[0]:
             panel.grid(alpha=0.3)
             panel.legend(fontsize=6)

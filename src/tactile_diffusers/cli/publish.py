@@ -19,7 +19,7 @@ Force that a finger feels while it slides, from perceptual ratings: LCTG and DAL
 
     from tactile_diffusers import TactileTexturePipeline
     pipe = TactileTexturePipeline.from_pretrained(folder)
-    out = pipe(ratings=[[1.5, 0.0, -1.0]], num_inference_steps=10)
+    out = pipe(ratings=[[1.5, 0.0, -1.0]])  # five steps of the second-order sampler
 
 It is loaded by this package's class, not by `DiffusionPipeline`. Weights are stored in half precision and load as
 float32.

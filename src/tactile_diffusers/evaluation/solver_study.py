@@ -151,16 +151,21 @@ class TrainedStage:
             v = self.pipe.dale(x.float(), timestep, self.ratings[rows], return_dict=False)[0]
         return v.to(x.dtype)
 
-    def solve(self, scheduler, steps, batch=16):
-        """The stage's result: a tensor of the noise's shape, float64; the state is float64 throughout."""
+    def solve(self, scheduler, steps, batch=8, seconds=None):
+        """The stage's result: a tensor of the noise's shape, float64; the state is float64 throughout.
+
+        `seconds`: a list to which the seconds per segment of each batch are added.
+        """
         parts = []
         for start in range(0, len(self.noise), batch):
-            rows = slice(start, start + batch)
+            rows, begun = slice(start, start + batch), time.perf_counter()
             scheduler.set_timesteps(steps)
             x = self.noise[rows].double()
             for t in scheduler.timesteps:
                 x = scheduler.step(self.velocity(scheduler.scale_model_input(x, t), t, rows), t, x).prev_sample
             parts.append(x)
+            if seconds is not None:
+                seconds.append((time.perf_counter() - begun) / len(x))
         return torch.cat(parts)
 
     def textures(self, x, samples):
@@ -192,7 +197,8 @@ def trained_errors(stage, real=None, sampling_rate=None, reference=None, steps=S
         quiet (`bool`): no progress bar.
 
     Returns:
-        `dict`: scheduler -> steps -> leaves "solver_rms", "seconds" and, for LCTG, "nine_band_db", "rmse_n", "ktd" and
+        `dict`: scheduler -> steps -> leaves "solver_rms", "seconds" (per segment, of the fastest batch: others may work
+        on the machine) and, for LCTG, "nine_band_db", "rmse_n", "ktd" and
         "bands_db" (nine leaves, signed, against the reference trajectory).
     """
     from tqdm.auto import tqdm
@@ -203,11 +209,10 @@ def trained_errors(stage, real=None, sampling_rate=None, reference=None, steps=S
         true_bands = band_levels_db(stage.textures(truth, real.shape[-1]), sampling_rate)
     found = {name: {} for name in made}
     for name, count in tqdm([(n, c) for n in made for c in steps], disable=quiet, desc=f"solvers on {stage.stage}"):
-        start = time.perf_counter()
-        x = stage.solve(made[name], count)
-        seconds = (time.perf_counter() - start) / len(x)
+        seconds = []
+        x = stage.solve(made[name], count, seconds=seconds)
         error = (x - truth).square().mean((1, 2)).sqrt().numpy()
-        entry = {"solver_rms": leaf(error), "seconds": number(seconds, len(x))}
+        entry = {"solver_rms": leaf(error), "seconds": number(min(seconds), len(seconds))}
         if stage.stage == "lctg":
             textures = stage.textures(x, real.shape[-1])
             bands = band_levels_db(textures, sampling_rate) - true_bands
