@@ -22,6 +22,7 @@ def text(value, digits=2, interval=False):
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "–"
     if isinstance(value, float):
+        value = value if abs(value) >= 1e-7 else 0.0  # rounding, not a result
         return f"{value:.3g}" if 0 < abs(value) < 10**-digits else f"{value:.{digits}f}"
     return str(value)
 
