@@ -1,8 +1,10 @@
 """The report as a whole, on a tiny pipeline and a few virtual surfaces: contract, resuming, determinism, refusals."""
 
 import json
+import shutil
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 import torch
@@ -10,6 +12,8 @@ import torch
 from tactile_diffusers.cli import evaluate
 from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data.prepare import SPLITS
+from tactile_diffusers.evaluation import TactileEmbedding
 from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.report import leaves, run_sections
 from tactile_diffusers.evaluation.sections import QUICK, SECTIONS, Context
@@ -53,19 +57,19 @@ METRICS = (
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
-    """24 virtual surfaces, 8 of them held out, in segments of the tiny networks' length."""
+    """24 virtual surfaces, 8 of them for testing, in segments of the tiny networks' length."""
     folder = tmp_path_factory.mktemp("report")
     generate_recordings(folder / "r.h5", surfaces=24, seconds=10, explorers=2, seed=2, quiet=True)
     limits = SegmentLimits(seconds=SECONDS)
-    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=1, test=8, quiet=True)
+    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=2, test=8, quiet=True)
     return folder / "p.h5"
 
 
-def _report(pipe, prepared, folder, names=tuple(SECTIONS), seed=0, settings=TINY):
+def _report(pipe, prepared, folder, names=tuple(SECTIONS), seed=0, settings=TINY, split="test"):
     checkpoint = folder / "checkpoint"
     if not checkpoint.exists():
         pipe.save_pretrained(checkpoint)
-    context = Context(pipe, prepared, "test", settings, seed, folder / "out")
+    context = Context(pipe, prepared, split, settings, seed, folder / "out")
     return run_sections(context, names, checkpoint)
 
 
@@ -154,6 +158,58 @@ def test_done_sections_are_read_not_run_again(evaluable_pipe, prepared, tmp_path
     assert _report(pipe, prepared, tmp_path, ["speed"], seed=1)["speed"] == "other weights"
 
 
+def test_embedding_is_that_of_the_report_and_kept(evaluable_pipe, prepared, tmp_path, monkeypatch):
+    pipe, path = evaluable_pipe(dale=False), tmp_path / "out" / "embedding.json"
+    monkeypatch.setitem(SECTIONS, "speed", lambda context: {"speed": "measured"})
+    _report(pipe, prepared, tmp_path, ["speed"])
+    first = path.read_text()
+    path.unlink()
+    with monkeypatch.context() as patched:
+        patched.setattr(Context, "reference", property(lambda context: pytest.fail("embedded the reference again")))
+        _report(pipe, prepared, tmp_path, ["speed"])
+    assert path.read_text() == first
+    assert TactileEmbedding.from_dict(json.loads(first)).sampling_rate == 10_000
+    _report(pipe, prepared, tmp_path, ["speed"], seed=1)  # other training segments
+    assert path.read_text() != first
+
+
+def test_split_is_said_and_another_one_is_measured_anew(evaluable_pipe, prepared, tmp_path):
+    pipe = evaluable_pipe(dale=False)
+    settings = replace(TINY, steps=(1,))
+    found = {
+        split: _report(pipe, prepared, tmp_path, ["reconstruction"], settings=settings, split=split)
+        for split in ("test", "validation")
+    }
+    for split, surfaces in (("test", 8), ("validation", 2)):
+        report = found[split]
+        assert report["data"]["split"] == split and f"hold out as {split};" in report_markdown(report)
+        assert report["data"]["surfaces"] == surfaces
+        assert report["reconstruction"]["real"]["rms_n"]["n"] == report["data"]["segments"] <= 2 * surfaces
+    first, second = (report["reconstruction"]["real"]["rms_n"]["mean"] for report in found.values())
+    assert first != second
+
+
+@pytest.mark.parametrize("split", ["train", "all", "tests"])
+def test_what_is_not_held_out_is_refused(evaluable_pipe, prepared, tmp_path, split):
+    with pytest.raises(ValueError, match=f"`split` must be held out, one of .*'test'.*, got '{split}'"):
+        Context(evaluable_pipe(), prepared, split, TINY, 0, tmp_path)
+
+
+def test_a_split_without_segments_is_refused(evaluable_pipe, prepared, tmp_path):
+    with h5py.File(shutil.copy(prepared, tmp_path / "p.h5"), "r+") as file:
+        split = file["surfaces/split"]
+        split[...] = np.where(split[()] == SPLITS.index("validation"), SPLITS.index("test"), split[()])
+    with pytest.raises(ValueError, match=r"p.h5 has no filtered segment in the split 'validation'"):
+        Context(evaluable_pipe(), tmp_path / "p.h5", "validation", TINY, 0, tmp_path)
+
+
+def test_surfaces_that_training_has_too_are_refused(evaluable_pipe, prepared, tmp_path, monkeypatch):
+    where = "tactile_diffusers.evaluation.sections.context.PreparedDataset"
+    monkeypatch.setattr(where, lambda data, split: PreparedDataset(data, "train"))
+    with pytest.raises(ValueError, match="has 14 surfaces of the split 'train' in training too, first '"):
+        Context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path)
+
+
 def test_a_seed_gives_the_same_report_and_order_changes_nothing(evaluable_pipe, prepared, tmp_path):
     def plain(report):
         timed = {"seconds_per_segment", "efficiency_score"}
@@ -220,6 +276,7 @@ def test_readme_is_rewritten_between_its_markers_only(evaluable_pipe, prepared, 
     ("changes", "message"),
     [
         (["--data", "nowhere.h5"], "not a file"),
+        (["--split", "train"], "invalid choice"),
         (["--steps", "0"], "at least 1"),
         (["--guidance-scale", "-1"], "0 or more"),
         (["--readme", "nowhere.md"], "must hold the lines"),

@@ -108,6 +108,18 @@ def options_of_a_tiny_training(prepared, tiny_configs):
     return make
 
 
+@pytest.fixture(scope="session")
+def run_script(options_of_a_tiny_training):
+    """`run_script(module, "lctg", output, **changes)` runs a script's `main` with those words; returns `output`."""
+
+    def run(module, name, output, **changes):
+        with torch.random.fork_rng(devices=[]):  # the script seeds the global random state
+            module.main(options_of_a_tiny_training(name, output, **changes))
+        return output
+
+    return run
+
+
 # --- a training without any data, to see what the loop itself does
 
 

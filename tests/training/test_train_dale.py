@@ -8,33 +8,8 @@ import torch
 from safetensors.torch import load_file
 
 WEIGHTS = "diffusion_pytorch_model.safetensors"
-
-
-def _train(script, prepared, config, lctg, output, **options):
-    """Runs the script's `main` on the tiny data set, by default without the auxiliary loss; returns the folder."""
-    options = {
-        "train_data_dir": prepared,
-        "pretrained_model_name_or_path": lctg,
-        "output_dir": output,
-        "model_config_name_or_path": config,
-        "train_batch_size": 4,
-        "gradient_accumulation_steps": 2,
-        "max_train_steps": 4,
-        "lr_warmup_steps": 1,
-        "checkpointing_steps": 2,
-        "validation_steps": 1000,
-        "validation_samples": 2,
-        "conditioning_weight": 0,
-        "report_to": "none",
-        "quiet": True,
-        **options,
-    }
-    words = []
-    for name, value in options.items():
-        words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
-    with torch.random.fork_rng(devices=[]):  # the script seeds the global random state
-        script.main(words)
-    return output
+# without the auxiliary loss, which has a test of its own
+OPTIONS = {"gradient_accumulation_steps": 2, "conditioning_weight": 0}
 
 
 def _small_figures(module):
@@ -45,15 +20,9 @@ def _small_figures(module):
 
 
 @pytest.fixture(scope="module")
-def lctg(script, prepared, tiny_configs, tmp_path_factory):
+def lctg(script, run_script, tmp_path_factory):
     """The output folder of two steps of LCTG."""
-    output = tmp_path_factory.mktemp("lctg") / "lctg"
-    words = "--max_train_steps 2 --lr_warmup_steps 1 --train_batch_size 4 --validation_samples 2 --report_to none"
-    arguments = ["--train_data_dir", str(prepared), "--output_dir", str(output), "--quiet"]
-    arguments += ["--model_config_name_or_path", str(tiny_configs["lctg"]), *words.split()]
-    with torch.random.fork_rng(devices=[]):
-        script("train_lctg").main(arguments)
-    return output
+    return run_script(script("train_lctg"), "lctg", tmp_path_factory.mktemp("lctg") / "lctg", max_train_steps=2)
 
 
 @pytest.fixture
@@ -63,16 +32,17 @@ def dale_script(script):
 
 
 @pytest.fixture
-def train(dale_script, prepared, tiny_configs, lctg):
-    """`train(output, **options)`."""
-    return lambda output, **options: _train(dale_script, prepared, tiny_configs["dale"], lctg, output, **options)
+def train(dale_script, run_script, lctg):
+    """`train(output, **options)` runs the script on the tiny data set and returns the output folder."""
+    fixed = {**OPTIONS, "pretrained_model_name_or_path": lctg}
+    return lambda output, **options: run_script(dale_script, "dale", output, **(fixed | options))
 
 
 @pytest.fixture(scope="module")
-def trained(script, prepared, tiny_configs, lctg, tmp_path_factory):
+def trained(script, run_script, lctg, tmp_path_factory):
     """The output folder of four steps of two accumulated batches, unbroken."""
-    output = tmp_path_factory.mktemp("trained") / "dale"
-    return _train(_small_figures(script("train_dale")), prepared, tiny_configs["dale"], lctg, output)
+    output, module = tmp_path_factory.mktemp("trained") / "dale", _small_figures(script("train_dale"))
+    return run_script(module, "dale", output, pretrained_model_name_or_path=lctg, **OPTIONS)
 
 
 def _weights(folder):

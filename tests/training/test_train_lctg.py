@@ -15,30 +15,6 @@ from tactile_diffusers.data import PreparedDataset
 WEIGHTS = "diffusion_pytorch_model.safetensors"
 
 
-def _train(script, prepared, tiny_configs, output, **options):
-    """Runs the script's `main` on the tiny data set and returns the output folder."""
-    options = {
-        "train_data_dir": prepared,
-        "output_dir": output,
-        "model_config_name_or_path": tiny_configs["lctg"],
-        "train_batch_size": 4,
-        "max_train_steps": 4,
-        "lr_warmup_steps": 1,
-        "checkpointing_steps": 2,
-        "validation_steps": 1000,
-        "validation_samples": 3,
-        "report_to": "none",
-        "quiet": True,
-        **options,
-    }
-    words = []
-    for name, value in options.items():
-        words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
-    with torch.random.fork_rng(devices=[]):  # the script seeds the global random state
-        script.main(words)
-    return output
-
-
 @pytest.fixture
 def lctg_script(script):
     """A fresh module of the script, free to be patched."""
@@ -46,15 +22,15 @@ def lctg_script(script):
 
 
 @pytest.fixture
-def train(lctg_script, prepared, tiny_configs):
-    """`train(output, **options)`."""
-    return lambda output, **options: _train(lctg_script, prepared, tiny_configs, output, **options)
+def train(lctg_script, run_script):
+    """`train(output, **options)` runs the script on the tiny data set and returns the output folder."""
+    return lambda output, **options: run_script(lctg_script, "lctg", output, **options)
 
 
 @pytest.fixture(scope="module")
-def trained(script, prepared, tiny_configs, tmp_path_factory):
+def trained(script, run_script, tmp_path_factory):
     """The output folder of four steps, unbroken. Copy it before changing anything in it."""
-    return _train(script("train_lctg"), prepared, tiny_configs, tmp_path_factory.mktemp("trained") / "lctg")
+    return run_script(script("train_lctg"), "lctg", tmp_path_factory.mktemp("trained") / "lctg")
 
 
 @pytest.fixture

@@ -240,6 +240,7 @@ def plot(report, output_path):
 def run(arguments, pipe):
     """Measures, writes scheduler.json, scheduler.md and scheduler.png, and returns the Markdown."""
     from ..data import PreparedDataset
+    from ..evaluation.solver_study import REFERENCE_STEPS
 
     if arguments.data is not None:
         found, real, rate = trained(pipe, arguments.data, arguments.segments, arguments.seed, arguments.quiet)
@@ -252,7 +253,7 @@ def run(arguments, pipe):
         real = np.concatenate([fresh_textures(10**6 + k, 0, per_surface=1)[0] for k in range(arguments.segments)])
         where = f"{len(real)} segments of fresh virtual surfaces"
     report = {
-        "about": f"{where}; reference: 1000 steps. Textures' components: 64 bands at the working rate.",
+        "about": f"{where}; reference: {REFERENCE_STEPS} steps. Textures' components: 64 bands at the working rate.",
         "analytic": analytic(pipe, real, rate),
         "trained": found,
         "costs": step_cost(pipe),

@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from ..data.prepare import SPLITS
 from . import readme
 
 _SECTIONS = ("reconstruction", "generation", "control", "paper", "speed", "long_textures")
@@ -26,7 +27,7 @@ def parse_arguments(argv=None):
     parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="report.json, report.md, pictures")
     parser.add_argument("--quick", action="store_true", help="few textures, under five minutes on two cores")
-    parser.add_argument("--split", choices=["validation", "test"], default="test", help="held-out surfaces")
+    parser.add_argument("--split", choices=SPLITS[1:], default="test", help="held-out surfaces; default: test")
     parser.add_argument("--sections", nargs="+", choices=_SECTIONS, default=list(_SECTIONS), help="default: all")
     parser.add_argument("--steps", type=int, nargs="+", help="LCTG steps of the sweep, in place of the default ones")
     parser.add_argument("--per-surface", type=int, help="non-overlapping segments per surface")

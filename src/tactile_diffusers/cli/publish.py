@@ -6,6 +6,8 @@ import os
 import shutil
 from pathlib import Path
 
+import numpy as np
+
 CARD = """---
 library_name: diffusers
 license: apache-2.0
@@ -27,8 +29,8 @@ float32.
 ## What it was trained on
 
 {source}: {surfaces}. Virtual surfaces are simulated: they show what the method
-can do, not how real surfaces feel. Normal force 0.4-0.6 N, speed about {speed:.0f} mm/s; textures are band-passed to
-{low:g}-{high:g} Hz. Prepared by examples/prepare_data.py.
+can do, not how real surfaces feel. Normal force {normal_force}, speed about {speed:.0f} mm/s; textures are
+band-passed to {low:g}-{high:g} Hz. Prepared by examples/prepare_data.py.
 
 ## How it was trained
 
@@ -124,6 +126,14 @@ def _replace_lctg(pipe, folder):
     pipe.register_modules(lctg=other)
 
 
+def _normal_force(data):
+    """The limits of normal force that the segments were cut within, in words."""
+    if np.isnan(data.friction_coefficients).all():
+        return "not measured"  # limits of a channel that the source lacks are skipped
+    limits = data.attributes["limits"]["normal_force"]
+    return "not limited" if limits is None else f"{limits[0]:g}-{limits[1]:g} N"
+
+
 def main(argv=None):
     """Runs the command: writes the folder under a temporary name, then renames it."""
     arguments = parse_arguments(argv)
@@ -150,6 +160,7 @@ def main(argv=None):
         shutil.copyfile(run / "loss.png", temporary / picture)
         runs.append(describe_run(run, picture))
     config, extractor = pipe.dale.config, pipe.feature_extractor
+    seconds = data.segment_samples / data.sampling_rate
     ranges = ", ".join(
         f"{axis} {low:.1f} to {high:.1f}"
         for axis, (low, high) in zip(config.rating_axes, config.ratings_range or [], strict=False)
@@ -158,7 +169,8 @@ def main(argv=None):
         name=arguments.output.name,
         version=__version__,
         source=data.source,
-        surfaces=f"{len(set(data.surface_ids))} training surfaces, {len(data)} segments of 1.64 s",
+        surfaces=f"{len(set(data.surface_ids))} training surfaces, {len(data)} segments of {seconds:.2f} s",
+        normal_force=_normal_force(data),
         speed=config.reference_speed,
         low=extractor.band[0],
         high=extractor.band[1],

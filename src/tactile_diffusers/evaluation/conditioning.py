@@ -3,9 +3,7 @@
 import numpy as np
 
 from ..signal import band_levels_db, rms
-
-#: dB per unit of level, a natural logarithm of RMS
-DB_PER_NEPER = 20 / np.log(10)
+from .reconstruction import DB_PER_NEPER
 
 
 def texture_measures(textures, levels, friction_coefficients, sampling_rate, edges, latents):

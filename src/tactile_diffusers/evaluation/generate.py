@@ -1,6 +1,6 @@
 """Many textures from a pipeline, each with noise of its own, so that batches and order change nothing."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -69,11 +69,6 @@ def generate(
         tensors = (made.level, made.friction_coefficient, made.latents)
         parts.append((textures, *(tensor.float().cpu().numpy() for tensor in tensors)))
     return Generated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def select(generated, rows):
-    """Some of the textures, as `Generated`."""
-    return Generated(*(getattr(generated, field.name)[rows] for field in fields(generated)))
 
 
 def reconstruct(pipe, textures, sampling_rate, num_inference_steps, seed=0, batch=32, quiet=True):

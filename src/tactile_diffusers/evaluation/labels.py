@@ -1,5 +1,7 @@
 """Names of rows, columns and metrics, as people read them."""
 
+from .reconstruction import SIGNED_BANDS_HZ, signed_band_key
+
 #: How people read the rows. Baselines that describe the very recording know more than ratings can tell.
 NAMES = {
     "silence": "silence",
@@ -37,10 +39,7 @@ SPECTRAL = {
     "ftd": "FTD",
     "ktd": "KTD",
 }
-BANDS = {
-    f"band_error_db_{low}_{high}": f"{low}–{high} Hz"
-    for low, high in ((20, 60), (60, 150), (150, 400), (400, 650), (650, 1000), (1000, 1200))
-}
+BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
 SETS = {
     "ftd": "FTD",
     "ftd_excess": "FTD over real",

@@ -13,6 +13,10 @@ from .checks import check_pair, check_textures
 
 #: From here on a texture should be empty: the upper edge of the band and 5 % for the slope of its filter, Hz.
 OUT_OF_BAND_HZ = 1.05 * BAND_HZ[1]
+#: Bands of the signed error in a report, Hz: where lows fade, and where noise appears (paper section 4).
+SIGNED_BANDS_HZ = ((20, 60), (60, 150), (150, 400), (400, 650), (650, 1000), (1000, 1200))
+#: dB per unit of level, a natural logarithm of RMS.
+DB_PER_NEPER = 20 / np.log(10)
 
 
 def rmse(texture, reference):
@@ -54,7 +58,7 @@ def power_difference(texture, reference):
 def level_error_db(texture, reference):
     """How much stronger a texture is than its reference: signed ratio of their RMS, dB: (...,)."""
     texture, reference = check_pair(texture, reference)
-    return 20 / np.log(10) * (level(texture) - level(reference))
+    return DB_PER_NEPER * (level(texture) - level(reference))
 
 
 def log_spectral_distance_db(texture, reference, sampling_rate, band=BAND_HZ):
@@ -115,6 +119,11 @@ def signed_band_error_db(texture, reference, sampling_rate, bands):
         band_levels_db(texture, sampling_rate, band) - band_levels_db(reference, sampling_rate, band) for band in bands
     ]
     return np.concatenate(errors, axis=-1)
+
+
+def signed_band_key(band):
+    """Key of a band's signed error in a report: (20, 60) Hz -> "band_error_db_20_60"."""
+    return f"band_error_db_{band[0]}_{band[1]}"
 
 
 def out_of_band_ratio_db(texture, sampling_rate, low=OUT_OF_BAND_HZ, high=np.inf, floor_db=-120.0):

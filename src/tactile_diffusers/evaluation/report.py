@@ -26,7 +26,8 @@ _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy",
 def run_sections(context, names, checkpoint):
     """Runs sections one after the other; those already done under the same conditions are read instead.
 
-    Each result is a file `sections/<name>.json` in the output folder, so that a run that was cut off goes on.
+    Each result is a file `sections/<name>.json` in the output folder, so that a run that was cut off goes on. The
+    embedding that distances are measured in is kept there likewise, and written to `embedding.json` for others to use.
 
     Args:
         context (`Context`): what is evaluated.
@@ -52,16 +53,15 @@ def run_sections(context, names, checkpoint):
     for name in tqdm(names, desc="sections", disable=context.quiet):
         if name not in WITHOUT_RATINGS and not _can_steer(context):
             continue
-        path = folder / f"{name}.json"
-        done = _read(path, conditions)
-        if done is None:
-            done = SECTIONS[name](context)
-            with atomic_path(path) as temporary:
-                temporary.write_text(json.dumps({"conditions": conditions, "result": done}, allow_nan=False))
-        report |= done
+        report |= _kept(folder / f"{name}.json", conditions, SECTIONS[name], context)
+    embedding = _kept(folder / "embedding.json", conditions, _embedding, context)
     with atomic_path(context.output / "embedding.json") as temporary:
-        temporary.write_text(json.dumps(context.reference.embedding.to_dict()))
+        temporary.write_text(json.dumps(embedding))
     return report
+
+
+def _embedding(context):
+    return context.reference.embedding.to_dict()
 
 
 def _can_steer(context):
@@ -69,13 +69,18 @@ def _can_steer(context):
     return context.pipe.dale is not None and all(np.isfinite(ratings).all(-1).any() for ratings in rated)
 
 
-def _read(path, conditions):
-    """A section's result if it was made under these conditions, else None."""
+def _kept(path, conditions, make, context):
+    """The result in a file if it was made under these conditions, else a new one, which replaces it."""
     try:
         stored = json.loads(path.read_text())
     except (FileNotFoundError, json.JSONDecodeError):
-        return None
-    return stored["result"] if stored.get("conditions") == conditions else None
+        stored = {}
+    if stored.get("conditions") == conditions:
+        return stored["result"]
+    result = make(context)
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps({"conditions": conditions, "result": result}, allow_nan=False))
+    return result
 
 
 def _conditions(context, checkpoint):

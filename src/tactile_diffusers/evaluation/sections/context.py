@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from ...data import PreparedDataset
-from ...signal import band_edges
+from ...data.prepare import SPLITS
+from ...signal import band_edges, band_levels_db
 from ..baselines import BaselineRequest, TrainingTextures, default_baselines, latent_rate
 from ..generate import generate, latent_summary, noise_seeds
 from ..reference import Reference
@@ -92,7 +93,8 @@ class Context:
         pipe (`TactileTexturePipeline`): with or without DALE.
         data (`str` or `Path`): a prepared data set of the pipeline's band and segment length; textures are compared at
             its rate.
-        split (`str`): held-out surfaces, "validation" or "test".
+        split (`str`): held-out surfaces: any of the data's splits but "train", so "test" or, of data that have it,
+            "hard".
         settings (`Settings`): how much is measured.
         seed (`int`): of every choice and every noise.
         output (`Path`): where figures go.
@@ -102,7 +104,8 @@ class Context:
         quiet (`bool`): no progress bars.
 
     Raises:
-        ValueError: if checkpoint and data do not fit together.
+        ValueError: if checkpoint and data do not fit together, `split` is unknown or not held out, or the data have
+            nothing in it or train on its surfaces.
     """
 
     def __init__(
@@ -118,9 +121,12 @@ class Context:
         vibromaf=False,
         quiet=True,
     ):
+        if split not in SPLITS[1:]:
+            raise ValueError(f"`split` must be held out, one of {SPLITS[1:]}, got {split!r}.")
         self.pipe, self.split, self.settings, self.seed, self.quiet = pipe, split, settings, seed, quiet
         self.output, self.embedding, self.vibromaf = output, embedding, vibromaf
         self.held_out, self.train = PreparedDataset(data, split), PreparedDataset(data, "train")
+        check_unseen(self.held_out, self.train)
         check_fit(pipe, self.held_out)
         self.rate, self.edges = self.held_out.sampling_rate, band_edges(9, self.held_out.band)
         defaults = inspect.signature(type(pipe).__call__).parameters
@@ -195,6 +201,11 @@ class Context:
     def real(self):
         """(n, samples) the chosen held-out segments, N."""
         return self.held_out.textures(self.chosen[0])
+
+    @cached_property
+    def real_bands(self):
+        """(n, 9) their band levels, dB re 1 N^2."""
+        return band_levels_db(self.real, self.rate, self.edges)
 
     @cached_property
     def real_points(self):
@@ -289,6 +300,20 @@ class Context:
     def summarise(self, textures):
         """`latent_summary` of textures."""
         return latent_summary(self.encode(textures))
+
+
+def check_unseen(held_out, train):
+    """Refuses held-out segments of surfaces that training has too: every section supposes unseen surfaces.
+
+    Raises:
+        ValueError: if the two views of a data set share a surface, as where only explorers or raters are held out.
+    """
+    shared = np.intersect1d(held_out.surface_ids, train.surface_ids)
+    if len(shared):
+        raise ValueError(
+            f"{held_out.path} has {len(shared)} surfaces of the split {held_out.split!r} in training too, first "
+            f"{held_out.surfaces[shared[0]]!r}: nothing would be unseen. Hold out surfaces when preparing the data."
+        )
 
 
 def check_fit(pipe, dataset):

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import spearmanr
 
-from ...signal import RATING_AXES, band_levels_db
+from ...signal import RATING_AXES, band_levels_db, level
 from ..baselines import BaselineRequest
 from ..conditioning import d_prime, latent_shift_percent, shape_change_db, texture_measures
 from ..figures import plot_control, plot_responses
@@ -143,10 +143,9 @@ def _baseline(context, slug, judge, truth):
     for key in _conditions(context):
         request, rng = BaselineRequest(np.tile(_request(key), (takes, 1))), context.rng(f"control {slug}")
         textures = baseline.sample(request, rng)
-        levels = 0.5 * np.log(np.square(textures).mean(-1))
         # the same state of the generator: the friction that belongs to these textures
         frictions = baseline.friction_coefficients(request, context.rng(f"control {slug}"))
-        made[key] = _Condition(context, textures, levels, frictions)
+        made[key] = _Condition(context, textures, level(textures), frictions)
     frictions = np.log(baseline.friction_coefficients(context.request, context.rng(slug)))
     recovered = _recovered(judge, context.baseline_points[slug], frictions)
     response = _matrix(recovered, context.request.ratings, context.surfaces)

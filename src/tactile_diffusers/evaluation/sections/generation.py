@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...signal import band_levels_db, rms
+from ...signal import band_levels_db, level
 from ..audio_distance import frechet_audio_distance, log_mel_embedding
 from ..baselines import BaselineRequest
 from ..figures import plot_unseen
@@ -48,7 +48,6 @@ class _SetJudge:
         chunks = (train.textures(rows[start : start + _CHUNK]) for start in range(0, len(rows), _CHUNK))
         self.waveforms = TrainingWaveforms(chunks, context.rate, quiet=context.quiet)
         self.latents = self._flat(context.training.textures)
-        self.bands = band_levels_db(context.real, context.rate, context.edges)
         self.subset = self._subset(context.surfaces)
         self.real = self._nearest(context.real, context.real_points, self.subset)
 
@@ -87,8 +86,8 @@ class _SetJudge:
         silent = not np.any(textures)
         leaves |= {name: number() for name in ("diversity", "precision", "recall")}
         if not silent and _has_takes(groups):
-            bands = band_levels_db(textures, context.rate, context.edges)
-            spread = diversity(bands, groups, self.bands, context.surfaces)
+            bands = context.real_bands if real else band_levels_db(textures, context.rate, context.edges)
+            spread = diversity(bands, groups, context.real_bands, context.surfaces)
             leaves["diversity"] = number(spread, len(textures))
             if not real and min(len(points), len(context.real_points)) > NEIGHBOURS:
                 precision, recall = precision_recall(points, context.real_points, NEIGHBOURS)
@@ -160,8 +159,7 @@ class _Unseen:
     def __init__(self, context, textures, groups, levels, frictions=None):
         self.context, self.groups = context, groups
         bands = band_levels_db(textures, context.rate, context.edges)
-        real = band_levels_db(context.real, context.rate, context.edges)
-        self.spectra = self._means(real, context.surfaces), self._means(bands, groups)
+        self.spectra = self._means(context.real_bands, context.surfaces), self._means(bands, groups)
         held_out, rows = context.held_out, context.chosen[0]
         self.leaves = {
             "nine_band_db": leaf(np.abs(self.spectra[1] - self.spectra[0]).mean(-1)),
@@ -199,9 +197,8 @@ def _unseen_table(context, by_guidance):
         frictions = None
         if hasattr(baseline, "friction_coefficients"):
             # the same state of the generator: the friction that belongs to these textures
-            purpose = slug if baseline.knows == "recording" else f"{slug} unseen"
-            frictions = baseline.friction_coefficients(request, context.rng(purpose))
-        entries[slug] = _Unseen(context, textures, groups, np.log(rms(textures)), frictions)
+            frictions = baseline.friction_coefficients(request, context.rng(f"{slug} unseen"))
+        entries[slug] = _Unseen(context, textures, groups, level(textures), frictions)
     names = [name for name in ("model", "knn_blend", "ridge", "mean_spectrum") if name in entries]
     shown = {name: entries[name].spectra for name in names}
     plot_unseen(shown, context.output / "unseen.png")

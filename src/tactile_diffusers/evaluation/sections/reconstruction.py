@@ -7,6 +7,7 @@ from ..baselines import SLUGS
 from ..figures import plot_overlays, plot_steps
 from ..generate import reconstruct
 from ..reconstruction import (
+    SIGNED_BANDS_HZ,
     goodness_of_fit,
     level_error_db,
     log_spectral_distance_db,
@@ -14,14 +15,18 @@ from ..reconstruction import (
     power_difference,
     rmse,
     signed_band_error_db,
+    signed_band_key,
     snr_db,
 )
 from ..statistics import leaf, number
 from .speed import decoding_seconds
 
-#: Bands of the signed error, Hz: where lows fade, and where noise appears (paper section 4).
-SIGNED_BANDS_HZ = ((20, 60), (60, 150), (150, 400), (400, 650), (650, 1000), (1000, 1200))
-_SPECTRAL = ("nine_band_db", "lsd_db", "gfc", "level_error_db", "out_of_band_db")
+#: Names of the metrics of a pair, in the order of the report.
+METRICS = (
+    *("nine_band_db", "lsd_db", "gfc", "rmse_n", "snr_db", "power_difference_n2", "level_error_db"),
+    *map(signed_band_key, SIGNED_BANDS_HZ),
+    "out_of_band_db",
+)
 
 
 def run(context):
@@ -61,7 +66,7 @@ def pair_metrics(context, textures, points=None):
     """
     real, rate, surfaces = context.real, context.rate, context.surfaces
     silent = not np.any(textures)
-    values = dict.fromkeys((*_SPECTRAL, *(_band_name(band) for band in SIGNED_BANDS_HZ)))
+    values = dict.fromkeys(METRICS)
     if not silent:  # in dB silence is as far away as the floor of a logarithm
         values["nine_band_db"] = nine_band_error_db(textures, real, rate, context.edges)
         values["lsd_db"] = log_spectral_distance_db(textures, real, rate, context.held_out.band)
@@ -71,11 +76,11 @@ def pair_metrics(context, textures, points=None):
         low = context.edges[0]
         bands = {band: (max(band[0], low), band[1]) for band in SIGNED_BANDS_HZ if low < band[1] <= rate / 2}
         signed = signed_band_error_db(textures, real, rate, list(bands.values()))
-        values |= {_band_name(band): column for band, column in zip(bands, signed.T, strict=True)}
+        values |= {signed_band_key(band): column for band, column in zip(bands, signed.T, strict=True)}
     if context.held_out.unit == "N":
         values |= {"rmse_n": rmse(textures, real), "snr_db": snr_db(textures, real)}
         values["power_difference_n2"] = np.abs(power_difference(textures, real))
-    leaves = {name: leaf(values.get(name), surfaces if values.get(name) is not None else None) for name in METRICS}
+    leaves = {name: number() if column is None else leaf(column, surfaces) for name, column in values.items()}
     points = context.reference.embed(textures) if points is None else points
     return leaves | context.reference.distances(points, surfaces)
 
@@ -86,14 +91,3 @@ def _vibromaf(context, textures):
 
     values = vibromaf_metrics(textures, context.real, context.rate)
     return {name: leaf(column, context.surfaces) for name, column in values.items()}
-
-
-def _band_name(band):
-    return f"band_error_db_{band[0]}_{band[1]}"
-
-
-METRICS = (
-    *("nine_band_db", "lsd_db", "gfc", "rmse_n", "snr_db", "power_difference_n2", "level_error_db"),
-    *(_band_name(band) for band in SIGNED_BANDS_HZ),
-    "out_of_band_db",
-)
