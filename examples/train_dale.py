@@ -17,6 +17,7 @@ from tqdm.auto import tqdm
 
 from tactile_diffusers import DALEModel, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.data.ratings import rating_quantiles
 from tactile_diffusers.models.dale import NUM_SCALARS
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.arguments import (
@@ -117,11 +118,23 @@ def statistics(values):
     return (float(values.mean()), float(max(values.std(), 1e-3))) if len(values) else (0.0, 1.0)
 
 
+def rating_statistics(dataset):
+    """What DALE's config keeps of the training surfaces' ratings, for `rating_scale`; nothing if an axis has none."""
+    quantiles = rating_quantiles(dataset.surface_ratings[np.unique(dataset.surface_ids)])
+    if np.isnan(quantiles).any():
+        return {}
+    return {
+        "ratings_mean": dataset.ratings_mean.tolist(),
+        "ratings_std": dataset.ratings_scale.tolist(),
+        "ratings_range": quantiles[:, [0, -1]].tolist(),
+        "ratings_quantiles": quantiles.tolist(),
+    }
+
+
 def build_dale(config, pipe, dataset, latents):
     """A new DALE whose config holds the statistics of the training set."""
     level_mean, level_std = statistics(dataset.levels)
     friction_mean, friction_std = statistics(np.log(np.maximum(dataset.friction_coefficients, 1e-3)))
-    ratings = dataset.surface_ratings[np.unique(dataset.surface_ids)]
     settings = {
         "in_channels": pipe.lctg.config.latent_channels + NUM_SCALARS,
         "latent_frames": latents.shape[-1],
@@ -131,11 +144,7 @@ def build_dale(config, pipe, dataset, latents):
         "level_std": level_std,
         "log_friction_mean": friction_mean,
         "log_friction_std": friction_std,
-        "ratings_mean": [float(v) for v in dataset.ratings_mean],
-        "ratings_std": [float(v) for v in dataset.ratings_scale],
-        "ratings_range": [
-            [float(low), float(high)] for low, high in zip(*np.nanquantile(ratings, [0, 1], axis=0), strict=True)
-        ],
+        **rating_statistics(dataset),
         "reference_speed": statistics(dataset.speeds)[0],
         **config.get("dale", {}),
     }

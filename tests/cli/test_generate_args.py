@@ -1,6 +1,9 @@
 """The generate command: its arguments, its call of the pipeline and its files, with a pipeline that only records."""
 
+import json
 import math
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +11,10 @@ import pytest
 
 import tactile_diffusers
 from tactile_diffusers.cli.generate import main, parse_arguments
+from tactile_diffusers.pipelines.inputs import parse_ratings
+
+#: a small checkpoint of an earlier version, with the typical rater's statistics but without quantiles
+TINY = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
 
 
 class RecordingPipeline:
@@ -78,6 +85,7 @@ def test_single_axes_leave_the_others_unspecified():
         (["--roughness", "1", "--takes", "0"], "argument --takes: must be at least 1, got 0"),
         (["--roughness", "1", "--seed", "-1"], "argument --seed: must be at least 0"),
         (["--roughness", "1", "--seed", "9223372036854775808"], "argument --seed"),
+        (["--roughness", "1", "--rating-scale", "percent"], "argument --rating-scale: invalid choice: 'percent'"),
         (["--roughness", "1", "--steps", "ten"], "invalid int value: 'ten'"),
         (["--roughness", "1", "--checkpoint", "no such folder"], "no such folder is not a folder"),
     ],
@@ -158,4 +166,40 @@ def test_a_refusal_is_one_line_and_writes_nothing(pipeline, tmp_path, capsys, er
     printed = capsys.readouterr()
     assert printed.err == f"generate.py: error: {' '.join(str(error).split())}\n"
     assert printed.out == ""
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_rating_scale_is_passed_on_and_files_hold_z_scores(pipeline, tmp_path, capsys):
+    statistics = {"ratings_mean": [4.0, 3.0, 5.0], "ratings_std": [2.0, 1.0, 1.0]}
+    axes = ["roughness", "bumpiness", "slipperiness"]
+    pipeline.dale = SimpleNamespace(config=SimpleNamespace(rating_axes=axes, **statistics))
+    assert main(["--ratings", "7", "nan", "4", "--rating-scale", "raw", "--output", str(tmp_path)]) == 0
+    asked = pipeline.call.pop("ratings")
+    assert (asked[0], asked[2]) == (7, 4) and math.isnan(asked[1])
+    assert pipeline.call == {"num_textures_per_rating": 1, "rating_scale": "raw"}
+    with np.load(tmp_path / "texture.npz") as file:
+        np.testing.assert_allclose(file["ratings"], [1.5, np.nan, -1.0])
+    assert json.loads((tmp_path / "texture.wav.json").read_text())["ratings"] == [1.5, None, -1.0]
+    assert "ratings in z-scores: roughness 1.50, bumpiness nan, slipperiness -1.00" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("scale", ["z", "raw", "percentile"])
+def test_every_rating_scale_of_the_pipeline_has_its_word(scale):
+    assert _parse("--roughness", "1", "--rating-scale", scale).rating_scale == scale
+    with pytest.raises(ValueError, match=r"\['z', 'raw', 'percentile'\]"):
+        parse_ratings([0, 0, 0], SimpleNamespace(rating_axes="abc"), "none of these")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--ratings", "9", "4", "4", "--rating-scale", "raw"], "between 0 and 8 .* got roughness = 9.0"),
+        (["--bumpiness", "-1", "--rating-scale", "raw"], "between 0 and 8 .* got bumpiness = -1.0"),
+        (["--ratings", "7", "4", "4"], "z-scores between -6 and 6 .* got roughness = 7.0"),
+        (["--roughness", "50", "--rating-scale", "percentile"], r"needs \['ratings_quantiles'\]"),
+    ],
+)
+def test_the_check_of_ratings_follows_the_scale(tmp_path, capsys, arguments, message):
+    assert main([*arguments, "--checkpoint", str(TINY), "--output", str(tmp_path / "out"), "--quiet"]) == 2
+    assert re.match(f"generate.py: error: .*{message}", capsys.readouterr().err.splitlines()[-1])
     assert not (tmp_path / "out").exists()

@@ -1,9 +1,13 @@
-"""Ratings: standardised on training surfaces only, pooled once."""
+"""Ratings: standardised on training surfaces only, pooled once; the scales in which they are given."""
+
+import math
+import statistics
 
 import numpy as np
 import pytest
 
 from tactile_diffusers.data import RaterScores, from_raw, pool_ratings, to_raw
+from tactile_diffusers.data.ratings import QUANTILES, axis_correlation, from_percentile, rating_quantiles
 from tactile_diffusers.signal import RATING_AXES
 
 TRAINING = np.array([True] * 6 + [False] * 3)
@@ -25,6 +29,7 @@ def test_equals_the_formula(scores):
     np.testing.assert_allclose(pooled.raw_mean, train.mean((0, 1)), atol=1e-6)
     np.testing.assert_allclose(pooled.raw_scale, train.std(1).mean(0), atol=1e-6)
     assert (pooled.count == 4).all() and not pooled.left_out
+    assert pooled.mean[:6].std(0).max() < 0.9  # never standardised again: raters disagree
 
 
 def test_only_training_surfaces_set_the_scale(scores):
@@ -39,10 +44,69 @@ def test_only_training_surfaces_set_the_scale(scores):
 def test_rater_with_one_answer_is_left_out_of_that_axis(scores):
     scores.values[2, :6, 1] = 5
     pooled = pool_ratings(scores, SURFACES, TRAINING)
-    assert pooled.left_out == ["c on bumpiness: the same answer everywhere"]
+    assert pooled.left_out == ["c on bumpiness: the same answer on all training surfaces"]
     assert pooled.count[0].tolist() == [4, 3, 4] and np.isfinite(pooled.mean).all()
     others = RaterScores(scores.values[[0, 1, 3]], ("a", "b", "d"), scores.surfaces, RATING_AXES)
     np.testing.assert_allclose(pooled.mean[:, 1], pool_ratings(others, SURFACES, TRAINING).mean[:, 1], atol=1e-6)
+
+
+def _reference(values, training):
+    """Pooled mean, spread and number of raters of one surface and axis after the other, by the words of the paper."""
+    raters, surfaces, axes = values.shape
+    z = [[[] for _ in range(axes)] for _ in range(surfaces)]
+    for rater in range(raters):
+        for axis in range(axes):
+            answers = [float(v) for v in values[rater, :, axis]]
+            known = [v for v, trains in zip(answers, training, strict=True) if trains and not math.isnan(v)]
+            if len(set(known)) < 2:
+                continue
+            mean, deviation = statistics.fmean(known), statistics.pstdev(known)
+            for surface, answer in enumerate(answers):
+                if not math.isnan(answer):
+                    z[surface][axis].append((answer - mean) / deviation)
+    nan = float("nan")
+    mean = [[statistics.fmean(cell) if cell else nan for cell in row] for row in z]
+    spread = [[statistics.pstdev(cell) if cell else nan for cell in row] for row in z]
+    return np.array(mean), np.array(spread), np.array([[len(cell) for cell in row] for row in z])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_equals_a_slow_reference_with_many_missing_answers(seed):
+    rng = np.random.default_rng(seed)
+    values = rng.integers(0, 9, (5, 12, 3)).astype(np.float32)
+    values[rng.random(values.shape) < 0.6] = np.nan  # surfaces are left with 0 to 5 raters, raters with 0 to 12 answers
+    training = rng.permutation(12) < 8
+    names = tuple(f"s{i}" for i in range(12))
+    pooled = pool_ratings(RaterScores(values, tuple("abcde"), names, RATING_AXES), names, training)
+    mean, spread, count = _reference(values, training)
+    assert len(set(count.ravel().tolist())) > 2
+    np.testing.assert_array_equal(pooled.count, count)
+    np.testing.assert_allclose(pooled.mean, mean, atol=1e-6)  # float32; NaN in the same places
+    np.testing.assert_allclose(pooled.std, spread, atol=1e-6)
+
+
+def test_raters_without_two_answers_in_training_are_reported_and_left_out(scores):
+    scores.values[0, 1:6, 0] = np.nan  # "a" gave one answer on roughness in training, and others elsewhere
+    scores.values[1, :6] = np.nan  # "b" rated only surfaces outside training
+    pooled = pool_ratings(scores, SURFACES, TRAINING)
+    assert pooled.left_out == [
+        "a on roughness: one answer on training surfaces",
+        *(f"b on {axis}: no answer on training surfaces" for axis in RATING_AXES),
+    ]
+    assert pooled.count[7].tolist() == [2, 3, 3]
+    others = RaterScores(scores.values[2:], ("c", "d"), scores.surfaces, RATING_AXES)
+    alone = pool_ratings(others, SURFACES, TRAINING)
+    np.testing.assert_array_equal(pooled.mean[:, 0], alone.mean[:, 0])
+    np.testing.assert_array_equal(pooled.raw_mean[0], alone.raw_mean[0])
+
+
+def test_rounding_does_not_make_a_constant_rater_differ(scores):
+    answers = np.full(9, 0.1)  # of a scale that is not whole: in float64 the mean of six of them is not 0.1
+    assert np.mean(answers[:6]) != 0.1 and np.std(answers[:6]) > 0
+    values = scores.values.astype(np.float64)
+    values[3, :, 2] = answers
+    pooled = pool_ratings(RaterScores(values, scores.raters, scores.surfaces, RATING_AXES), SURFACES, TRAINING)
+    assert pooled.left_out == ["d on slipperiness: the same answer on all training surfaces"]
 
 
 def test_missing_answers_and_unrated_surfaces(scores):
@@ -67,9 +131,53 @@ def test_impossible_ratings_are_errors(scores):
     renamed = RaterScores(scores.values, scores.raters, scores.surfaces, ("rough", *RATING_AXES[1:]))
     with pytest.raises(ValueError, match="lacks the axes \\['roughness'\\]"):
         pool_ratings(renamed, SURFACES, TRAINING)
+    twice = RaterScores(scores.values, scores.raters, (*SURFACES[:8], "s2"), RATING_AXES)
+    with pytest.raises(ValueError, match="surface 's2' more than once"):
+        pool_ratings(twice, SURFACES, TRAINING)
 
 
 def test_raw_and_back():
     mean, scale, ratings = np.array([4.0, 3, 5]), np.array([2.0, 1, 0.5]), np.array([[1.0, -1, 2]])
     np.testing.assert_allclose(to_raw(ratings, mean, scale), [[6, 2, 6]])
     np.testing.assert_allclose(from_raw(to_raw(ratings, mean, scale), mean, scale), ratings)
+
+
+def test_quantiles_of_the_known_ratings():
+    rng = np.random.default_rng(0)
+    mean = np.full((201, 3), np.nan, np.float32)
+    mean[:, 0] = rng.permutation(np.linspace(-1, 3, 201))
+    mean[:40, 1] = rng.standard_normal(40)
+    table = rating_quantiles(mean)
+    assert table.shape == (3, QUANTILES)
+    # the 201 ratings are themselves the quantiles at 0, 0.5, ... 100 %
+    np.testing.assert_allclose(table[0], np.linspace(-1, 3, QUANTILES), atol=1e-6)  # float32
+    assert (np.diff(table[:2]) >= 0).all()
+    assert table[1, [0, -1]].tolist() == [mean[:40, 1].min(), mean[:40, 1].max()]
+    assert np.isnan(table[2]).all()
+
+
+def test_percentiles_run_straight_between_quantiles():
+    table = np.array([[-1.0, 0.0, 4.0], [-2.0, -2.0, 2.0]])
+    percentiles = [[0, 0], [25, 25], [50, 50], [75, 75], [100, 100], [np.nan, 50]]
+    ratings = from_percentile(percentiles, table)
+    np.testing.assert_allclose(ratings, [[-1, -2], [-0.5, -2], [0, -2], [2, 0], [4, 2], [np.nan, -2]])
+
+
+def test_a_share_of_surfaces_lies_below_its_percentile():
+    mean = np.random.default_rng(1).gamma(2.0, size=(480, 1))  # skewed, as ratings may be
+    for percentile in (2, 33, 50, 88, 99):
+        below = np.mean(mean < from_percentile([percentile], rating_quantiles(mean)))
+        # within one of the table's steps of 5 % a skewed distribution is up to 2 % from straight
+        assert below == pytest.approx(percentile / 100, abs=0.02)
+
+
+def test_correlation_of_axes_over_surfaces_rated_on_both():
+    mean = np.random.default_rng(2).standard_normal((30, 3))
+    mean[:, 1] += mean[:, 0]
+    mean[3:9, 1] = mean[5:20, 0] = mean[2:, 2] = np.nan
+    matrix = axis_correlation(mean)
+    both = [i for i in range(30) if not np.isnan(mean[i, :2]).any()]
+    assert len(both) == 13
+    expected = np.corrcoef(mean[both, 0], mean[both, 1])[0, 1]
+    np.testing.assert_allclose(matrix[:2, :2], [[1, expected], [expected, 1]], atol=1e-12)
+    assert np.isnan(matrix[2]).all()  # two surfaces are too few

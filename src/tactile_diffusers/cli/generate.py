@@ -17,7 +17,8 @@ def parse_arguments(argv=None):
     parser = argparse.ArgumentParser(
         prog="generate.py",
         description="Generate a tactile texture from perceptual ratings and write it as .npz, .wav and .png.",
-        epilog="Ratings are z-scores, about -2 to 2: positive is rougher, bumpier, more slippery.",
+        epilog="Ratings are z-scores, about -2 to 2, unless --rating-scale says otherwise: larger is rougher, bumpier, "
+        "more slippery. The files hold z-scores.",
     )
     parser.add_argument(
         "--ratings",
@@ -27,7 +28,14 @@ def parse_arguments(argv=None):
         help="all axes at once; nan = not specified",
     )
     for axis in RATING_AXES:
-        parser.add_argument(f"--{axis}", type=float, metavar="Z", help=f"{axis} alone; axes left out are not specified")
+        parser.add_argument(
+            f"--{axis}", type=float, metavar="VALUE", help=f"{axis} alone; axes left out are not specified"
+        )
+    parser.add_argument(
+        "--rating-scale",
+        choices=("z", "raw", "percentile"),
+        help="z: z-scores (default); raw: the typical rater's 0-8; percentile: 0-100 of the training surfaces",
+    )
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="where the files go")
     parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
     parser.add_argument("--steps", type=int, metavar="N", help="diffusion steps of the texture generator")
@@ -81,6 +89,7 @@ def _generate(arguments):
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
     from ..export import write_figure, write_npz, write_wav
+    from ..pipelines.inputs import parse_ratings
     from ..signal import rms
 
     say = (lambda text: None) if arguments.quiet else print
@@ -89,6 +98,7 @@ def _generate(arguments):
 
     # options that were not given keep the pipeline's own defaults
     options = {
+        "rating_scale": arguments.rating_scale,
         "num_inference_steps": arguments.steps,
         "num_latent_inference_steps": arguments.latent_steps,
         "guidance_scale": arguments.guidance_scale,
@@ -105,6 +115,10 @@ def _generate(arguments):
         **{name: value for name, value in options.items() if value is not None},
     )
     elapsed = time.perf_counter() - start
+    ratings = arguments.ratings
+    if arguments.rating_scale is not None:
+        ratings = parse_ratings(ratings, pipe.dale.config, arguments.rating_scale)[0].tolist()
+        say(f"ratings in z-scores: {', '.join(f'{a} {z:.2f}' for a, z in zip(RATING_AXES, ratings, strict=True))}")
     seconds = out.textures.shape[-1] / out.sampling_rate
     say(f"{arguments.takes} x {seconds:.2f} s of texture at {out.sampling_rate} Hz generated in {elapsed:.2f} s")
 
@@ -116,7 +130,7 @@ def _generate(arguments):
         common = {
             "sampling_rate": out.sampling_rate,
             "friction_coefficient": float(friction_coefficient),
-            "ratings": arguments.ratings,
+            "ratings": ratings,
         }
         npz, wav, png = (arguments.output / f"{stem}{suffix}" for suffix in (".npz", ".wav", ".png"))
         write_npz(npz, texture, seed=seed, reference_speed=out.reference_speed, **common)

@@ -1,10 +1,49 @@
-"""Ratings: from raters' answers to one vector per surface (paper section 2.1)."""
+"""Ratings: from raters' answers to one vector per surface (paper section 2.1), and how far the raters agree."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..signal import RATING_AXES
+
+#: A rater whose answers (0-8 scale) spread less than this gives one answer: what is left is rounding.
+LEAST_SPREAD = 1e-6
+#: Correlations over fewer common surfaces are left out: over two, every one is 1 or -1.
+LEAST_COMMON = 3
+#: Values of the table behind percentiles, one every 5 %. Straight lines between them are off by 0.03 z (RMS, 480
+#: virtual surfaces), less than the quantiles' own sampling error: 0.05 z for 480 surfaces, 0.17 z for 40.
+QUANTILES = 21
+
+
+@dataclass
+class RatingReliability:
+    """How far raters agree, on each axis; over every surface rated, because nothing is trained on it.
+
+    Attributes:
+        axes (`tuple[str, ...]`): names of the axes, in the order of the arrays.
+        mean_correlation (`np.ndarray`): (axes,) mean over pairs of raters of Pearson's correlation over the surfaces
+            that both rated, 3 at least; NaN without a pair.
+        alpha (`np.ndarray`): (axes,) standardised Cronbach's alpha, see `rating_reliability`; NaN without a pair.
+        raters (`np.ndarray`): (axes,) int64, raters that are in a pair.
+        pairs (`np.ndarray`): (axes,) int64, pairs with a correlation.
+        raters_per_surface (`np.ndarray`): (axes,) mean number of these raters over the surfaces they rated; NaN
+            without a pair.
+    """
+
+    axes: tuple[str, ...]
+    mean_correlation: np.ndarray
+    alpha: np.ndarray
+    raters: np.ndarray
+    pairs: np.ndarray
+    raters_per_surface: np.ndarray
+
+    def __str__(self):
+        return "\n".join(
+            f"{axis}: mean inter-rater correlation {self.mean_correlation[i]:.2f} ({self.pairs[i]} pairs of "
+            f"{self.raters[i]} raters), Cronbach's alpha {self.alpha[i]:.2f} "
+            f"({self.raters_per_surface[i]:.1f} raters a surface)"
+            for i, axis in enumerate(self.axes)
+        )
 
 
 @dataclass
@@ -17,6 +56,7 @@ class SurfaceRatings:
         count (`np.ndarray`): (surfaces, 3) float32, raters that answered.
         raw_mean, raw_scale (`np.ndarray`): (3,) float32, the typical rater's mean and standard deviation, 0-8 scale.
         left_out (`list[str]`): raters left out of an axis, and why.
+        reliability (`RatingReliability` or `None`): how far the raters agree; `None` if nobody rated.
     """
 
     mean: np.ndarray
@@ -25,6 +65,7 @@ class SurfaceRatings:
     raw_mean: np.ndarray
     raw_scale: np.ndarray
     left_out: list = field(default_factory=list)
+    reliability: RatingReliability | None = None
 
 
 def no_ratings(surfaces):
@@ -38,7 +79,8 @@ def no_ratings(surfaces):
 def pool_ratings(scores, surfaces, training):
     """Z-scores each rater and axis on the training surfaces only, then averages over raters.
 
-    The mean is never standardised again, so its standard deviation over surfaces stays below 1.
+    The mean is never standardised again: as raters disagree, it spreads less over surfaces than one rater's z-scores. A
+    rater without two different answers on training surfaces is left out of that axis, and `left_out` says so.
 
     Args:
         scores (`RaterScores`): answers on the 0-8 scale, NaN = missing.
@@ -49,23 +91,21 @@ def pool_ratings(scores, surfaces, training):
         `SurfaceRatings`.
 
     Raises:
-        ValueError: if an axis of `RATING_AXES` is missing, or no rater is left on one.
+        ValueError: if an axis of `RATING_AXES` is missing, a surface is named twice, or no rater is left on one axis.
     """
-    absent = [axis for axis in RATING_AXES if axis not in scores.axes]
-    if absent:
-        raise ValueError(f"`scores` lacks the axes {absent} (it has {list(scores.axes)}): name them {RATING_AXES}.")
-    values = np.full((len(scores.raters), len(surfaces), len(RATING_AXES)), np.nan)
+    axes = _axis_numbers(scores, RATING_AXES)
     column = {name: i for i, name in enumerate(scores.surfaces)}
+    if len(column) < len(scores.surfaces):
+        twice = next(name for i, name in enumerate(scores.surfaces) if column[name] != i)
+        raise ValueError(f"`scores` has the surface {twice!r} more than once: merge or rename its answers.")
+    values = np.full((len(scores.raters), len(surfaces), len(RATING_AXES)), np.nan)
     rated = [i for i, name in enumerate(surfaces) if name in column]
-    axes = [scores.axes.index(axis) for axis in RATING_AXES]
     values[:, rated] = scores.values[:, [column[surfaces[i]] for i in rated]][:, :, axes]
 
     mean, scale, answers = _moments(values[:, training], axis=1)
-    usable = (answers > 0) & (scale > 0)
+    usable = scale > LEAST_SPREAD
     left_out = [
-        f"{scores.raters[r]} on {RATING_AXES[a]}: "
-        + ("no answer on training surfaces" if answers[r, a] == 0 else "the same answer everywhere")
-        for r, a in np.argwhere(~usable)
+        f"{scores.raters[r]} on {RATING_AXES[a]}: {_why_left_out(answers[r, a])}" for r, a in np.argwhere(~usable)
     ]
     if not usable.any(axis=0).all():
         axis = RATING_AXES[int(np.argmin(usable.any(axis=0)))]
@@ -74,7 +114,21 @@ def pool_ratings(scores, surfaces, training):
     pooled, spread, count = _moments(z, axis=0)
     pooled[count == 0] = spread[count == 0] = np.nan
     typical = [np.nanmean(np.where(usable, moment, np.nan), axis=0).astype(np.float32) for moment in (mean, scale)]
-    return SurfaceRatings(*(a.astype(np.float32) for a in (pooled, spread, count)), *typical, left_out)
+    pooled = [array.astype(np.float32) for array in (pooled, spread, count)]
+    return SurfaceRatings(*pooled, *typical, left_out, rating_reliability(scores))
+
+
+def _axis_numbers(scores, axes):
+    absent = [axis for axis in axes if axis not in scores.axes]
+    if absent:
+        raise ValueError(f"`scores` lacks the axes {absent} (it has {list(scores.axes)}): name them {tuple(axes)}.")
+    return [scores.axes.index(axis) for axis in axes]
+
+
+def _why_left_out(answers):
+    if answers < 2:
+        return f"{'one' if answers else 'no'} answer on training surfaces"
+    return "the same answer on all training surfaces"
 
 
 def _moments(values, axis):
@@ -87,6 +141,58 @@ def _moments(values, axis):
     return mean, np.sqrt(np.square(deviation).sum(axis) / divisor), count
 
 
+def rating_reliability(scores, axes=RATING_AXES):
+    """Mean inter-rater correlation and Cronbach's alpha of each axis.
+
+    Alpha is the standardised one, k r / (1 + (k - 1) r), with r the mean correlation of pairs of raters and k the mean
+    number of raters a surface: the reliability of the mean over k raters (Spearman-Brown). Where every rater rated
+    every surface it is exactly Cronbach's alpha of the raters' z-scores (Cronbach 1951, "Coefficient alpha and the
+    internal structure of tests"); unlike that, it is also defined with missing answers. Units do not matter: a rater's
+    raw answers and z-scores correlate alike.
+
+    Args:
+        scores (`RaterScores`): answers, NaN = missing.
+        axes (`Sequence[str]`, *optional*): which of the axes of `scores`; defaults to `RATING_AXES`.
+
+    Returns:
+        `RatingReliability`.
+
+    Raises:
+        ValueError: if `scores` lacks an axis.
+    """
+    columns = [_agreement(scores.values[:, :, number]) for number in _axis_numbers(scores, axes)]
+    return RatingReliability(tuple(axes), *(np.array(column) for column in zip(*columns, strict=True)))
+
+
+def _agreement(answers):
+    """Mean correlation, alpha, raters, pairs and raters a surface of one axis: (raters, surfaces) answers."""
+    of_pairs = _correlations(answers.T)
+    of_pairs[np.diag_indices(len(answers))] = np.nan
+    known = ~np.isnan(of_pairs)
+    if not known.any():
+        return np.nan, np.nan, 0, 0, np.nan
+    r, paired = of_pairs[known].mean(), known.any(axis=0)
+    per_surface = (~np.isnan(answers[paired])).sum(axis=0)
+    k = per_surface[per_surface > 0].mean()
+    divisor = 1 + (k - 1) * r  # zero or less: raters contradict each other more than k complete raters could
+    return r, k * r / divisor if divisor > 0 else np.nan, paired.sum(), known.sum() // 2, k
+
+
+def axis_correlation(mean):
+    """Pearson correlations between axes: (axes, axes) float64 of pooled means (surfaces, axes), NaN = not rated.
+
+    NaN for two axes with fewer than 3 surfaces rated on both, or without different ratings.
+    """
+    return _correlations(np.asarray(mean))
+
+
+def _correlations(columns):
+    """Pearson correlations (n, n) of n columns over the rows that both know; NaN if too few, or all alike."""
+    import pandas
+
+    return pandas.DataFrame(columns).corr(min_periods=LEAST_COMMON).to_numpy(copy=True)
+
+
 def to_raw(ratings, raw_mean, raw_scale):
     """From ratings in z-scores to the typical rater's 0-8 scale: (..., 3), not clipped."""
     return np.asarray(ratings) * raw_scale + raw_mean
@@ -95,3 +201,33 @@ def to_raw(ratings, raw_mean, raw_scale):
 def from_raw(answers, raw_mean, raw_scale):
     """From the typical rater's 0-8 scale to ratings in z-scores: (..., 3)."""
     return (np.asarray(answers) - raw_mean) / raw_scale
+
+
+def rating_quantiles(mean):
+    """Quantiles of pooled means at 0, 5, ... 100 %, the table behind percentiles.
+
+    Args:
+        mean (`np.ndarray`): (surfaces, axes) z-scores, NaN = not rated; training surfaces only.
+
+    Returns:
+        `np.ndarray`: (axes, 21) float64, ascending; the ends are the smallest and largest rating. NaN for an axis on
+        which no surface is rated.
+    """
+    shares = np.linspace(0, 1, QUANTILES)
+    known = [column[~np.isnan(column)] for column in np.asarray(mean, dtype=np.float64).T]
+    return np.stack([np.quantile(k, shares) if len(k) else np.full(QUANTILES, np.nan) for k in known])
+
+
+def from_percentile(percentiles, quantiles):
+    """From percentiles to ratings in z-scores, along straight lines between the quantiles.
+
+    Args:
+        percentiles (`np.ndarray`): (..., axes) in [0, 100], NaN = not specified (and stays NaN).
+        quantiles (`np.ndarray`): (axes, n) at equally spaced shares from 0 to 1, as `rating_quantiles` makes them.
+
+    Returns:
+        `np.ndarray`: (..., axes) float64.
+    """
+    percentiles, quantiles = np.asarray(percentiles, dtype=np.float64), np.asarray(quantiles)
+    steps = np.linspace(0, 100, quantiles.shape[1])
+    return np.stack([np.interp(percentiles[..., a], steps, row) for a, row in enumerate(quantiles)], axis=-1)

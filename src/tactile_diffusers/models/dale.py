@@ -1,6 +1,7 @@
 """DALE, the Diffusion Adjective-to-Latent Encoder: ratings to latents, level and friction (paper section 2.2)."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from diffusers.configuration_utils import ConfigMixin, register_to_config
@@ -14,6 +15,16 @@ from .unet_1d import UNet1D
 
 #: numbers that describe a whole texture and are generated with the latents: level and log friction coefficient
 NUM_SCALARS = 2
+
+
+def _check_quantiles(quantiles, axes):
+    lengths = {len(row) for row in quantiles}
+    ascending = all(low <= high for row in quantiles for low, high in pairwise(row))
+    if len(quantiles) != len(axes) or len(lengths) != 1 or min(lengths) < 2 or not ascending:
+        raise ValueError(
+            f"`ratings_quantiles` must hold one row of ascending numbers, at least two and equally many, for each of "
+            f"the axes {list(axes)}, got {quantiles}. `tactile_diffusers.data.ratings.rating_quantiles` makes them."
+        )
 
 
 @dataclass
@@ -46,6 +57,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         ratings_mean, ratings_std (`list[float]`, *optional*): mean and standard deviation of a typical rater's raw
             scores (0-8) per axis: raw = mean + std * z.
         ratings_range (`list[list[float]]`, *optional*): smallest and largest rating per axis of the training surfaces.
+        ratings_quantiles (`list[list[float]]`, *optional*): for each axis the quantiles of the training surfaces'
+            ratings at equally spaced shares from 0 to 1, ascending (`data.ratings.rating_quantiles`).
         reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
     """
@@ -74,6 +87,7 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         ratings_mean: list[float] | None = None,
         ratings_std: list[float] | None = None,
         ratings_range: list[list[float]] | None = None,
+        ratings_quantiles: list[list[float]] | None = None,
         reference_speed: float = 80.0,
         num_train_timesteps: int = 1000,
     ):
@@ -86,6 +100,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
                 raise ValueError(
                     f"`{name}` must hold {latent_channels} numbers (in_channels - {NUM_SCALARS}), got {len(values)}."
                 )
+        if ratings_quantiles is not None:
+            _check_quantiles(ratings_quantiles, rating_axes)
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(len(rating_axes), cross_attention_dim)

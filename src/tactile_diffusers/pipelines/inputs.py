@@ -1,13 +1,41 @@
 """Checks of what a caller gives, before any work starts."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
 
+#: scales in which ratings may be given
+RATING_SCALES = ("z", "raw", "percentile")
 #: ratings beyond this many z-scores are taken for a mistake of scale (a 0-8 score, say)
 LARGEST_RATING = 6.0
+
+
+class _Scale(NamedTuple):
+    low: float
+    high: float
+    unit: str
+    remark: str
+    statistics: tuple[str, ...]  # in DALE's config
+    to_z: Callable  # of values and statistics
+
+
+def _scale(name):
+    if name == "z":
+        remark = "most surfaces lie within -2 and 2"
+        return _Scale(-LARGEST_RATING, LARGEST_RATING, "z-scores", remark, (), lambda values: values)
+    # imported here: loading a pipeline and z-scores need nothing of the room of data
+    from ..data.ratings import from_percentile, from_raw
+    from ..data.recordings import RATING_SCALE
+
+    if name == "raw":
+        remark, statistics = "as the typical rater gives them", ("ratings_mean", "ratings_std")
+        return _Scale(*RATING_SCALE, "answers", remark, statistics, from_raw)
+    remark = "of the training surfaces' ratings"
+    return _Scale(0.0, 100.0, "percentiles", remark, ("ratings_quantiles",), from_percentile)
 
 
 def _row_from_mapping(mapping, axes):
@@ -27,18 +55,49 @@ def _row_from_values(row, axes):
     return values
 
 
-def parse_ratings(ratings, axes):
-    """Ratings in any accepted form as a (batch, axes) float32 tensor, NaN = not specified.
+def parse_ratings(ratings, config, rating_scale="z"):
+    """Ratings in any accepted form and scale as z-scores: a (batch, axes) float32 tensor, NaN = not specified.
 
     Args:
         ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array or tensor, or `None` (no
             axis specified).
-        axes (`list[str]`): names of the axes in order.
+        config: DALE's, with the axes in order (`rating_axes`) and the statistics that "raw" (`ratings_mean`,
+            `ratings_std`) and "percentile" (`ratings_quantiles`) need.
+        rating_scale (`str`): `"z"`; `"raw"`, 0-8 of the typical rater; or `"percentile"`, 0-100 of the ratings of the
+            training surfaces, where 0 and 100 are the smallest and the largest.
 
     Raises:
-        ValueError: for an empty batch, a wrong number of values, an unknown axis, or a value that is no number,
-            infinite or beyond 6 z-scores.
+        ValueError: for an unknown scale or one whose statistics the checkpoint lacks, an empty batch, a wrong number of
+            values, an unknown axis, or a value that is no number, infinite or outside the scale.
     """
+    if rating_scale not in RATING_SCALES:
+        raise ValueError(f"`rating_scale` must be one of {list(RATING_SCALES)}, got {rating_scale!r}.")
+    scale = _scale(rating_scale)
+    statistics = _statistics(config, rating_scale, scale.statistics)
+    values = _as_array(ratings, config.rating_axes)
+    for row, index in np.argwhere((values < scale.low) | (values > scale.high)):
+        raise ValueError(
+            f'`ratings` with `rating_scale="{rating_scale}"` are {scale.unit} between {scale.low:g} and {scale.high:g} '
+            f"({scale.remark}), got {config.rating_axes[index]} = {values[row, index]} in row {row}. The scales are "
+            f"{list(RATING_SCALES)}."
+        )
+    return torch.tensor(scale.to_z(values, *statistics), dtype=torch.float32)
+
+
+def _statistics(config, rating_scale, names):
+    """Statistics of DALE's config as arrays; an error for what the checkpoint lacks."""
+    found = {name: np.array(getattr(config, name, None), dtype=np.float64) for name in names}  # None becomes NaN
+    missing = [name for name, values in found.items() if np.isnan(values).any()]
+    if missing:
+        raise ValueError(
+            f'`rating_scale="{rating_scale}"` needs {missing} in the config of `dale`, which this checkpoint lacks. '
+            'Give z-scores (`rating_scale="z"`), or train DALE again with examples/train_dale.py, which stores them.'
+        )
+    return list(found.values())
+
+
+def _as_array(ratings, axes):
+    """Ratings in any accepted form as a (batch, axes) float64 array, NaN = not specified."""
     if ratings is None:
         ratings = {}
     if isinstance(ratings, torch.Tensor):
@@ -53,19 +112,9 @@ def parse_ratings(ratings, axes):
         ratings = [ratings]
     rows = [_row_from_mapping(row, axes) if isinstance(row, dict) else _row_from_values(row, axes) for row in ratings]
     try:
-        values = np.array(
-            [[np.nan if value is None else float(value) for value in row] for row in rows], dtype=np.float64
-        )
+        return np.array([[np.nan if value is None else float(value) for value in row] for row in rows], np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"`ratings` must be numbers (z-scores), NaN or None, got {ratings!r}.") from error
-    for index, row in enumerate(values):
-        for axis, value in zip(axes, row, strict=True):
-            if np.isinf(value) or abs(value) > LARGEST_RATING:
-                raise ValueError(
-                    f"`ratings` are z-scores between -{LARGEST_RATING:g} and {LARGEST_RATING:g} (most surfaces lie "
-                    f"within -2 and 2), got {axis} = {value} in row {index}."
-                )
-    return torch.tensor(values, dtype=torch.float32)
+        raise ValueError(f"`ratings` must be numbers, NaN or None, got {ratings!r}.") from error
 
 
 def check_positive_integer(name, value):
@@ -100,6 +149,26 @@ def check_generator(generator, batch_size):
         if entry is not None and not isinstance(entry, torch.Generator):
             raise ValueError(f"`generator` must be a torch.Generator or a list of them, got {type(entry).__name__}.")
     return generator
+
+
+def check_decoding(latents, level, channels, num_inference_steps, output_type, samples):
+    """Raises a `ValueError` for impossible arguments of `decode`, where LCTG has `channels` latent channels."""
+    check_positive_integer("num_inference_steps", num_inference_steps)
+    if samples is not None:
+        check_positive_integer("samples", samples)
+    if latents.ndim != 3 or latents.shape[1] != channels or 0 in latents.shape:
+        raise ValueError(f"`latents` must be (batch, {channels}, frames), got {tuple(latents.shape)}.")
+    if tuple(level.shape) != (len(latents),):
+        raise ValueError(f"`level` must be ({len(latents)},), one for each texture, got {tuple(level.shape)}.")
+    if output_type not in ("np", "pt"):
+        raise ValueError(f'`output_type` must be "np" or "pt", got {output_type!r}.')
+
+
+def check_callback_inputs(names, allowed):
+    """Raises a `ValueError` if a callback asks for a tensor that it cannot have."""
+    unknown = sorted(set(names) - set(allowed))
+    if unknown:
+        raise ValueError(f"`callback_on_step_end_tensor_inputs` must be among {allowed}, got {unknown}.")
 
 
 def check_components(lctg, feature_extractor, dale):

@@ -12,7 +12,16 @@ from diffusers.utils.torch_utils import randn_tensor
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel
 from ..schedulers import VDDIMScheduler
-from .inputs import check_components, check_folder, check_generator, check_number, check_positive_integer, parse_ratings
+from .inputs import (
+    check_callback_inputs,
+    check_components,
+    check_decoding,
+    check_folder,
+    check_generator,
+    check_number,
+    check_positive_integer,
+    parse_ratings,
+)
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
 from .velocities import rating_velocity, texture_velocity
 
@@ -148,12 +157,7 @@ class TactileTexturePipeline(DiffusionPipeline):
             check_number("duration_s", duration_s, 0, False, " (seconds), or None")
         if output_type not in ("np", "pt", "latent"):
             raise ValueError(f'`output_type` must be "np", "pt" or "latent", got {output_type!r}.')
-        unknown = set(callback_on_step_end_tensor_inputs) - set(self._callback_tensor_inputs)
-        if unknown:
-            raise ValueError(
-                f"`callback_on_step_end_tensor_inputs` must be among {self._callback_tensor_inputs}, got "
-                f"{sorted(unknown)}."
-            )
+        check_callback_inputs(callback_on_step_end_tensor_inputs, self._callback_tensor_inputs)
 
     def prepare_latents(self, shape, generator, device, dtype, latents=None):
         """The initial noise of DALE: drawn, or the caller's own, cast and moved.
@@ -204,13 +208,14 @@ class TactileTexturePipeline(DiffusionPipeline):
         return_dict: bool = True,
         callback_on_step_end=None,
         callback_on_step_end_tensor_inputs: list[str] = ["latents"],  # noqa: B006 (diffusers' signature; never mutated)
+        rating_scale: str = "z",
     ):
         r"""
         Generates textures from ratings.
 
         Args:
-            ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array or tensor, in z-scores
-                of one rater: roughness, bumpiness, slipperiness, positive = rougher, bumpier, more slippery. NaN or
+            ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array or tensor, on
+                `rating_scale`: roughness, bumpiness, slipperiness, larger = rougher, bumpier, more slippery. NaN or
                 None = not specified; `None` for all = nothing specified.
             num_inference_steps (`int`, *optional*, defaults to 5): steps of LCTG.
             num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = `num_inference_steps`.
@@ -226,6 +231,8 @@ class TactileTexturePipeline(DiffusionPipeline):
             callback_on_step_end (`Callable`, *optional*): `callback(pipe, step_index, timestep, callback_kwargs)` after
                 each step of either stage; may return changed tensors.
             callback_on_step_end_tensor_inputs (`list[str]`, *optional*): `["latents"]`: the current stage's state.
+            rating_scale (`str`, *optional*, defaults to `"z"`): `"z"`, one rater's z-scores; `"raw"`, the 0-8 scale as
+                the typical rater uses it; `"percentile"`, 0-100 % of the training surfaces' ratings.
 
         Returns:
             [`TactileTexturePipelineOutput`], [`TactileLatents`], or a tuple of their fields.
@@ -245,7 +252,7 @@ class TactileTexturePipeline(DiffusionPipeline):
             output_type,
             callback_on_step_end_tensor_inputs,
         )
-        ratings = parse_ratings(ratings, self.dale.config.rating_axes)
+        ratings = parse_ratings(ratings, self.dale.config, rating_scale)
         count = len(ratings) * num_textures_per_rating
         generator = check_generator(generator, count)
         device = self._execution_device
@@ -299,9 +306,8 @@ class TactileTexturePipeline(DiffusionPipeline):
         self.scheduler.set_timesteps(num_inference_steps, device=latents.device)
         velocity = texture_velocity(self.lctg, latents)
         timesteps = self.scheduler.timesteps
-        return self._denoise(self.scheduler, velocity, noise, timesteps, bar, callback, callback_inputs, first_index)[
-            :, 0
-        ]
+        callback = (callback, callback_inputs, first_index)
+        return self._denoise(self.scheduler, velocity, noise, timesteps, bar, *callback)[:, 0]
 
     def _postprocess(self, waveform, level, friction_coefficient, samples, output_type):
         textures = self.feature_extractor.denormalize(waveform, level, samples)
@@ -364,16 +370,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         Raises:
             ValueError: for any impossible argument, before any work starts.
         """
-        check_positive_integer("num_inference_steps", num_inference_steps)
-        if samples is not None:
-            check_positive_integer("samples", samples)
-        channels = self.lctg.config.latent_channels
-        if latents.ndim != 3 or latents.shape[1] != channels or 0 in latents.shape:
-            raise ValueError(f"`latents` must be (batch, {channels}, frames), got {tuple(latents.shape)}.")
-        if tuple(level.shape) != (len(latents),):
-            raise ValueError(f"`level` must be ({len(latents)},), one for each texture, got {tuple(level.shape)}.")
-        if output_type not in ("np", "pt"):
-            raise ValueError(f'`output_type` must be "np" or "pt", got {output_type!r}.')
+        check_decoding(latents, level, self.lctg.config.latent_channels, num_inference_steps, output_type, samples)
         generator = check_generator(generator, len(latents))
         self._interrupt = False
         latents = latents.to(self._execution_device)

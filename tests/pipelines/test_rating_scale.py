@@ -1,0 +1,141 @@
+"""Ratings given as z-scores, on the typical rater's scale or in percentiles: the same textures, the same refusals."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers import DALEModel, TactileTexturePipeline, bundled_checkpoint
+from tactile_diffusers.pipelines.inputs import parse_ratings
+
+STATISTICS = {
+    "ratings_mean": [4.0, 3.0, 5.0],
+    "ratings_std": [2.0, 1.5, 1.0],
+    "ratings_quantiles": [[-2.0, -1.0, 0.0, 1.5, 2.0], [-1.0, -0.5, -0.5, 0.0, 3.0], [-1.6, -0.8, 0.0, 0.8, 1.6]],
+}
+Z = [1.5, -0.5, 0.8]
+SAME = {"raw": [7.0, 2.25, 5.8], "percentile": [75.0, 50.0, 75.0]}
+
+
+@pytest.fixture
+def pipe(make_pipeline):
+    return make_pipeline(dale_config=STATISTICS)
+
+
+@pytest.fixture
+def run(pipe, seeded):
+    return lambda ratings, **options: pipe(ratings, num_inference_steps=2, generator=seeded(0), **options)
+
+
+@pytest.mark.parametrize("scale", ["raw", "percentile"])
+def test_scales_are_ways_to_say_the_same(run, scale):
+    expected = run(Z)
+    assert np.array_equal(run(Z, rating_scale="z").textures, expected.textures)
+    made = run(SAME[scale], rating_scale=scale)
+    # z-scores agree to float32 rounding; two steps of the networks enlarge it little
+    np.testing.assert_allclose(made.textures, expected.textures, atol=1e-4 * np.abs(expected.textures).max())
+    assert not np.allclose(run([0.0, 0.0, 0.0]).textures, expected.textures, rtol=0.1)
+
+
+def test_numbers_of_each_scale(pipe):
+    def z(values, scale):
+        return parse_ratings(values, pipe.dale.config, scale).tolist()
+
+    assert z([[0, 0, 0], [8, 8, 8]], "raw") == [[-2.0, -2.0, -5.0], [2.0, pytest.approx(10 / 3), 3.0]]
+    assert z([[0, 0, 0], [100, 100, 100]], "percentile") == [pytest.approx([-2, -1, -1.6]), pytest.approx([2, 3, 1.6])]
+    assert z([[10, 87.5, 50]], "percentile") == [pytest.approx([-1.6, 1.5, 0.0], abs=1e-6)]
+
+
+@pytest.mark.parametrize("scale", ["z", "raw", "percentile"])
+def test_axes_may_be_left_out_on_every_scale(pipe, scale):
+    full = parse_ratings(SAME.get(scale, Z), pipe.dale.config, scale)
+    first, *_ = SAME.get(scale, Z)
+    for form in (
+        [first, None, None],
+        [[first, float("nan"), None]],
+        {"roughness": first},
+        [{"roughness": first, "bumpiness": None}],
+        np.array([first, np.nan, np.nan]),
+        torch.tensor([first, torch.nan, torch.nan]),
+    ):
+        partial = parse_ratings(form, pipe.dale.config, scale)
+        assert partial[0, 0] == full[0, 0] and torch.isnan(partial[0, 1:]).all()
+    assert torch.isnan(parse_ratings(None, pipe.dale.config, scale)).all()
+
+
+@pytest.mark.parametrize(
+    ("scale", "ratings", "message"),
+    [
+        ("z", [0, 6.5, 0], "z-scores between -6 and 6 .* got bumpiness = 6.5 in row 0"),
+        ("raw", [[4, 4, 4], [4, 4, 8.01]], "answers between 0 and 8 .* got slipperiness = 8.01 in row 1"),
+        ("raw", {"roughness": -0.5}, "between 0 and 8 .* got roughness = -0.5 in row 0"),
+        ("raw", [float("inf"), 4, 4], "got roughness = inf in row 0"),
+        ("percentile", [50, 100.5, 50], "percentiles between 0 and 100 .* got bumpiness = 100.5 in row 0"),
+        ("percentile", [-1, 50, 50], "got roughness = -1.0 in row 0"),
+        ("percentile", [50, "high", 50], "`ratings` must be numbers"),
+        ("percent", [50, 50, 50], r"`rating_scale` must be one of \['z', 'raw', 'percentile'\], got 'percent'"),
+        (None, Z, "`rating_scale` must be one of .* got None"),
+        (["z"], Z, "`rating_scale` must be one of"),
+    ],
+)
+def test_what_is_not_on_the_scale_is_refused_before_any_work(run, pipe, calls_of, scale, ratings, message):
+    calls = calls_of(pipe.dale)
+    with pytest.raises(ValueError, match=message):
+        run(ratings, rating_scale=scale)
+    assert not calls
+
+
+@pytest.mark.parametrize(
+    ("scale", "missing"), [("raw", ["ratings_mean"]), ("raw", ["ratings_std"]), ("percentile", ["ratings_quantiles"])]
+)
+def test_a_checkpoint_without_the_statistics_says_so(make_pipeline, scale, missing):
+    pipe = make_pipeline(dale_config={name: v for name, v in STATISTICS.items() if name not in missing})
+    with pytest.raises(ValueError, match=rf"`rating_scale=\"{scale}\"` needs \['{missing[0]}'\] .*train_dale.py"):
+        pipe(SAME[scale], rating_scale=scale)
+    # statistics of unrated data were once stored as NaN: they must not pass for "not specified"
+    pipe = make_pipeline(dale_config=STATISTICS | {"ratings_mean": [float("nan")] * 3, "ratings_quantiles": None})
+    with pytest.raises(ValueError, match="which this checkpoint lacks"):
+        pipe(SAME[scale], rating_scale=scale)
+
+
+def test_old_checkpoints_still_take_z_scores_and_raw_answers(tiny_checkpoint, seeded):
+    pipe = TactileTexturePipeline.from_pretrained(str(tiny_checkpoint))
+    pipe.set_progress_bar_config(disable=True)
+    assert pipe.dale.config.ratings_quantiles is None
+    raw = np.add(pipe.dale.config.ratings_mean, pipe.dale.config.ratings_std)
+    made, expected = (
+        pipe(ratings, 2, generator=seeded(0), rating_scale=scale)
+        for ratings, scale in ((raw, "raw"), ([1.0, 1.0, 1.0], "z"))
+    )
+    np.testing.assert_allclose(made.textures, expected.textures, atol=1e-4 * np.abs(expected.textures).max())
+
+
+def test_the_bundled_checkpoint_knows_all_scales():
+    config = DALEModel.load_config(bundled_checkpoint(), subfolder="dale")
+    table = np.array(config["ratings_quantiles"])
+    assert table.shape == (3, 21) and (np.diff(table) >= 0).all()
+    np.testing.assert_array_equal(table[:, [0, -1]], config["ratings_range"])
+
+
+def test_the_table_is_saved_and_loaded(pipe, tmp_path):
+    pipe.dale.save_config(tmp_path)
+    assert json.loads((tmp_path / "config.json").read_text())["ratings_quantiles"] == STATISTICS["ratings_quantiles"]
+    assert DALEModel.load_config(tmp_path)["ratings_quantiles"] == STATISTICS["ratings_quantiles"]
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        [[0.0, 1.0]] * 2,
+        [[0.0, 1.0], [0.0, 1.0], [1.0, 0.0]],
+        [[0.0, 1.0], [0.0, 1.0], [0.0, float("nan")]],
+        [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0, 2.0]],
+        [[0.0]] * 3,
+        [],
+    ],
+    ids=str,
+)
+def test_a_table_that_is_none_is_refused_when_the_model_is_made(make_dale, table):
+    with pytest.raises(ValueError, match="`ratings_quantiles` must hold one row of ascending numbers"):
+        make_dale(ratings_quantiles=table)
