@@ -112,10 +112,10 @@ def encode_dataset(pipe, dataset, quiet, batch_size=64):
 
 
 def statistics(values):
-    """Mean and standard deviation as floats; (0, 1) where nothing is known."""
+    """Mean and standard deviation as floats; (`None`, `None`) where nothing is known."""
     values = np.asarray(values, dtype=np.float64)
     values = values[np.isfinite(values)]
-    return (float(values.mean()), float(max(values.std(), 1e-3))) if len(values) else (0.0, 1.0)
+    return (float(values.mean()), float(max(values.std(), 1e-3))) if len(values) else (None, None)
 
 
 def rating_statistics(dataset):
@@ -184,7 +184,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
     """Velocity error on unseen surfaces with and without their ratings, and one axis swept (picture)."""
     count = min(args.validation_samples * 4, len(held_out["state"]))
     rows = torch.randperm(len(held_out["state"]), generator=torch.Generator().manual_seed(0))[:count]
-    clean, ratings = held_out["state"][rows], held_out["ratings"][rows]
+    clean, ratings, known = (held_out[name][rows] for name in ("state", "ratings", "known_scalars"))
     noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(1))
     scheduler = VDDIMScheduler.from_config(dale_scheduler.config)
     timesteps = torch.linspace(0, scheduler.config.num_train_timesteps - 1, count)
@@ -198,7 +198,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
             velocity = torch.cat([model(*(p.to(device) for p in part), return_dict=False)[0].cpu() for part in parts])
             losses[f"velocity_{name}"] = velocity_loss(velocity[:, :-NUM_SCALARS], target[:, :-NUM_SCALARS]).mean()
             difference = (velocity - target)[:, -NUM_SCALARS:].sum(-1) / clean.shape[-1] ** 0.5
-            losses[f"scalars_{name}"] = difference.square().mean()
+            losses[f"scalars_{name}"] = (difference * known).square().mean()
         whole = TactileTexturePipeline(
             lctg=pipe.lctg,
             feature_extractor=pipe.feature_extractor,
@@ -229,6 +229,9 @@ def main(argv=None):
     held_out_states = make_states(dale, held_out, encode_dataset(pipe, held_out, args.quiet))
     del latents
     head = None
+    if torch.isnan(states["ratings"]).all():
+        accelerator.print("No surface is rated: DALE learns how textures are distributed, and no ratings steer it.")
+        args.conditioning_weight = 0.0
     if args.conditioning_weight:
         head, scores = train_rating_head(
             states["state"],

@@ -5,10 +5,11 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from tactile_diffusers.data import PreparedDataset, RecordingsWriter, SegmentLimits, VirtualSurface, prepare_recordings
-from tactile_diffusers.data.virtual import FIRST_FRESH, VELOCITY_RATE, fresh_ratings, fresh_textures
-from tactile_diffusers.data.virtual.profile import surface_profile, unit_slope
+from tactile_diffusers.data.virtual import FIRST_FRESH, VELOCITY_RATE, fresh_ratings, fresh_textures, rater_settings
+from tactile_diffusers.data.virtual.profile import profile_tables
 from tactile_diffusers.data.virtual.raters import draw_raters
 from tactile_diffusers.data.virtual.recipe import draw_surface
+from tactile_diffusers.data.virtual.streams import Stream, stream
 from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES
 
 SEED = 3
@@ -19,11 +20,11 @@ def test_a_rated_surface_needs_no_profile():
     surface.answers(draw_raters(SEED))
     assert "_tables" not in vars(surface)
     # made later it is the same: the profile goes on in the stream that the parameters were drawn from
-    rng = np.random.default_rng(np.random.SeedSequence(SEED, spawn_key=(0, FIRST_FRESH)))
-    assert draw_surface(rng) == surface.parameters
-    profile = surface_profile(surface.parameters, rng)
+    rng = stream(SEED, Stream.SURFACE, FIRST_FRESH)
+    assert draw_surface(rng, stream(SEED, Stream.COMPLIANCE, FIRST_FRESH)) == surface.parameters
+    tables = profile_tables(surface.parameters, rng)
     surface.explore(0, 2.0)
-    np.testing.assert_array_equal(surface._tables, np.stack([profile, unit_slope(profile)], axis=-1))
+    np.testing.assert_array_equal(surface._tables, tables)
 
 
 def test_ratings_are_those_of_the_surfaces():
@@ -46,6 +47,32 @@ def test_ratings_in_the_units_of_a_data_set(virtual_prepared):
     np.testing.assert_allclose(fresh_ratings(5, SEED, training=training), expected, atol=1e-5)  # float32 moments
 
 
+def test_ratings_of_a_file_with_other_raters():
+    attributes = {"agreement": 3.0, "raters": 15, "rater_moisture": 0.25, "axis_correlation": 0.5, "band": 1}
+    settings = rater_settings(attributes)
+    assert settings == {
+        name: attributes[name] for name in ("raters", "agreement", "rater_moisture", "axis_correlation")
+    }
+    assert rater_settings({"agreement": 2.0})["raters"] == 12  # a file without the others
+    surfaces = [VirtualSurface(SEED, FIRST_FRESH + number) for number in range(20)]
+    asked = [2, 7, 14]  # the others are held out
+    answers = np.stack([s.answers(draw_raters(SEED, 15), 3.0, 0.25, 0.5)[asked] for s in surfaces], axis=1)
+    answers = answers.astype(np.float64)
+    z = (answers - answers.mean(1, keepdims=True)) / answers.std(1, keepdims=True)
+    fresh = fresh_ratings(20, SEED, **{**settings, "raters": asked})
+    np.testing.assert_allclose(fresh, z.mean(0), atol=1e-6)  # float32
+    assert not np.array_equal(fresh, fresh_ratings(20, SEED, **settings))
+
+
+def test_textures_of_chosen_explorers():
+    limits = SegmentLimits(seconds=0.5)
+    both, second = (fresh_textures(FIRST_FRESH, SEED, who, 12.0, limits, per_surface=100)[0] for who in (2, [1]))
+    first = fresh_textures(FIRST_FRESH, SEED, 1, 12.0, limits, per_surface=100)[0]
+    assert 0 < len(first) < len(both) and 0 < len(second) < len(both)
+    with pytest.raises(ValueError, match="`explorers`"):
+        fresh_textures(FIRST_FRESH, SEED, [], 12.0, limits)
+
+
 def test_many_fresh_surfaces_are_the_population():
     ratings = fresh_ratings(400, SEED)
     np.testing.assert_allclose(ratings.mean(0), 0, atol=1e-6)  # raters' z-scores over the candidates themselves
@@ -53,7 +80,8 @@ def test_many_fresh_surfaces_are_the_population():
     np.testing.assert_allclose(ratings.std(0), [0.81, 0.70, 0.67], atol=0.1)
 
 
-def test_textures_are_those_of_a_prepared_file(tmp_path):
+@pytest.mark.parametrize("turnarounds", ["keep", "mask"])
+def test_textures_are_those_of_a_prepared_file(tmp_path, turnarounds):
     """Every texture is a window of the file that recordings of the same surface make, with the same numbers."""
     limits = SegmentLimits(normal_force=(0.3, 0.8), speed=(60.0, 110.0), seconds=0.8)
     surfaces = [VirtualSurface(SEED, FIRST_FRESH + number) for number in range(3)]
@@ -65,7 +93,7 @@ def test_textures_are_those_of_a_prepared_file(tmp_path):
                 writer.add_recording(surface.name, f"e{number}", "0", force=force, velocity=velocity, **rates)
         answers = np.stack([surface.answers(draw_raters(SEED)) for surface in surfaces], axis=1)
         writer.set_ratings(answers, [str(r) for r in range(len(answers))], [s.name for s in surfaces], RATING_AXES)
-    filters = {"band": (30.0, 900.0), "order": 3, "passes": 1}
+    filters = {"band": (30.0, 900.0), "order": 3, "passes": 1, "turnarounds": turnarounds}
     prepare_recordings(tmp_path / "r.h5", tmp_path / "p.h5", limits=limits, validation=0, test=0, quiet=True, **filters)
     data = PreparedDataset(tmp_path / "p.h5", "all")
     for number, surface in enumerate(surfaces):

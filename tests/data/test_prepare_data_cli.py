@@ -6,14 +6,18 @@ from tactile_diffusers.cli.prepare_data import main
 from tactile_diffusers.data import PreparedDataset, RecordingsFile
 
 
+def run(words, **paths):
+    return main(words.format(**paths).split())
+
+
 def test_virtual_then_again_from_its_recordings(tmp_path, capsys):
     recordings, prepared, again = (tmp_path / name for name in ("r.h5", "p.h5", "again.h5"))
-    main(
-        f"--surfaces 4 --seconds 10 --explorers 1 --seed 2 --output {recordings} --prepared {prepared} --quiet".split()
+    run(
+        "--surfaces 4 --seconds 10 --explorers 1 --seed 2 --output {r} --prepared {p} --quiet", r=recordings, p=prepared
     )
     output = capsys.readouterr()
     assert "filtered segments: train" in output.out and not output.err
-    main(f"--source recordings --recordings {recordings} --prepared {again} --quiet".split())
+    run("--source recordings --recordings {r} --prepared {p} --quiet", r=recordings, p=again)
     a, b = (PreparedDataset(path, "all", "full") for path in (prepared, again))
     assert len(a) == len(b) and (a.levels == b.levels).all()
     with RecordingsFile(recordings) as file:
@@ -23,11 +27,49 @@ def test_virtual_then_again_from_its_recordings(tmp_path, capsys):
 def test_flags_reach_the_preparation(tmp_path, virtual_recordings):
     prepared = tmp_path / "p.h5"
     flags = "--no-limits --band 30 500 --segment-seconds 1 --overlap 0 --validation 2 --test 1 --split-seed 4 --quiet"
-    main(f"--source recordings --recordings {virtual_recordings} --prepared {prepared} {flags}".split())
+    flags += " --turnarounds keep"
+    run(f"--source recordings --recordings {{r}} --prepared {{p}} {flags}", r=virtual_recordings, p=prepared)
     data = PreparedDataset(prepared, "all")
     assert data.band == (30, 500) and data.segment_samples == 10_000
+    assert data.attributes["turnarounds"] == "keep"
     assert len(data) == len(PreparedDataset(prepared, "all", "full"))
     assert len(set(PreparedDataset(prepared, "validation").surface_ids)) == 2
+
+
+def test_flags_reach_the_virtual_collection(tmp_path):
+    recordings, prepared = tmp_path / "r.h5", tmp_path / "p.h5"
+    flags = "--surfaces 6 --seconds 8 --explorers 3 --raters 5 --rater-moisture 0.25 --axis-correlation 0.5"
+    flags += " --duration-spread 0.2 --no-limits --hold-out-explorers explorer-2 --hold-out-raters rater-3 rater-4"
+    flags += " --hold-out-surfaces 0005-*"
+    run(f"{flags} --validation 1 --test 1 --output {{r}} --prepared {{p}} --quiet", r=recordings, p=prepared)
+    with RecordingsFile(recordings) as file:
+        assert len(file) == 18 and file.ratings.values.shape == (5, 6, 3)
+        assert file.attributes["rater_moisture"] == 0.25 and file.attributes["axis_correlation"] == 0.5
+        assert len(set(file.lengths)) == 6  # each surface is explored for a time of its own
+    hard, train = PreparedDataset(prepared, "hard"), PreparedDataset(prepared, "train")
+    assert {hard.recordings[i].split("/")[1] for i in hard.recording_ids} == {"explorer-2"}
+    assert {train.recordings[i].split("/")[1] for i in train.recording_ids} == {"explorer-0", "explorer-1"}
+    assert set(hard.surface_ids) == {5} and 5 not in set(train.surface_ids)
+
+
+def test_out_into_a_folder_and_back(tmp_path, virtual_recordings, capsys):
+    folder, back = tmp_path / "folder", tmp_path / "back.h5"
+    run("--export-folder {f} --export-kind npy --recordings {r} --quiet", f=folder, r=virtual_recordings)
+    run("--source folder --root {f} --layout {f}/layout.toml --output {b} --quiet", f=folder, b=back)
+    assert "6 recordings" in capsys.readouterr().out
+    with RecordingsFile(virtual_recordings) as a, RecordingsFile(back) as b:
+        assert sorted(a.names) == sorted(b.names)
+        assert all((a.read(name).force == b.read(name).force).all() for name in a.names)
+
+
+def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtual_recordings, capsys):
+    folder, draft = tmp_path / "folder", tmp_path / "layout.toml"
+    run("--export-folder {f} --recordings {r} --quiet", f=folder, r=virtual_recordings)
+    run("--inspect {f} --draft {d} --quiet", f=folder, d=draft)
+    assert "TODO" in capsys.readouterr().out and "[[files]]" in draft.read_text()
+    with pytest.raises(SystemExit):
+        run("--inspect {f} --draft {d} --quiet", f=folder, d=draft)
+    assert "exists" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -36,10 +78,18 @@ def test_flags_reach_the_preparation(tmp_path, virtual_recordings):
         ("", "--source virtual needs --output"),
         ("--output {tmp}/nowhere/r.h5", "nowhere of r.h5 does not exist"),
         ("--output {tmp}/r.h5 --prepared {tmp}/r.h5", "must differ"),
-        ("--output {tmp}/r.h5 --root x.h5", "--root belongs to --source biotac"),
+        ("--output {tmp}/r.h5 --root x.h5", "--root belongs to --source"),
         ("--source recordings --prepared {tmp}/p.h5", "needs --recordings"),
         ("--source recordings --recordings {tmp}/no.h5 --prepared {tmp}/p.h5", "there is no file"),
+        ("--source recordings --recordings " + __file__, "needs --prepared"),
         ("--source biotac --root {tmp}/no.h5 --output {tmp}/r.h5", "there is no file"),
+        ("--source sens3 --root {tmp} --output {tmp}/r.h5", "Write one with --inspect"),
+        ("--source folder --root {tmp}/no --layout " + __file__ + " --output {tmp}/r.h5", "there is no folder"),
+        ("--source recordings --workers 2 --recordings x", "--workers belongs to --source virtual"),
+        ("--draft {tmp}/l.toml --output {tmp}/r.h5", "--draft belongs to --inspect"),
+        ("--export-kind csv --output {tmp}/r.h5", "--export-kind belongs to --export-folder"),
+        ("--export-folder {tmp}/f", "needs --recordings"),
+        ("--inspect {tmp}/no", "no"),
         ("--output {tmp}/r.h5 --surfaces 0", "`surfaces`"),
         ("--output {tmp}/r.h5 --seconds 1", "`seconds`"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --band 500 20", "--band must satisfy"),
@@ -50,7 +100,7 @@ def test_flags_reach_the_preparation(tmp_path, virtual_recordings):
 )
 def test_refusals_come_before_any_work(tmp_path, capsys, flags, message):
     with pytest.raises(SystemExit) as exit_info:
-        main(flags.format(tmp=tmp_path).split())
+        run(flags, tmp=tmp_path)
     assert exit_info.value.code == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
@@ -60,4 +110,4 @@ def test_help_names_every_source(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     output = capsys.readouterr().out
-    assert all(source in output for source in ("--source virtual", "--source recordings", "--source biotac"))
+    assert all(f"--source {source}" in output for source in ("virtual", "sens3", "folder", "recordings", "biotac"))

@@ -1,5 +1,8 @@
 """The store of recordings: what goes in comes out, what is wrong is named."""
 
+import subprocess
+import sys
+
 import h5py
 import numpy as np
 import pytest
@@ -123,6 +126,33 @@ def test_truncated_file(tmp_path, recording_maker, recordings_writer):
         RecordingsFile(path)
     with pytest.raises(FileNotFoundError, match="absent.h5"):
         RecordingsFile(tmp_path / "absent.h5")
+
+
+def test_locked_file(tmp_path, recording_maker, recordings_writer):
+    path = recordings_writer(tmp_path / "r.h5", {"a": recording_maker()})
+    code = "import h5py, sys; f = h5py.File(sys.argv[1], 'r+'); print('open', flush=True); sys.stdin.read()"
+    writer = subprocess.Popen([sys.executable, "-c", code, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        assert writer.stdout.readline() == b"open\n"
+        with pytest.raises(ValueError, match="r.h5 is locked: another process has it open for writing"):
+            RecordingsFile(path)
+    finally:
+        writer.communicate()
+    RecordingsFile(path).close()
+
+
+def test_swapped_axes_and_suspicious_forces(tmp_path, recording_maker, recordings_writer):
+    swapped, glitch = recording_maker(), recording_maker()
+    swapped["force"] = swapped["force"][:, [2, 1, 0]]
+    swapped["force"][:15_000, 2] *= -1  # friction turns with the finger, the normal force does not
+    glitch["force"][1234, 1] = 1e4
+    path = recordings_writer(tmp_path / "r.h5", {"a": swapped, "b": glitch})
+    with RecordingsFile(path) as file:
+        with pytest.raises(
+            ValueError, match="/recordings/a/explorer/0/force: z changes sign .* x looks like the normal"
+        ):
+            file.read("a/explorer/0")
+        assert file.read("b/explorer/0").notes == ("samples above 100 N excluded (1, first at sample 1234)",)
 
 
 def test_millinewtons_are_suspected(tmp_path, recording_maker, recordings_writer):

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from tactile_diffusers.data.virtual import steady_exploration
-from tactile_diffusers.data.virtual.generate import VirtualSurface
+from tactile_diffusers.data.virtual import VirtualSurface, steady_exploration
 from tactile_diffusers.evaluation import goodness_of_fit, out_of_band_ratio_db, signed_band_error_db, snr_db
 from tactile_diffusers.evaluation.baselines import BaselineRequest, TrainingTextures, default_baselines
 from tactile_diffusers.evaluation.judge import Judge, response_matrix
@@ -81,7 +80,7 @@ def test_noise_above_1_khz_is_seen(world, frozen):
     noise *= (10 ** (-30 / 20) * rms(held_out.textures) / rms(noise))[:, None]
     noisy = held_out.textures + noise
     clean, heard = (out_of_band_ratio_db(t, DEVICE_RATE).mean() for t in (held_out.textures, noisy))
-    assert clean < -38 and heard == pytest.approx(-30, abs=1.0)  # the clean textures' own remainder adds up to 0.6 dB
+    assert clean < -38 and heard == pytest.approx(-30, abs=1.2)  # the clean textures' own remainder adds up to 1 dB
     assert _ktd(frozen, noisy, held_out.surface_ids)["mean"] > 200
     assert nine_band_error_db(noisy, held_out.textures, DEVICE_RATE).mean() < 0.1  # the nine bands cannot see it
 

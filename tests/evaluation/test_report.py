@@ -12,7 +12,7 @@ import torch
 from tactile_diffusers.cli import evaluate
 from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
-from tactile_diffusers.data.prepare import SPLITS
+from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.evaluation import TactileEmbedding
 from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.report import leaves, run_sections

@@ -141,6 +141,13 @@ def test_unknown_friction_is_packed_as_the_training_mean(dale):
     assert dale.unpack(state)[2].item() == pytest.approx(torch.tensor(dale.config.log_friction_mean).exp().item())
 
 
+def test_friction_that_training_never_knew_stays_unknown(make_dale):
+    model = make_dale(log_friction_mean=None, log_friction_std=None)
+    state = model.pack(torch.zeros(1, 4, 8), torch.tensor([-5.0]), torch.tensor([0.5]))
+    latents, level, friction = model.unpack(state)
+    assert state.isfinite().all() and friction.isnan().all() and level.isfinite().all()
+
+
 def test_scalar_channels_are_read_by_their_sum_only(dale):
     sample = _normal(2, 6, 32)
     ratings = torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])

@@ -23,17 +23,18 @@ pipe([[1.5, 0.0, -1.0]], generator=torch.Generator("cpu").manual_seed(0))
 
 def parse_arguments(argv=None):
     """Arguments of the command."""
-    parser = argparse.ArgumentParser(prog="benchmark.py", description="Measure speed and memory of generating.")
+    parser = argparse.ArgumentParser(prog="benchmark.py", description="Measure speed, memory and accuracy.")
     parser.add_argument("--checkpoint", metavar="FOLDER", help="default: the bundled checkpoint")
-    parser.add_argument("--suite", choices=["speed", "scheduler"], default="speed", help="default %(default)s")
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="benchmark.json, benchmark.md")
+    parser.add_argument("--suite", choices=["speed", "scheduler", "data"], default="speed", help="default %(default)s")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="JSON and Markdown")
     parser.add_argument("--threads", type=int, help="of torch; default: its own choice")
     parser.add_argument("--repeats", type=int, default=5, help="the median counts")
-    compared = parser.add_argument_group("suite scheduler")
+    compared = parser.add_argument_group("suites scheduler and data")
     compared.add_argument(
-        "--data", type=Path, metavar="PREPARED.h5", help="also compare on trained models: takes longer"
+        "--data", type=Path, metavar="PREPARED.h5", help="scheduler: also compare on trained models; data: load this"
     )
-    compared.add_argument("--segments", type=int, default=60, help="held-out segments, one a surface")
+    compared.add_argument("--recordings", type=Path, metavar="R.h5", help="data: prepare these; default: virtual ones")
+    compared.add_argument("--segments", type=int, default=60, help="scheduler: held-out segments, one a surface")
     compared.add_argument("--seed", type=int, default=0)
     compared.add_argument("--quiet", action="store_true", help="no progress bars")
     readme.add_arguments(parser, None)
@@ -44,6 +45,8 @@ def parse_arguments(argv=None):
         parser.error("arguments --segments and --seed must be at least 3 and 0")
     if arguments.data is not None and not arguments.data.is_file():
         parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
+    if arguments.recordings is not None and not arguments.recordings.is_file():
+        parser.error(f"argument --recordings: {arguments.recordings} is not a file")
     arguments.readme_name = arguments.readme_name or arguments.suite
     readme.check_arguments(parser, arguments)
     return arguments
@@ -120,6 +123,10 @@ def main(argv=None):
     pipe.set_progress_bar_config(disable=True)
     if arguments.suite == "scheduler":
         from .benchmark_scheduler import run
+
+        text = run(arguments, pipe)
+    elif arguments.suite == "data":
+        from .benchmark_data import run
 
         text = run(arguments, pipe)
     else:

@@ -6,7 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from ..data.prepare import SPLITS
+from ..data.splits import SPLITS
 from . import readme
 
 _SECTIONS = ("reconstruction", "generation", "control", "paper", "speed", "long_textures")

@@ -29,7 +29,7 @@ float32.
 ## What it was trained on
 
 {source}: {surfaces}. Virtual surfaces are simulated: they show what the method
-can do, not how real surfaces feel. Normal force {normal_force}, speed about {speed:.0f} mm/s; textures are
+can do, not how real surfaces feel. Normal force {normal_force}, {speed}; textures are
 band-passed to {low:g}-{high:g} Hz. Prepared by examples/prepare_data.py.
 
 ## How it was trained
@@ -171,7 +171,7 @@ def main(argv=None):
         source=data.source,
         surfaces=f"{len(set(data.surface_ids))} training surfaces, {len(data)} segments of {seconds:.2f} s",
         normal_force=_normal_force(data),
-        speed=config.reference_speed,
+        speed="speed unknown" if config.reference_speed is None else f"speed about {config.reference_speed:.0f} mm/s",
         low=extractor.band[0],
         high=extractor.band[1],
         runs="\n".join([*runs, f"{arguments.note}\n" if arguments.note else ""]),

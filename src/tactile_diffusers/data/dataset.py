@@ -1,25 +1,26 @@
 """`PreparedDataset`: textures, levels, friction coefficients and ratings by index."""
 
 import json
-import os
 
 import numpy as np
 import torch
 
 from ..signal import resample
 from .files import as_strings, open_whole
-from .prepare import PREPARED_FORMAT, PREPARED_VERSION, SPLITS, SUBSETS
+from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, read_account, read_ratings, samples_at
+from .splits import SPLITS, Splits
 
 
 class PreparedDataset(torch.utils.data.Dataset):
     """A view of a prepared data set: one split, one subset, one sampling rate.
 
-    At the native rate textures are read from the file by index. At another rate the whole recordings of this view are
-    resampled once, before cropping, and kept in memory as float32.
+    At the native rate and at 2.5 kHz textures are read from the file by index. At another rate the whole recordings of
+    this view are resampled once, before cropping, and kept in memory as float32.
 
     Args:
         path (`str` or `Path`): a file from `prepare_recordings`.
-        split (`str`): "train", "validation", "test" or "all"; splits are by surface.
+        split (`str`): "train", "validation" or "test", by surface; "all" of these; or "hard", what `HoldOut` kept
+            apart, which is no part of "all", because its ratings may be of other raters.
         subset (`str`): "filtered" (within the limits of force and speed) or "full".
         sampling_rate (`int`, *optional*): Hz; defaults to the native rate.
         max_samples (`int`, *optional*): keep at most so many segments, evenly spread over the view.
@@ -34,10 +35,18 @@ class PreparedDataset(torch.utils.data.Dataset):
             and lists ("limits" as a dict): "source", "licence", "filter_order"; a virtual one also "seed" and others.
         explorers (`int`): distinct explorers in the whole file.
         surfaces (`tuple[str, ...]`): names of all surfaces of the file; `surface_ids` index them.
+        splits (`tuple[str, ...]`): the split of each surface of the file; "hard" = held out.
+        recordings (`tuple[str, ...]`): names of all recordings of the file; `recording_ids` index them.
+        account (`dict`): where the time of every recording of the file went: "recordings" and "reasons" (names), and
+            "seconds", for each subset (recordings, reasons); the reason "used" is what segments are cut from.
         ratings_mean, ratings_scale (`np.ndarray`): (3,) typical rater's mean and scale on the 0-8 scale.
-        surface_ratings, surface_ratings_std, surface_ratings_count (`np.ndarray`): (surfaces, 3) of all surfaces.
+        surface_ratings, surface_ratings_std, surface_ratings_count (`np.ndarray`): (surfaces, 3) of all surfaces; if
+            raters are held out, by them in the split "hard" and by the others elsewhere.
+        reliability (`RatingReliability` or `None`): how far these raters agree.
         friction_coefficients, levels, speeds (`np.ndarray`): (len,) float32 of this view; NaN = unknown.
-        turnarounds, surface_ids (`np.ndarray`): (len,) int64.
+        levels_apart (`np.ndarray`): (len,) float32, levels without 60 ms around turnarounds.
+        turnarounds (`np.ndarray`): (len,) int64, how many; `turnaround_positions` tells where.
+        surface_ids, recording_ids, starts (`np.ndarray`): (len,) int64; starts in samples of this view's rate.
 
     Raises:
         FileNotFoundError: if there is no file.
@@ -52,45 +61,27 @@ class PreparedDataset(torch.utils.data.Dataset):
         if max_samples is not None and max_samples < 1:
             raise ValueError(f"`max_samples` must be at least 1 or None, got {max_samples}.")
         self.path, self.split, self.subset = str(path), split, subset
-        self._file, self._process, self._buffer = None, None, None
+        self._lateral = None
         with open_whole(path) as file:
-            self._read_index(file, max_samples)
+            self._check_file(file)
             self._set_rate(sampling_rate)
-            if self.sampling_rate != self._native_rate:
-                self._resample(file)
+            self._read_surfaces(file)
+            self._read_windows(file, max_samples)
+            self._find_textures(file)
 
-    def _read_index(self, file, max_samples):
+    def _check_file(self, file):
         attributes = file.attrs
         if attributes.get("format") != PREPARED_FORMAT or attributes.get("version") != PREPARED_VERSION:
             raise ValueError(
                 f"{self.path} is no prepared data set of version {PREPARED_VERSION} "
-                f"(format={attributes.get('format')!r}): write one with examples/prepare_data.py."
+                f"(format={attributes.get('format')!r}, version={attributes.get('version')}): write one with "
+                "examples/prepare_data.py."
             )
         self._native_rate = int(attributes["sampling_rate"])
         self._native_samples = int(attributes["segment_samples"])
         self.band = tuple(float(edge) for edge in attributes["band"])
         self.unit, self.source = str(attributes["unit"]), str(attributes["source"])
         self.attributes = _plain(attributes)
-        self.explorers = len({name.split("/")[1] for name in as_strings(file["recordings/name"])})
-        self.surfaces = as_strings(file["surfaces/name"])
-        self.surface_ratings, self.surface_ratings_std, self.surface_ratings_count = (
-            file[f"ratings/{name}"][()] for name in ("mean", "std", "count")
-        )
-        self.ratings_mean, self.ratings_scale = file["ratings/raw_mean"][()], file["ratings/raw_scale"][()]
-        self._offsets = file["recordings/offset"][()]
-        windows = {name: values[()] for name, values in file[f"windows/{self.subset}"].items()}
-        surface_ids = file["recordings/surface"][()][windows["recording"]]
-        chosen = np.arange(len(surface_ids))
-        if self.split != "all":
-            chosen = np.flatnonzero(file["surfaces/split"][()][surface_ids] == SPLITS.index(self.split))
-        if not len(chosen):
-            raise ValueError(f"{self.path} has no {self.subset} segment in the split {self.split!r}: see its report.")
-        if max_samples is not None and max_samples < len(chosen):
-            chosen = chosen[np.linspace(0, len(chosen) - 1, max_samples).round().astype(np.int64)]
-        self.surface_ids = surface_ids[chosen]
-        self._recordings, self._starts = windows["recording"][chosen], windows["start"][chosen]
-        self.friction_coefficients, self.levels = windows["friction_coefficient"][chosen], windows["level"][chosen]
-        self.speeds, self.turnarounds = windows["speed"][chosen], windows["turnarounds"][chosen]
 
     def _set_rate(self, sampling_rate):
         rate = self._native_rate if sampling_rate is None else sampling_rate
@@ -102,42 +93,77 @@ class PreparedDataset(torch.utils.data.Dataset):
         self.sampling_rate = int(rate)
         self.segment_samples = int(round(self._native_samples * rate / self._native_rate))
 
-    def _resample(self, file):
-        ratio = self.sampling_rate / self._native_rate
-        needed = np.unique(self._recordings)
-        lengths = np.ceil((self._offsets[needed + 1] - self._offsets[needed]) * ratio - 1e-9).astype(np.int64)
+    def _read_surfaces(self, file):
+        self.surfaces, self.recordings = as_strings(file["surfaces/name"]), as_strings(file["recordings/name"])
+        self.explorers = len({name.split("/")[1] for name in self.recordings})
+        self._splits = Splits(
+            file["surfaces/split"][()], *(file[f"recordings/{name}"][()] for name in ("surface", "withheld", "hard"))
+        )
+        self.splits = tuple(SPLITS[number] for number in self._splits.surfaces)
+        self.account = read_account(file)
+        group = "ratings_hard" if self.split == "hard" and "ratings_hard" in file else "ratings"
+        pooled, self.reliability = read_ratings(file[group])
+        self.surface_ratings, self.surface_ratings_std, self.surface_ratings_count = pooled[:3]
+        self.ratings_mean, self.ratings_scale = pooled[3:]
+
+    def _read_windows(self, file, max_samples):
+        windows = {name: values[()] for name, values in file[f"windows/{self.subset}"].items()}
+        chosen = np.flatnonzero(self._splits.members(self.split)[windows["recording"]])
+        if not len(chosen):
+            raise ValueError(f"{self.path} has no {self.subset} segment in the split {self.split!r}: see its report.")
+        if max_samples is not None and max_samples < len(chosen):
+            chosen = chosen[np.linspace(0, len(chosen) - 1, max_samples).round().astype(np.int64)]
+        windows = {name: values[chosen] for name, values in windows.items()}
+        self.recording_ids, self._starts = windows["recording"], windows["start"]
+        self.surface_ids = self._splits.owners[self.recording_ids]
+        self.friction_coefficients, self.speeds = windows["friction_coefficient"], windows["speed"]
+        self.levels, self.levels_apart, self.turnarounds = (
+            windows[name] for name in ("level", "level_apart", "turnarounds")
+        )
+        self.starts = np.round(self._starts * (self.sampling_rate / self._native_rate)).astype(np.int64)
+        self._turnaround_offset = file["recordings/turnaround_offset"][()]
+        self._turnaround_positions = file["turnarounds"][()]
+
+    def _find_textures(self, file):
+        """Where each texture begins, in the file or, at a rate that it does not hold, in memory."""
+        if f"offset/{self.sampling_rate}" in file:
+            stored = file[f"lateral/{self.sampling_rate}"]
+            # mapped, not read through HDF5: twenty times faster, and safe in forked processes
+            self._mapped = {"dtype": stored.dtype, "offset": stored.id.get_offset(), "shape": stored.shape}
+            self._places = file[f"offset/{self.sampling_rate}"][()][self.recording_ids] + self.starts
+            return
+        native, lateral = file[f"offset/{self._native_rate}"][()], file[f"lateral/{self._native_rate}"]
+        needed = np.unique(self.recording_ids)
+        lengths = samples_at(native[needed + 1] - native[needed], self._native_rate, self.sampling_rate)
         places = np.concatenate([[0], np.cumsum(lengths)])
-        self._buffer = np.empty(places[-1], dtype=np.float32)
+        self._mapped, self._lateral = None, np.empty(places[-1], dtype=np.float32)
         for recording, place, end in zip(needed, places[:-1], places[1:], strict=True):
-            whole = file["lateral"][self._offsets[recording] : self._offsets[recording + 1]]
-            self._buffer[place:end] = resample(whole, self._native_rate, self.sampling_rate)
-        self._places = places[np.searchsorted(needed, self._recordings)]
-        self._places += np.round(self._starts * ratio).astype(np.int64)
+            whole = lateral[native[recording] : native[recording + 1]]
+            self._lateral[place:end] = resample(whole, self._native_rate, self.sampling_rate)
+        self._places = places[np.searchsorted(needed, self.recording_ids)] + self.starts
 
     def __len__(self):
         return len(self._starts)
 
     def __getstate__(self):
-        return {**self.__dict__, "_file": None, "_process": None}
-
-    def _lateral(self):
-        """The stored lateral force, through a handle that belongs to this process (a forked one must not be shared)."""
-        if self._file is None or self._process != os.getpid():
-            self._file, self._process = open_whole(self.path), os.getpid()
-        return self._file["lateral"]
+        return {**self.__dict__, "_lateral": None} if self._mapped else self.__dict__  # a map pickles as its content
 
     def textures(self, indices):
         """Textures by index: (n, segment_samples) float32, in `unit`."""
+        if self._lateral is None:
+            self._lateral = np.memmap(self.path, mode="r", **self._mapped)
         indices = np.atleast_1d(np.asarray(indices, dtype=np.int64))
         textures = np.empty((len(indices), self.segment_samples), dtype=np.float32)
-        if self._buffer is not None:
-            for row, place in enumerate(self._places[indices]):
-                textures[row] = self._buffer[place : place + self.segment_samples]
-            return textures
-        lateral = self._lateral()
-        for row, place in enumerate(self._offsets[self._recordings[indices]] + self._starts[indices]):
-            textures[row] = lateral[place : place + self.segment_samples]
+        for row, place in enumerate(self._places[indices]):
+            textures[row] = self._lateral[place : place + self.segment_samples]
         return textures
+
+    def turnaround_positions(self, index):
+        """Middles of the turnarounds of one segment: (k,) int64, samples of this view's rate from its first one."""
+        recording, start = self.recording_ids[index], self._starts[index]
+        positions = self._turnaround_positions[slice(*self._turnaround_offset[recording : recording + 2])] - start
+        inside = positions[(positions >= 0) & (positions < self._native_samples)]
+        return (inside * self.sampling_rate) // self._native_rate
 
     def non_overlapping(self, per_surface, seed=0):
         """Indices of segments that share no sample, drawn at random over recordings (explorers), in ascending order.
@@ -152,7 +178,7 @@ class PreparedDataset(torch.utils.data.Dataset):
         chosen, taken = [], {}
         for index in np.random.default_rng(seed).permutation(len(self)):
             rows = taken.setdefault(int(self.surface_ids[index]), [])
-            place = (self._recordings[index], self._starts[index])
+            place = (self.recording_ids[index], self._starts[index])
             free = all(r != place[0] or abs(s - place[1]) >= self._native_samples for r, s in rows)
             if free and len(rows) < per_surface:
                 rows.append(place)
@@ -162,7 +188,7 @@ class PreparedDataset(torch.utils.data.Dataset):
     def overlap(self, first, second):
         """Whether two segments share samples."""
         apart = abs(int(self._starts[first]) - int(self._starts[second]))
-        return bool(self._recordings[first] == self._recordings[second] and apart < self._native_samples)
+        return bool(self.recording_ids[first] == self.recording_ids[second] and apart < self._native_samples)
 
     def __getitem__(self, index):
         """One segment.
@@ -192,4 +218,4 @@ class PreparedDataset(torch.utils.data.Dataset):
 def _plain(attributes):
     """Attributes of an HDF5 file as a dict of plain Python values."""
     plain = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in attributes.items()}
-    return {**plain, "limits": json.loads(plain["limits"])}
+    return {**plain, **{name: json.loads(plain[name]) for name in ("limits", "hold_out")}}

@@ -41,13 +41,17 @@ def open_whole(path):
 
     Raises:
         FileNotFoundError: if there is no file.
-        ValueError: if the file is truncated or not HDF5.
+        ValueError: if the file is truncated, not HDF5, or being written by another process.
     """
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"There is no file {path}.")
     try:
         return h5py.File(path, "r")
+    except BlockingIOError as error:
+        raise ValueError(f"{path} is locked: another process has it open for writing. Wait, or close it.") from error
+    except PermissionError as error:
+        raise ValueError(f"{path} may not be read ({error}). Change its permissions.") from error
     except OSError as error:
         raise ValueError(
             f"{path} is truncated or no HDF5 file ({error}). Copy it again, or write it again from its source."

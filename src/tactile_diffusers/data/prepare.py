@@ -1,24 +1,29 @@
 """From `recordings.h5` to a prepared data set: filter, cut, pool ratings, split by surface (paper section 2.1)."""
 
 import json
-from collections import Counter
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
-import h5py
 import numpy as np
 from tqdm import tqdm
 
 from ..signal import BAND_HZ
 from .files import whole_file
-from .ratings import no_ratings, pool_ratings
+from .prepared_file import (
+    PREPARED_FORMAT,
+    PREPARED_VERSION,
+    SUBSETS,
+    WINDOW_FIELDS,
+    LateralWriter,
+    write_ratings,
+    write_reasons,
+    write_recordings,
+    write_windows,
+)
+from .ratings import RatingReliability, no_ratings, pool_ratings
 from .recordings import RecordingsFile
-from .segments import SegmentLimits, channels, filtered_with_gaps, find_windows
-
-PREPARED_FORMAT = "tactile-prepared"
-PREPARED_VERSION = 1
-SPLITS = ("train", "validation", "test")
-SUBSETS = ("filtered", "full")
-WINDOW_FIELDS = ("start", "friction_coefficient", "level", "speed", "turnarounds")
+from .segments import REASONS, SegmentLimits, channels, filtered_with_gaps, find_windows
+from .splits import SPLITS, assign_splits
+from .turnarounds import DEFAULT_TURNAROUNDS, check_turnarounds
 
 
 @dataclass
@@ -28,56 +33,30 @@ class PreparationReport:
     Attributes:
         segments (`dict`): subset -> split -> number of segments.
         surfaces (`dict`): split -> number of surfaces.
-        seconds (`dict`): subset -> reason -> seconds of recording.
-        notes (`list[str]`): limits skipped, raters left out, signs turned, recordings with gaps.
+        seconds (`dict`): subset -> reason -> seconds of recording, all of `REASONS`.
+        notes (`list[str]`): limits skipped, raters left out, signs turned, recordings with gaps or suspicious forces.
+        reliability (`RatingReliability` or `None`): how far the raters of the ordinary splits agree.
     """
 
     segments: dict
     surfaces: dict
     seconds: dict
     notes: list = field(default_factory=list)
+    reliability: RatingReliability | None = None
 
     def __str__(self):
         lines = [f"surfaces: {_listed(self.surfaces)}"]
         for subset in SUBSETS:
             lines.append(f"{subset} segments: {_listed(self.segments[subset])}")
-            lines.append(f"  seconds: {_listed({k: round(v, 1) for k, v in self.seconds[subset].items()})}")
+            seconds = {reason: round(value, 1) for reason, value in self.seconds[subset].items() if value}
+            lines.append(f"  seconds: {_listed(seconds)}")
+        if self.reliability is not None:
+            lines.append(str(self.reliability))
         return "\n".join(lines + [f"note: {note}" for note in self.notes])
 
 
 def _listed(counts):
     return ", ".join(f"{name} {count}" for name, count in counts.items())
-
-
-def split_surfaces(surfaces, validation=0.1, test=0.1, seed=0):
-    """Splits surfaces, never segments, into training, validation and test.
-
-    Args:
-        surfaces (`int`): how many.
-        validation, test (`float` or `int`): a share below 1 (at least one surface if above 0), or a number of surfaces.
-        seed (`int`): of the draw.
-
-    Returns:
-        `np.ndarray`: (surfaces,) int64 index into `SPLITS`.
-
-    Raises:
-        ValueError: if an argument is out of range or no surface is left for training.
-    """
-    counts = []
-    for name, size in (("validation", validation), ("test", test)):
-        if not (0 <= size < 1 or (size >= 1 and size == int(size))):
-            raise ValueError(f"`{name}` must be a share below 1 or a whole number of surfaces, got {size}.")
-        counts.append(int(size) if size >= 1 or size == 0 else max(1, round(size * surfaces)))
-    if sum(counts) >= surfaces:
-        raise ValueError(
-            f"`validation` ({counts[0]}) and `test` ({counts[1]}) leave none of {surfaces} surfaces for "
-            "training: lower them."
-        )
-    order = np.random.default_rng(seed).permutation(surfaces)
-    split = np.zeros(surfaces, dtype=np.int64)
-    split[order[: counts[0]]] = SPLITS.index("validation")
-    split[order[counts[0] : sum(counts)]] = SPLITS.index("test")
-    return split
 
 
 def prepare_recordings(
@@ -91,18 +70,23 @@ def prepare_recordings(
     test=0.1,
     split_seed=0,
     quiet=False,
+    turnarounds=DEFAULT_TURNAROUNDS,
+    hold_out=None,
 ):
     """Prepares a data set; the file appears only when it is whole.
 
-    Two sets of windows are indexed: "filtered" meets `limits`, "full" is cut without limits of force and speed.
+    Two sets of windows are indexed: "filtered" meets `limits`, "full" is cut without limits of force and speed. One
+    recording is in memory at a time.
 
     Args:
         recordings (`str` or `Path`): `recordings.h5`.
         prepared (`str` or `Path`): the file to write.
         limits (`SegmentLimits`, *optional*): defaults to the paper's.
         band, order, passes: of `signal.band_pass`.
-        validation, test, split_seed: of `split_surfaces`.
+        validation, test, split_seed: of `split_surfaces`, among the surfaces that are not held out.
         quiet (`bool`): no progress bar.
+        turnarounds (`str`): "keep" (the paper), "exclude" or "mask"; see `treat_turnarounds`.
+        hold_out (`HoldOut`, *optional*): surfaces, explorers and raters of the split "hard".
 
     Returns:
         `PreparationReport`.
@@ -112,26 +96,30 @@ def prepare_recordings(
         ValueError: if `recordings` is invalid, an argument is out of range, or no segment meets the limits.
     """
     limits = limits or SegmentLimits()
+    check_turnarounds(turnarounds)
     with RecordingsFile(recordings) as source:
-        split = split_surfaces(len(source.surfaces), validation, test, split_seed)
         rate = _common_rate(source, band, order, passes)
-        ratings, notes = _pooled(source, split)
-        offsets = np.concatenate([[0], np.cumsum(source.lengths)])
-        index = _Index(rate, limits)
+        splits = assign_splits(source.names, source.surfaces, validation, test, split_seed, hold_out)
+        ratings, notes = _pooled(source, splits, hold_out)
+        index = _Index(rate, limits, len(source))
         with whole_file(prepared) as file:
-            lateral = file.create_dataset("lateral", (offsets[-1],), np.float32)
+            lateral = LateralWriter(file, source.lengths, rate, band)
             bar = tqdm(source, total=len(source), desc="preparing", unit="recording", disable=quiet)
             for number, recording in enumerate(bar):
-                data = channels(recording)
+                data = channels(recording, turnarounds)
                 filtered, valid = filtered_with_gaps(data.lateral, rate, band, order, passes)
-                lateral[offsets[number] : offsets[number + 1]] = filtered
-                index.add(number, recording.name, data, filtered, valid)
-            surface_index = np.array([source.surfaces.index(name.split("/")[0]) for name in source.names])
+                lateral.add(number, filtered)
+                index.add(number, recording, data, filtered, valid)
             columns = index.columns()
-            report = _report(columns, surface_index, split, index.seconds, notes + index.notes())
-            if not len(columns["filtered"]["start"]):
+            report = _report(columns, splits, index, notes, ratings["ratings"].reliability)
+            if not any(report.segments["filtered"].values()):
                 raise ValueError(f"{recordings}: no segment meets the limits {limits}. Widen or drop them.\n{report}")
-            _write(file, source, split, ratings, columns, offsets, surface_index)
+            write_recordings(file, source, splits, index.turnarounds)
+            for name, pooled in ratings.items():
+                write_ratings(file, name, pooled)
+            for subset in SUBSETS:
+                write_windows(file, subset, columns[subset], index.seconds[subset])
+            write_reasons(file)
             file.attrs.update(
                 format=PREPARED_FORMAT,
                 version=PREPARED_VERSION,
@@ -140,39 +128,46 @@ def prepare_recordings(
                 band=band,
                 filter_order=order,
                 filter_passes=passes,
+                turnarounds=turnarounds,
                 unit=source.unit,
                 limits=json.dumps(asdict(limits)),
                 split_seed=split_seed,
+                hold_out=json.dumps(asdict(hold_out) if hold_out else None),
                 report=str(report),
             )
     return report
 
 
 class _Index:
-    """Collects the windows of all recordings, for both subsets."""
+    """Collects the windows, turnarounds, account and notes of all recordings."""
 
-    def __init__(self, rate, limits):
+    def __init__(self, rate, limits, recordings):
         self.rate = rate
         self.limits = dict(zip(SUBSETS, (limits, limits.without_conditions()), strict=True))
-        self.seconds = {subset: Counter() for subset in SUBSETS}
+        self.seconds = {subset: np.zeros((recordings, len(REASONS))) for subset in SUBSETS}
+        self.turnarounds = []
         self._parts = {subset: {name: [] for name in ("recording", *WINDOW_FIELDS)} for subset in SUBSETS}
         self._names = {}
 
-    def add(self, number, name, data, filtered, valid):
+    def add(self, number, recording, data, filtered, valid):
+        self.turnarounds.append(data.turnarounds)
         for subset, limits in self.limits.items():
             windows = find_windows(data, filtered, valid, self.rate, limits)
-            self.seconds[subset].update(windows.seconds)
+            self.seconds[subset][number] = [windows.seconds[reason] for reason in REASONS]
             self._parts[subset]["recording"].append(np.full(len(windows.start), number))
             for field_name in WINDOW_FIELDS:
                 self._parts[subset][field_name].append(getattr(windows, field_name))
-            for note in _recording_notes(data, windows):
-                self._names.setdefault(note, {})[name] = True  # a set in order
+            for note in (*recording.notes, *_recording_notes(data, windows)):
+                # what differs between recordings is in brackets at the end
+                what, place = note.rsplit(" (", 1) if note.endswith(")") else (note, "")
+                self._names.setdefault(what, {}).setdefault(recording.name, place and f" ({place}")
 
     def columns(self):
         return {s: {name: np.concatenate(parts) for name, parts in c.items()} for s, c in self._parts.items()}
 
     def notes(self):
-        return [f"{note}, in {len(names)} recordings, first {next(iter(names))}" for note, names in self._names.items()]
+        firsts = {note: next(iter(names.items())) for note, names in self._names.items()}
+        return [f"{note}, in {len(self._names[note])} recordings, first {''.join(at)}" for note, at in firsts.items()]
 
 
 def _common_rate(source, band, order, passes):
@@ -187,44 +182,45 @@ def _common_rate(source, band, order, passes):
     return rate
 
 
-def _pooled(source, split):
-    if source.ratings is None:
-        return no_ratings(len(split)), ["the source has no ratings: they are NaN"]
-    ratings = pool_ratings(source.ratings, source.surfaces, split == SPLITS.index("train"))
-    return ratings, [f"rater left out: {item}" for item in ratings.left_out]
+def _pooled(source, splits, hold_out):
+    """{group of the file: `SurfaceRatings`}, and notes; held-out raters are pooled apart, for the hard split."""
+    scores, training = source.ratings, splits.surfaces == SPLITS.index("train")
+    if scores is None:
+        if hold_out is not None and hold_out.raters:
+            raise ValueError(f"`hold_out.raters`: {source.path} has no ratings. Leave them out.")
+        return {"ratings": no_ratings(len(source.surfaces))}, ["the source has no ratings: they are NaN"]
+    unseen = np.zeros(len(scores.raters), dtype=bool)
+    if hold_out is not None:
+        unseen = hold_out.matches("raters", scores.raters)
+    groups = {"ratings": ~unseen} | ({"ratings_hard": unseen} if unseen.any() else {})
+    pooled = {name: pool_ratings(_of_raters(scores, who), source.surfaces, training) for name, who in groups.items()}
+    return pooled, [f"rater left out: {item}" for ratings in pooled.values() for item in ratings.left_out]
+
+
+def _of_raters(scores, chosen):
+    names = tuple(name for name, is_chosen in zip(scores.raters, chosen, strict=True) if is_chosen)
+    return replace(scores, values=scores.values[chosen], raters=names)
 
 
 def _recording_notes(data, windows):
     notes = [f"no channel for the limits of {name}: skipped" for name in windows.skipped]
     if data.normal is None:
-        notes.append("no normal force: the friction coefficient is NaN")
+        notes.append("no normal force in N: the friction coefficient is NaN")
     if data.flipped:
         notes.append("the force is the surface's on the finger: its sign was turned")
     if windows.seconds["missing (NaN)"]:
         notes.append("missing samples (NaN) excluded")
+    if windows.seconds["saturated"]:
+        notes.append(f"saturated samples excluded (the first is {int(np.argmax(data.saturated))})")
     return notes
 
 
-def _report(columns, surface_index, split, seconds, notes):
-    segments = {}
-    for subset in SUBSETS:
-        window_split = split[surface_index[columns[subset]["recording"]]]
-        segments[subset] = {name: int(np.sum(window_split == i)) for i, name in enumerate(SPLITS)}
-    surfaces = {name: int(np.sum(split == i)) for i, name in enumerate(SPLITS)}
-    return PreparationReport(segments, surfaces, {s: dict(c) for s, c in seconds.items()}, notes)
-
-
-def _write(file, source, split, ratings, columns, offsets, surface_index):
-    text = h5py.string_dtype()
-    file.attrs.update({key: value for key, value in source.attributes.items() if key not in ("format", "version")})
-    file.create_dataset("surfaces/name", data=list(source.surfaces), dtype=text)
-    file.create_dataset("surfaces/split", data=split)
-    file.create_dataset("recordings/name", data=source.names, dtype=text)
-    file.create_dataset("recordings/offset", data=offsets)
-    file.create_dataset("recordings/surface", data=surface_index)
-    for name in ("mean", "std", "count", "raw_mean", "raw_scale"):
-        file.create_dataset(f"ratings/{name}", data=getattr(ratings, name))
-    for subset, fields in columns.items():
-        for name, values in fields.items():
-            whole = name in ("recording", "start", "turnarounds")
-            file.create_dataset(f"windows/{subset}/{name}", data=values.astype(np.int64 if whole else np.float32))
+def _report(columns, splits, index, notes, reliability):
+    shown = [name for name in SPLITS if name != "hard" or splits.hard.any()]
+    segments = {
+        subset: {name: int(np.sum(splits.members(name)[columns[subset]["recording"]])) for name in shown}
+        for subset in SUBSETS
+    }
+    surfaces = {name: len(np.unique(splits.owners[splits.members(name)])) for name in shown}
+    seconds = {s: dict(zip(REASONS, map(float, total.sum(axis=0)), strict=True)) for s, total in index.seconds.items()}
+    return PreparationReport(segments, surfaces, seconds, notes + index.notes(), reliability)

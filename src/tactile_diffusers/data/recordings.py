@@ -5,6 +5,8 @@ File attributes: `format`, `version`, `source`, `licence`. Group `/recordings/<s
 ("N", "mm/s"); both start at the same instant. A source without normal force has `lateral` (n,) instead of `force` and
 may lack `velocity`; `unit` "1" means uncalibrated. The optional group `/ratings` holds `values` (raters, surfaces,
 axes) on the 0-8 scale (8 = rougher, bumpier, more slippery; NaN = missing) and the names `raters`, `surfaces`, `axes`.
+The optional group `/truth` holds what is known of the surfaces beside the recordings, for evaluation only: names
+`surfaces`, and one dataset (surfaces, ...) a fact, numbers or strings. Preparation and training never read it.
 """
 
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ import h5py
 import numpy as np
 
 from ..signal import SEGMENT_SECONDS
+from .checks import check_forces
 from .files import as_strings, open_whole, whole_file
 
 FORMAT = "tactile-recordings"
@@ -20,8 +23,6 @@ VERSION = 1
 #: Units of the contact force: newtons, or "1" for uncalibrated sensor counts.
 FORCE_UNITS = ("N", "1")
 VELOCITY_UNIT = "mm/s"
-#: No fingertip presses with more; a larger "N" is nearly always mN.
-LARGEST_FORCE_N = 100.0
 #: The scale of the ratings in SENS3 (paper section 2.1).
 RATING_SCALE = (0.0, 8.0)
 
@@ -38,6 +39,7 @@ class Recording:
         velocity (`np.ndarray` or `None`): (m, 2) float32, mm/s.
         velocity_rate (`float` or `None`): Hz.
         unit (`str`): "N", or "1" if uncalibrated.
+        notes (`tuple[str, ...]`): what is suspicious about the force, see `check_forces`.
     """
 
     surface: str
@@ -49,6 +51,7 @@ class Recording:
     velocity: np.ndarray | None
     velocity_rate: float | None
     unit: str
+    notes: tuple[str, ...] = ()
 
     @property
     def name(self):
@@ -67,6 +70,14 @@ class RaterScores:
     raters: tuple[str, ...]
     surfaces: tuple[str, ...]
     axes: tuple[str, ...]
+
+
+@dataclass
+class SurfaceTruth:
+    """What is known of surfaces beside their recordings: `fields` name -> (surfaces, ...) numbers or strings."""
+
+    surfaces: tuple[str, ...]
+    fields: dict[str, np.ndarray]
 
 
 class RecordingsWriter:
@@ -137,6 +148,15 @@ class RecordingsWriter:
             dataset = group.create_dataset(name, data=np.asarray(values, dtype=np.float32))
             dataset.attrs.update(rate=float(rate), unit=channel_unit)
 
+    def copy_recordings(self, source):
+        """Adds all recordings of a `RecordingsFile` as they are, streamed from file to file."""
+        for surface in source.surfaces:
+            source._file.copy(f"recordings/{surface}", self._file["recordings"])
+
+    def set_attributes(self, **attributes):
+        """Adds attributes to the file (numbers or strings), for example a report that is known only at the end."""
+        self._file.attrs.update(attributes)
+
     def set_ratings(self, values, raters, surfaces, axes):
         """Stores what raters answered.
 
@@ -153,6 +173,28 @@ class RecordingsWriter:
         group.create_dataset("values", data=values)
         for name, strings in (("raters", raters), ("surfaces", surfaces), ("axes", axes)):
             group.create_dataset(name, data=list(strings), dtype=h5py.string_dtype())
+
+    def set_truth(self, surfaces, fields):
+        """Stores what is known of the surfaces, for evaluation only: preparation and training never read it.
+
+        Args:
+            surfaces (`list[str]`): names as in `add_recording`.
+            fields (`dict[str, np.ndarray]`): name -> (surfaces, ...) numbers or (surfaces,) strings.
+
+        Raises:
+            ValueError: if a field's name is taken or its length is not that of `surfaces`.
+        """
+        group = self._file.create_group("truth")
+        group.create_dataset("surfaces", data=list(surfaces), dtype=h5py.string_dtype())
+        for name, values in fields.items():
+            values = np.asarray(values)
+            if not name or "/" in name or name == "surfaces":
+                raise ValueError(f"{name!r} cannot name a field of the truth: give a name without '/', not 'surfaces'.")
+            if values.shape[:1] != (len(surfaces),):
+                raise ValueError(f"`fields[{name!r}]` has shape {values.shape}, there are {len(surfaces)} surfaces.")
+            text = values.dtype.kind == "U"
+            data, dtype = (values.tolist(), h5py.string_dtype()) if text else (values, None)
+            group.create_dataset(name, data=data, dtype=dtype)
 
 
 class RecordingsFile:
@@ -264,19 +306,14 @@ class RecordingsFile:
             `Recording`.
 
         Raises:
-            ValueError: if a force in N exceeds 100 N, or every sample is NaN.
+            ValueError: if the force cannot be a finger's: see `check_forces`.
         """
         group = self._file[f"recordings/{name}"]
         surface, explorer, trial = name.split("/")
         field = "force" if "force" in group else "lateral"
         values = group[field][()].astype(np.float32, copy=False)
         unit = str(group[field].attrs["unit"])
-        if np.isnan(values).any(axis=-1 if values.ndim == 2 else None).all():
-            self._fail(group[field].name, "holds only NaN", "Leave this recording out.")
-        largest = np.nanmax(np.abs(values))
-        if unit == "N" and not largest <= LARGEST_FORCE_N:
-            problem = f"reaches {largest:.4g} N, more than {LARGEST_FORCE_N:.0f} N"
-            self._fail(group[field].name, problem, "The values are probably in mN: divide by 1000.")
+        notes = check_forces(values, f"{self.path}, {group[field].name}", unit)
         velocity = group["velocity"][()].astype(np.float32, copy=False) if "velocity" in group else None
         return Recording(
             surface,
@@ -288,7 +325,32 @@ class RecordingsFile:
             velocity=velocity,
             velocity_rate=float(group["velocity"].attrs["rate"]) if velocity is not None else None,
             unit=unit,
+            notes=tuple(notes),
         )
+
+    @property
+    def truth(self):
+        """`SurfaceTruth`, or `None` if the file has none.
+
+        Raises:
+            ValueError: if the surfaces have no recording, or a field has another length.
+        """
+        if "truth" not in self._file:
+            return None
+        group = self._file["truth"]
+        if "surfaces" not in group:
+            self._fail("/truth", "lacks 'surfaces'", "Write it with RecordingsWriter.set_truth.")
+        surfaces, fields = as_strings(group["surfaces"]), {}
+        unknown = sorted(set(surfaces) - set(self.surfaces))
+        if unknown:
+            self._fail("/truth/surfaces", f"{unknown[:3]} have no recording", "Use the names of the groups.")
+        for name in sorted(group.keys() - {"surfaces"}):
+            dataset = group[name]
+            if dataset.shape[:1] != (len(surfaces),):
+                self._fail(dataset.name, f"has shape {dataset.shape} for {len(surfaces)} surfaces", "Write it again.")
+            text = h5py.check_string_dtype(dataset.dtype) is not None
+            fields[name] = np.array(as_strings(dataset)) if text else dataset[()]
+        return SurfaceTruth(surfaces, fields)
 
     def _read_ratings(self):
         if "ratings" not in self._file:

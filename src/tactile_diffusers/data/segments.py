@@ -6,11 +6,25 @@ import numpy as np
 from scipy import signal
 
 from ..signal import SEGMENT_SECONDS, band_pass, level
+from .checks import over_range, saturated
+from .masks import bridge_gaps, interpolated, mask_of_runs, true_runs
+from .turnarounds import DEFAULT_TURNAROUNDS, DIP_SECONDS, around, find_turnarounds, treat_turnarounds
 
 #: Cutoff (Hz) of the zero-phase low-pass on velocity before its direction is taken.
 DIRECTION_BANDWIDTH = 25.0
 #: Below this speed (mm/s) the last sliding direction is held.
 SLOWEST_DIRECTION = 10.0
+#: Where a recording's time goes: each sample counts under the first that applies.
+REASONS = (
+    "saturated",
+    "missing (NaN)",
+    "turnaround",
+    "filter margin",
+    "normal_force outside limits",
+    "speed outside limits",
+    "run shorter than a segment",
+    "used",
+)
 
 
 @dataclass(frozen=True)
@@ -57,22 +71,6 @@ class SegmentLimits:
     def without_conditions(self):
         """The same windows, any force and speed."""
         return SegmentLimits(None, None, self.longest_excursion, self.seconds, self.overlap)
-
-
-def true_runs(mask):
-    """Start and stop (exclusive) of every run of True: (runs, 2) int64."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return edges.reshape(-1, 2)
-
-
-def bridge_gaps(mask, longest):
-    """Sets gaps of at most `longest` samples between two runs of True to True; gaps at the ends stay."""
-    mask = np.array(mask, dtype=bool)
-    runs = true_runs(mask)
-    for stop, start in zip(runs[:-1, 1], runs[1:, 0], strict=True):
-        if start - stop <= longest:
-            mask[stop:start] = True
-    return mask
 
 
 def select_windows(usable, window, step):
@@ -125,22 +123,17 @@ def sliding_direction(velocity, rate):
     return np.unwrap(np.arctan2(held[:, 1], held[:, 0]))
 
 
-def turnaround_mask(angle, rate):
-    """True where the sliding direction turns by more than a right angle within 0.1 s: (m,) bool."""
-    half = max(1, int(round(0.05 * rate)))
-    padded = np.pad(angle, half, mode="edge")
-    return np.abs(padded[2 * half :] - padded[: -2 * half]) > np.pi / 2
-
-
 @dataclass
 class Channels:
     """A recording's channels at the rate of its force.
 
     Attributes:
-        lateral (`np.ndarray`): (n,) N, positive = friction opposes sliding; NaN = missing.
+        lateral (`np.ndarray`): (n,) N, positive = friction opposes sliding; NaN = missing or saturated.
         normal (`np.ndarray` or `None`): (n,) N.
         speed (`np.ndarray` or `None`): (n,) mm/s.
-        turnarounds (`np.ndarray`): (n,) bool, True at the first sample of each turnaround.
+        turnarounds (`np.ndarray`): (turnarounds,) int64, the sample in the middle of each.
+        saturated (`np.ndarray`): (n,) bool, samples taken out because a sensor was at or beyond the end of its range.
+        excluded (`np.ndarray`): (n,) bool, samples that no segment may hold because of a turnaround.
         flipped (`bool`): whether the recorded force was the surface's on the finger.
     """
 
@@ -148,10 +141,12 @@ class Channels:
     normal: np.ndarray | None
     speed: np.ndarray | None
     turnarounds: np.ndarray
+    saturated: np.ndarray
+    excluded: np.ndarray
     flipped: bool = False
 
 
-def channels(recording):
+def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
     """Lateral force, normal force and speed of a recording.
 
     Lateral force is the contact force projected on the sliding direction (paper section 2.1). Friction dissipates:
@@ -159,33 +154,54 @@ def channels(recording):
 
     Args:
         recording (`Recording`): one exploration.
+        turnarounds (`str`): "keep", "exclude" or "mask"; see `treat_turnarounds`.
 
     Returns:
         `Channels`.
 
     Raises:
-        ValueError: if the recording has 3-D force but no velocity.
+        ValueError: if the recording has 3-D force but no velocity, or no usable sample, or `turnarounds` is unknown.
     """
     samples, rate = recording.samples, recording.rate
-    speed, turnarounds = None, np.zeros(samples, dtype=bool)
+    speed, angle, positions = None, None, np.empty(0, dtype=np.int64)
     if recording.velocity is not None:
         velocity, velocity_rate = recording.velocity, recording.velocity_rate
         speed = at_rate(np.hypot(velocity[:, 0], velocity[:, 1]), velocity_rate, rate, samples)
         angle = sliding_direction(velocity, velocity_rate)
-        first = true_runs(turnaround_mask(angle, velocity_rate))[:, 0] * (rate / velocity_rate)
-        turnarounds[first[first < samples].astype(np.int64)] = True
-    if recording.force is None:
-        return Channels(recording.lateral.astype(np.float64), None, speed, turnarounds)
-    if speed is None:
+        positions = np.round(find_turnarounds(angle, velocity_rate) * rate).astype(np.int64)
+        positions = positions[positions < samples]
+        angle = at_rate(angle, velocity_rate, rate, samples)
+    force = recording.force if recording.force is not None else recording.lateral
+    broken = _out_of_range(force, rate, recording.unit)
+    lateral, normal = _projected(recording, angle)
+    lateral = np.where(broken, np.nan, lateral)
+    if np.isnan(lateral).all():
+        raise ValueError(f"{recording.name} has no sample that is neither missing nor saturated. Leave it out.")
+    flipped = recording.force is not None and bool(np.nanmean(lateral) < 0)
+    lateral = -lateral if flipped else lateral
+    lateral, excluded = treat_turnarounds(lateral, positions, rate, turnarounds)
+    return Channels(lateral, normal, speed, positions, broken, excluded, flipped)
+
+
+def _out_of_range(force, rate, unit):
+    axes = force.T if force.ndim == 2 else [force]
+    broken = np.any([saturated(axis, rate) for axis in axes], axis=0)
+    return broken | over_range(force) if unit == "N" else broken
+
+
+def _projected(recording, angle):
+    """Force along the sliding direction, (n,) float64, and normal force in N, (n,) or None."""
+    force = recording.force
+    if force is None:
+        return recording.lateral.astype(np.float64), None
+    if angle is None:
         raise ValueError(
             f"{recording.name} has 3-D `force` but no `velocity`: the sliding direction is unknown. "
             "Store `velocity`, or the projected force as `lateral`."
         )
-    angle = at_rate(angle, velocity_rate, rate, samples)
-    force = recording.force
-    lateral = force[:, 0] * np.cos(angle) + force[:, 1] * np.sin(angle)
-    flipped = bool(np.nanmean(lateral) < 0)
-    return Channels(-lateral if flipped else lateral, np.abs(force[:, 2]), speed, turnarounds, flipped)
+    # counts of different axes need not be alike: a limit in newtons, and a ratio, have no meaning for them
+    normal = np.abs(force[:, 2]) if recording.unit == "N" else None
+    return force[:, 0] * np.cos(angle) + force[:, 1] * np.sin(angle), normal
 
 
 def filtered_with_gaps(lateral, rate, band, order, passes):
@@ -198,15 +214,12 @@ def filtered_with_gaps(lateral, rate, band, order, passes):
         `tuple[np.ndarray, np.ndarray]`: filtered (n,) float32 and valid (n,) bool.
     """
     missing = np.isnan(lateral)
-    valid = np.ones(len(lateral), dtype=bool)
     margin = int(np.ceil(2 * rate / band[0]))
-    for start, stop in true_runs(missing):
-        valid[max(0, start - margin) : stop + margin] = False
+    runs = true_runs(missing)
+    valid = ~mask_of_runs(runs + [-margin, margin], len(lateral))
     valid[:margin] = valid[max(0, len(valid) - margin) :] = False
-    if missing.any():
-        known = np.flatnonzero(~missing)
-        lateral = np.interp(np.arange(len(lateral)), known, lateral[known])
-    return band_pass(lateral, rate, band=band, order=order, passes=passes).astype(np.float32), valid
+    filtered = band_pass(interpolated(lateral, missing), rate, band=band, order=order, passes=passes)
+    return filtered.astype(np.float32), valid
 
 
 @dataclass
@@ -215,17 +228,20 @@ class Windows:
 
     Attributes:
         start (`np.ndarray`): first sample.
-        friction_coefficient (`np.ndarray`): mean lateral / mean normal force before the filter; NaN = unknown.
+        friction_coefficient (`np.ndarray`): mean lateral / mean normal force before the filter, without 60 ms around
+            turnarounds; NaN = unknown.
         level (`np.ndarray`): log RMS of the filtered lateral force.
+        level_apart (`np.ndarray`): the same without 60 ms around turnarounds.
         speed (`np.ndarray`): mean, mm/s; NaN = unknown.
         turnarounds (`np.ndarray`): number inside.
-        seconds (`dict[str, float]`): where the recording's time went, by reason.
+        seconds (`dict[str, float]`): where the recording's time went, by reason, all of `REASONS`.
         skipped (`tuple[str, ...]`): limits that could not be applied, because their channel is missing.
     """
 
     start: np.ndarray
     friction_coefficient: np.ndarray
     level: np.ndarray
+    level_apart: np.ndarray
     speed: np.ndarray
     turnarounds: np.ndarray
     seconds: dict
@@ -244,8 +260,29 @@ def find_windows(data, filtered, valid, rate, limits):
     Returns:
         `Windows`.
     """
+    inside, skipped = _inside(data, limits)
     given = [values for values in (data.lateral, data.normal, data.speed) if values is not None]
     missing = np.any([np.isnan(values) for values in given], axis=0)
+    in_limits = np.all(list(inside.values()), axis=0) if inside else np.ones(len(filtered), dtype=bool)
+    usable = bridge_gaps(in_limits, int(round(limits.longest_excursion * rate))) & valid & ~missing & ~data.excluded
+    window, step = limits.samples(rate), limits.step(rate)
+    start, used = select_windows(usable, window, step)
+
+    reasons = {"saturated": data.saturated, "missing (NaN)": missing, "turnaround": data.excluded}
+    reasons |= {"filter margin": ~valid}
+    reasons |= {f"{name} outside limits": ~usable & ~values for name, values in inside.items()}
+    reasons |= {"run shorter than a segment": ~used, "used": used}
+    return Windows(
+        start=start,
+        turnarounds=np.diff(np.searchsorted(data.turnarounds, [start, start + window]), axis=0)[0],
+        seconds=_seconds_by_reason(reasons, rate),
+        skipped=skipped,
+        **_measured(data, filtered, rate, window, start),
+    )
+
+
+def _inside(data, limits):
+    """Masks of the samples inside each limit, by name, and the limits whose channel is missing."""
     inside, skipped = {}, []
     for name, values in (("normal_force", data.normal), ("speed", data.speed)):
         bounds = getattr(limits, name)
@@ -253,37 +290,37 @@ def find_windows(data, filtered, valid, rate, limits):
             skipped.append(name)
         elif bounds is not None:
             inside[name] = (values >= bounds[0]) & (values <= bounds[1])
-    in_limits = np.all(list(inside.values()), axis=0) if inside else np.ones(len(filtered), dtype=bool)
-    usable = bridge_gaps(in_limits, int(round(limits.longest_excursion * rate))) & valid & ~missing
-    window, step = limits.samples(rate), limits.step(rate)
-    start, used = select_windows(usable, window, step)
-
-    # each sample is counted once, under the first reason that applies
-    reasons = {"missing (NaN)": missing, "filter margin": ~valid}
-    reasons |= {f"{name} outside limits": ~usable & ~values for name, values in inside.items()}
-    reasons |= {"run shorter than a segment": ~used, "used": used}
-    seconds, left = {}, np.ones(len(filtered), dtype=bool)
-    for reason, mask in reasons.items():
-        seconds[reason] = float(np.sum(left & mask)) / rate
-        left &= ~mask
-    mean = _window_mean(window, start)
-    nothing = np.full(len(start), np.nan)
-    squares = mean(np.square(filtered, dtype=np.float64))
-    return Windows(
-        start=start,
-        friction_coefficient=nothing if data.normal is None else mean(data.lateral) / mean(data.normal),
-        level=level(np.sqrt(squares)[:, None]),
-        speed=nothing if data.speed is None else mean(data.speed),
-        turnarounds=np.round(mean(data.turnarounds) * window).astype(np.int64),
-        seconds=seconds,
-        skipped=tuple(skipped),
-    )
+    return inside, tuple(skipped)
 
 
-def _window_mean(window, start):
-    def mean(values):
-        # a NaN lies outside every window, but would spread through the cumulative sum
-        total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(values), dtype=np.float64)])
-        return (total[start + window] - total[start]) / window
+def _seconds_by_reason(masks, rate):
+    """Each sample is counted once, under the first reason that applies."""
+    seconds, left = dict.fromkeys(REASONS, 0.0), True
+    for reason, mask in masks.items():
+        seconds[reason] = float(np.count_nonzero(left & mask)) / rate
+        left = left & ~mask
+    return seconds
 
-    return mean
+
+def _measured(data, filtered, rate, window, start):
+    """Friction coefficient, levels and speed of windows: a dict of (windows,)."""
+
+    def total(values):
+        # sums over [start, start + window); the zero lets the last window end with the recording
+        values = np.append(np.asarray(values, dtype=np.float64), 0.0)
+        return np.add.reduceat(values, np.stack([start, start + window], axis=-1).ravel())[::2]
+
+    friction = speed = np.full(len(start), np.nan)
+    apart = ~around(data.turnarounds, DIP_SECONDS, rate, len(filtered))
+    if data.normal is not None:
+        with np.errstate(invalid="ignore"):  # 0 / 0 where a short window lies within 60 ms of a turnaround
+            friction = total(data.lateral * apart) / total(data.normal * apart)
+    if data.speed is not None:
+        speed = total(data.speed) / window
+    squares = np.square(filtered, dtype=np.float64)
+    return {
+        "friction_coefficient": friction,
+        "level": level(np.sqrt(total(squares) / window)[:, None]),
+        "level_apart": level(np.sqrt(total(squares * apart) / np.maximum(total(apart), 1))[:, None]),
+        "speed": speed,
+    }

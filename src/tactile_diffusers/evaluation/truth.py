@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from tqdm import tqdm
 
-from ..data import PreparedDataset, SegmentLimits
-from ..data.virtual import FIRST_FRESH, RECIPE_VERSION, fresh_ratings, fresh_textures
+from ..data import HoldOut, PreparedDataset, SegmentLimits
+from ..data.virtual import FIRST_FRESH, RECIPE_VERSION, fresh_ratings, fresh_textures, rater_settings
 from ..signal import RATING_AXES
 from .statistics import jackknife_interval
 
@@ -198,6 +198,8 @@ def virtual_truth(
 ):
     """The truth of requests to a model of virtual surfaces, from fresh surfaces of the same collection.
 
+    Explorers and raters are those of the ordinary splits; what is held out takes no part.
+
     Args:
         dataset (`PreparedDataset`): of virtual surfaces, at its native rate: it says which collection, raters, limits
             and filter; its training surfaces set the units of the ratings, its subset whether limits hold.
@@ -223,17 +225,20 @@ def virtual_truth(
     facts = _check_virtual(dataset, requests, surfaces, per_surface)
     training = np.unique(PreparedDataset(dataset.path, "train", "full").surface_ids)
     numbers = [int(dataset.surfaces[surface].split("-")[0]) for surface in training]
-    ratings = fresh_ratings(candidates, facts["seed"], facts["agreement"], numbers)
+    asked = rater_settings(facts)
+    asked["raters"] = _ordinary(facts, "raters", [f"rater-{number}" for number in range(asked["raters"])])
+    ratings = fresh_ratings(candidates, facts["seed"], training=numbers, **asked)
     drawn, importance = draw_surfaces(ratings, requests, surfaces, seed)
     limits = SegmentLimits(**facts["limits"])
     settings = dict(
         seed=facts["seed"],
-        explorers=dataset.explorers,
+        explorers=_ordinary(facts, "explorers", sorted({name.split("/")[1] for name in dataset.recordings})),
         seconds=seconds,
         limits=limits if dataset.subset == "filtered" else limits.without_conditions(),
         band=dataset.band,
         order=facts["filter_order"],
         passes=facts["filter_passes"],
+        turnarounds=facts["turnarounds"],
         per_surface=per_surface,
     )
     counts, measures = _explore_and_describe(drawn + FIRST_FRESH, describe, settings, workers, quiet)
@@ -307,6 +312,12 @@ def truth_of(dataset, requests, describe, seed=0, quiet=True, **settings):
 
 def _joined(measures):
     return {name: np.concatenate([part[name] for part in measures]) for name in measures[0]}
+
+
+def _ordinary(facts, kind, names):
+    """Numbers of the raters or explorers that are not held out, from names such as "rater-3"."""
+    held = HoldOut(**facts["hold_out"]).matches(kind, names) if facts["hold_out"] else [False] * len(names)
+    return [int(name.rsplit("-", 1)[1]) for name, out in zip(names, held, strict=True) if not out]
 
 
 def _check_virtual(dataset, requests, surfaces, per_surface):

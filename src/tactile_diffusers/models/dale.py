@@ -1,5 +1,6 @@
 """DALE, the Diffusion Adjective-to-Latent Encoder: ratings to latents, level and friction (paper section 2.2)."""
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -53,13 +54,14 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         kernel_size (`int`, *optional*, defaults to 3): length of all convolutions.
         latent_mean, latent_std (`list[float]`, *optional*): statistics of each latent channel over the training set.
         level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N.
-        log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient.
+        log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient; `None` = unknown in
+            training, then it is NaN in what is generated.
         ratings_mean, ratings_std (`list[float]`, *optional*): mean and standard deviation of a typical rater's raw
             scores (0-8) per axis: raw = mean + std * z.
         ratings_range (`list[list[float]]`, *optional*): smallest and largest rating per axis of the training surfaces.
         ratings_quantiles (`list[list[float]]`, *optional*): for each axis the quantiles of the training surfaces'
             ratings at equally spaced shares from 0 to 1, ascending (`data.ratings.rating_quantiles`).
-        reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s.
+        reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s; `None` = unknown.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
     """
 
@@ -82,13 +84,13 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         latent_std: list[float] | None = None,
         level_mean: float = -5.0,
         level_std: float = 0.6,
-        log_friction_mean: float = -0.4,
-        log_friction_std: float = 0.4,
+        log_friction_mean: float | None = -0.4,
+        log_friction_std: float | None = 0.4,
         ratings_mean: list[float] | None = None,
         ratings_std: list[float] | None = None,
         ratings_range: list[list[float]] | None = None,
         ratings_quantiles: list[list[float]] | None = None,
-        reference_speed: float = 80.0,
+        reference_speed: float | None = 80.0,
         num_train_timesteps: int = 1000,
     ):
         super().__init__()
@@ -150,7 +152,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
             `torch.Tensor`: (batch, in_channels, frames).
         """
         config = self.config
-        friction = (friction_coefficient.clamp_min(1e-3).log() - config.log_friction_mean) / config.log_friction_std
+        mean, std = self._log_friction_statistics()
+        friction = (friction_coefficient.clamp_min(1e-3).log() - mean) / std
         scalars = torch.stack([(level - config.level_mean) / config.level_std, torch.nan_to_num(friction)], dim=1)
         mean, std = self._latent_statistics(latents)
         return self.join((latents - mean) / std, scalars.to(latents))
@@ -160,12 +163,18 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         config = self.config
         latents, scalars = self.split(sample)
         level, friction = scalars.float().unbind(1)
+        log_friction_mean, log_friction_std = self._log_friction_statistics()
         mean, std = self._latent_statistics(latents)
         return (
             latents * std + mean,
             level * config.level_std + config.level_mean,
-            torch.exp(friction * config.log_friction_std + config.log_friction_mean),
+            torch.exp(friction * log_friction_std + log_friction_mean),
         )
+
+    def _log_friction_statistics(self):
+        """Mean and standard deviation; NaN where no friction coefficient was known in training."""
+        mean, std = self.config.log_friction_mean, self.config.log_friction_std
+        return (math.nan, math.nan) if mean is None or std is None else (mean, std)
 
     def forward(self, sample, timestep, ratings, return_dict=True):
         """Velocity of a noisy state.

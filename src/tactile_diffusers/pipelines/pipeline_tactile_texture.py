@@ -316,13 +316,13 @@ class TactileTexturePipeline(DiffusionPipeline):
             textures = torch.from_numpy(textures)
         else:
             level, friction_coefficient = level.numpy(), friction_coefficient.numpy()
-        speed = float("nan") if self.dale is None else float(self.dale.config.reference_speed)
+        speed = None if self.dale is None else self.dale.config.reference_speed
         return TactileTexturePipelineOutput(
             textures=textures,
             friction_coefficient=friction_coefficient,
             level=level,
             sampling_rate=self.feature_extractor.delivery_rate,
-            reference_speed=speed,
+            reference_speed=math.nan if speed is None else float(speed),
         )
 
     @torch.no_grad()

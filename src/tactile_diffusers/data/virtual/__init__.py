@@ -3,18 +3,24 @@
 They prove the machinery (controllability, spectra, dependence on speed), not perception.
 """
 
-from .exploration import VELOCITY_RATE, Exploration, explorer, free_exploration, steady_exploration
+from .exploration import VELOCITY_RATE, Exploration, free_exploration, steady_exploration
+from .explorers import Explorer, explorer
 from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
-from .generate import VirtualSurface, generate_recordings
+from .generate import Collection, generate_recordings
 from .percepts import CALIBRATION_FILE, calibrate
+from .raters import RATER_SETTINGS, rater_settings
 from .recipe import RECIPE_VERSION, SurfaceParameters
+from .surface import VirtualSurface
 
 __all__ = [
     "CALIBRATION_FILE",
     "FIRST_FRESH",
+    "RATER_SETTINGS",
     "RECIPE_VERSION",
     "VELOCITY_RATE",
+    "Collection",
     "Exploration",
+    "Explorer",
     "SurfaceParameters",
     "VirtualSurface",
     "calibrate",
@@ -23,5 +29,6 @@ __all__ = [
     "fresh_ratings",
     "fresh_textures",
     "generate_recordings",
+    "rater_settings",
     "steady_exploration",
 ]

@@ -1,4 +1,4 @@
-"""How a finger explores: speed and normal force that wander, loops, and strokes with turnarounds."""
+"""How a finger explores: speed and normal force that wander and adapt, loops, and strokes with turnarounds."""
 
 from dataclasses import dataclass
 
@@ -11,33 +11,17 @@ VELOCITY_RATE = 500
 HAND_BANDWIDTH = 6.0
 
 
-@dataclass(frozen=True)
-class Explorer:
-    """Mean speed (mm/s) and normal force (N), moisture (factor on friction) and gain (factor on amplitude)."""
-
-    speed: float
-    normal_force: float
-    moisture: float
-    gain: float
-
-
 #: Ranges over recordings of the relative spread of speed and normal force, and of their time constants in s.
 #: Chosen so that, as in the paper's recordings, the finger wanders in and out of the limits and about half of the time
-#: is usable (0.56 segments per second; spreads of 0.14-0.25 and 0.11-0.22 would give 0.17).
+#: is usable (0.5 segments per second; spreads of 0.14-0.25 and 0.11-0.22 would give a third of it).
 SPEED_SPREAD, SPEED_TAU = (0.10, 0.16), (1.5, 2.5)
 FORCE_SPREAD, FORCE_TAU = (0.08, 0.14), (1.0, 1.5)
-#: The two explorers of the recipe.
-EXPLORERS = (Explorer(78.0, 0.52, 1.0, 1.0), Explorer(90.0, 0.47, 0.75, 0.8))
-
-
-def explorer(index, seed):
-    """The two of the recipe first; further ones are drawn between them."""
-    if index < len(EXPLORERS):
-        return EXPLORERS[index]
-    first, second = EXPLORERS
-    share = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4, index))).random(4)
-    pairs = zip(vars(first).values(), vars(second).values(), share, strict=True)
-    return Explorer(*(float(a + (b - a) * s) for a, b, s in pairs))
+#: Change of the log mean speed, log mean force and log spread of the force per standard deviation of roughness: people
+#: touch rough surfaces more lightly and slowly and vary the force more on smooth ones (Tanaka et al. 2014). The sizes
+#: are a recipe, so small that 0.4 (smooth) to 0.7 (rough) of the time stay usable.
+SPEED_BY_ROUGHNESS, FORCE_BY_ROUGHNESS, FORCE_SPREAD_BY_ROUGHNESS = -0.02, -0.02, -0.10
+#: Roughness beyond so many standard deviations changes the exploration no further.
+ROUGHEST = 2.0
 
 
 @dataclass
@@ -83,20 +67,38 @@ def wandering(rng, samples, mean, deviation, tau):
     return mean * np.exp(deviation * walk)
 
 
-def free_exploration(rng, who, seconds):
+def adapted_speed(speed, roughness):
+    """Mean speed on a surface of this roughness (standard deviations): lower on rough ones (Tanaka et al. 2014)."""
+    return speed * np.exp(SPEED_BY_ROUGHNESS * np.clip(roughness, -ROUGHEST, ROUGHEST))
+
+
+def adapted_force(normal_force, roughness):
+    """Mean normal force on a surface of this roughness: smaller on rough ones (Tanaka et al. 2014)."""
+    return normal_force * np.exp(FORCE_BY_ROUGHNESS * np.clip(roughness, -ROUGHEST, ROUGHEST))
+
+
+def adapted_force_spread(spread, roughness):
+    """Relative spread of the normal force: larger on smooth surfaces (Tanaka et al. 2014)."""
+    return spread * np.exp(FORCE_SPREAD_BY_ROUGHNESS * np.clip(roughness, -ROUGHEST, ROUGHEST))
+
+
+def free_exploration(rng, who, seconds, roughness=0.0):
     """Free exploration: bouts of loops and of strokes with turnarounds shorter than 0.1 s.
 
     Args:
         rng (`np.random.Generator`): the trial.
         who (`Explorer`): the explorer.
         seconds (`float`): duration.
+        roughness (`float`): of the surface, in standard deviations over surfaces: the exploration adapts to it.
 
     Returns:
         `Exploration`.
     """
     samples = int(round(seconds * VELOCITY_RATE))
-    speed = wandering(rng, samples, who.speed, rng.uniform(*SPEED_SPREAD), rng.uniform(*SPEED_TAU))
-    normal_force = wandering(rng, samples, who.normal_force, rng.uniform(*FORCE_SPREAD), rng.uniform(*FORCE_TAU))
+    mean_speed, mean_force = adapted_speed(who.speed, roughness), adapted_force(who.normal_force, roughness)
+    speed = wandering(rng, samples, mean_speed, rng.uniform(*SPEED_SPREAD), rng.uniform(*SPEED_TAU))
+    spread = adapted_force_spread(rng.uniform(*FORCE_SPREAD), roughness)
+    normal_force = wandering(rng, samples, mean_force, spread, rng.uniform(*FORCE_TAU))
     turning, slowing, along = _plan(rng, samples, speed)
     speed = speed * slowing
     heading = rng.uniform(0, 2 * np.pi) + np.cumsum(turning) / VELOCITY_RATE

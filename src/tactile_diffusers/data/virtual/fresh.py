@@ -6,15 +6,19 @@ from ...signal import BAND_HZ, DEVICE_RATE, RATING_AXES
 from ..ratings import pool_ratings
 from ..recordings import RaterScores, Recording
 from ..segments import SegmentLimits, channels, filtered_with_gaps, find_windows
+from ..turnarounds import DEFAULT_TURNAROUNDS
 from .exploration import VELOCITY_RATE
-from .generate import VirtualSurface
-from .raters import draw_raters
+from .raters import RATERS, draw_raters
+from .streams import Stream, stream
+from .surface import VirtualSurface
 
 #: Numbers of fresh surfaces start here: no recorded collection is as large.
 FIRST_FRESH = 1_000_000
 
 
-def fresh_ratings(candidates, seed, agreement=1.0, training=None):
+def fresh_ratings(
+    candidates, seed, agreement=1.0, training=None, raters=RATERS, rater_moisture=0.0, axis_correlation=0.0
+):
     """Ratings of fresh surfaces, without exploring them: about 0.6 ms a surface.
 
     Args:
@@ -23,22 +27,26 @@ def fresh_ratings(candidates, seed, agreement=1.0, training=None):
         training (`Sequence[int]`, *optional*): numbers of the surfaces that give each rater's mean and scale: with the
             training surfaces of a data set, the result is in exactly that data set's units. Defaults to the
             candidates, whose moments are those of the population if they are many.
+        raters (`int` or `Sequence[int]`): how many raters, or the numbers of those who are asked.
+        rater_moisture, axis_correlation (`float`): of the collection. `rater_settings` has all of these from a file.
 
     Returns:
         `np.ndarray`: (candidates, 3) float32, means over raters of their z-scores.
 
     Raises:
-        ValueError: if `candidates` is below 1, or raters cannot be z-scored (see `pool_ratings`).
+        ValueError: if `candidates` or `raters` are none, or raters cannot be z-scored (see `pool_ratings`).
     """
     if int(candidates) != candidates or candidates < 1:
         raise ValueError(f"`candidates` must be a whole number of at least 1, got {candidates}.")
     reference = [] if training is None else [int(index) for index in training]
     fresh = range(FIRST_FRESH, FIRST_FRESH + int(candidates))
-    raters = draw_raters(seed)
+    asked = np.array(_numbers("raters", raters))
+    drawn = draw_raters(seed, asked.max() + 1)
+    settings = agreement, rater_moisture, axis_correlation
     numbers = [*reference, *fresh]
-    answers = np.stack([VirtualSurface(seed, number).answers(raters, agreement) for number in numbers], axis=1)
+    answers = np.stack([VirtualSurface(seed, number).answers(drawn, *settings)[asked] for number in numbers], axis=1)
     names = tuple(str(number) for number in numbers)
-    scores = RaterScores(answers, tuple(str(rater) for rater in range(len(answers))), names, RATING_AXES)
+    scores = RaterScores(answers, tuple(str(rater) for rater in asked), names, RATING_AXES)
     gives_scale = np.ones(len(numbers), bool) if training is None else np.arange(len(numbers)) < len(reference)
     return pool_ratings(scores, names, gives_scale).mean[len(reference) :]
 
@@ -54,29 +62,31 @@ def fresh_textures(
     passes=2,
     per_surface=2,
     trial=0,
+    turnarounds=DEFAULT_TURNAROUNDS,
 ):
     """Textures of one surface by the route of a prepared data set, without a file: about 50 ms a recording of 12 s.
 
     Args:
         index, seed (`int`): surface number `index` of collection `seed`.
-        explorers (`int`): each records it once.
+        explorers (`int` or `Sequence[int]`): how many, or the numbers of those who explore; each records it once.
         seconds (`float`): of each recording.
         limits (`SegmentLimits`, *optional*): defaults to the paper's.
         band, order, passes: of `signal.band_pass`.
         per_surface (`int`): at most so many textures; they share no sample and come from the explorers in turn.
         trial (`int`): another number gives another exploration.
+        turnarounds (`str`): of `prepare_recordings`; a prepared file's attributes have it under this name.
 
     Returns:
         `tuple[np.ndarray, ...]`: textures (k, samples) in N, friction coefficients, levels (log RMS) and speeds (mm/s)
         (k,), all float32; k is 0 if no window meets the limits.
     """
     limits = limits or SegmentLimits()
-    surface = VirtualSurface(seed, index)
+    surface, route = VirtualSurface(seed, index), (limits, band, order, passes, turnarounds)
     # which windows are taken is a draw of its own, so that the recordings do not depend on it
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(5, index, trial)))
+    rng = stream(seed, Stream.FRESH_WINDOWS, index, trial)
     found = []
-    for number in range(explorers):
-        filtered, windows = _explored(surface, number, seconds, trial, limits, band, order, passes)
+    for number in _numbers("explorers", explorers):
+        filtered, windows = _explored(surface, number, seconds, trial, *route)
         chosen = _apart(rng.permutation(len(windows.start)), windows.start, limits.samples(DEVICE_RATE))
         found += [(turn, number, filtered, windows, window) for turn, window in enumerate(chosen)]
     found = sorted(found, key=lambda item: item[:2])[:per_surface]  # every explorer's first, then every one's second
@@ -88,7 +98,15 @@ def fresh_textures(
     return textures, *facts
 
 
-def _explored(surface, explorer, seconds, trial, limits, band, order, passes):
+def _numbers(name, value):
+    """Numbers of raters or explorers from their count or the numbers themselves."""
+    numbers = list(range(value)) if isinstance(value, int) else [int(number) for number in value]
+    if not numbers or min(numbers) < 0:
+        raise ValueError(f"`{name}` must be a count of at least 1 or numbers of at least 0, got {value}.")
+    return numbers
+
+
+def _explored(surface, explorer, seconds, trial, limits, band, order, passes, turnarounds):
     """One recording as `prepare_recordings` sees it: filtered lateral force (n,) and its `Windows`."""
     force, velocity = surface.explore(explorer, seconds, trial)
     recording = Recording(
@@ -102,7 +120,7 @@ def _explored(surface, explorer, seconds, trial, limits, band, order, passes):
         velocity_rate=float(VELOCITY_RATE),
         unit="N",
     )
-    data = channels(recording)
+    data = channels(recording, turnarounds)
     filtered, valid = filtered_with_gaps(data.lateral, DEVICE_RATE, band, order, passes)
     return filtered, find_windows(data, filtered, valid, DEVICE_RATE, limits)
 

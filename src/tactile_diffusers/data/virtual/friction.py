@@ -1,70 +1,30 @@
-"""Friction of a finger on a virtual surface: each law one small function, and their sum, the contact force."""
+"""Friction of a finger on a virtual surface over time: stick-slip, noise, the finger's low-pass, the contact force."""
 
 import numpy as np
 from scipy import fft
 
 from ...signal import BAND_HZ, DEVICE_RATE
 from .exploration import VELOCITY_RATE, ornstein_uhlenbeck
+from .laws import (
+    compliant_background,
+    contact_stiffness,
+    finger_cutoff,
+    friction_coefficient,
+    stick_slip_drop,
+    stick_slip_rate,
+    texture_amplitude,
+)
 from .profile import look_up
-from .recipe import REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S
 
-#: Common gain that brings band-passed segments to the RMS that the paper's RMSE and SNR imply, 0.0092 N.
-COMMON_GAIN = 1.45
-#: Cutoff of the finger's first-order low-pass per mm/s of speed (arXiv 2505.11162), and its upper end (Hz).
-CUTOFF_PER_SPEED = 13.8
-HIGHEST_CUTOFF = 1500.0
 #: rms in N (recipe).
 TEMPORAL_NOISE_N = 1.2e-3
 SENSOR_NOISE_N = 0.2e-3
-#: Share of the contact that sticks and slips together, and the part of a period in which it falls (recipe).
-SLIPPING_SHARE = 0.05
+#: Part of a stick-slip period in which the force falls, and spread of the log periods (recipe).
 FALL_SHARE = 0.15
 PERIOD_JITTER = 0.25
-HIGHEST_STICK_SLIP_HZ = 2000.0
-#: Share of the surface's slope in the normal force (recipe, an assumption).
+#: Share of the surface's slope in the normal force, range of that of the fluctuation across (recipe, an assumption).
 NORMAL_SHARE = 0.15
-
-
-def friction_coefficient(surface, normal_force, speed, moisture=1.0):
-    """mu0 moisture (Fn / 0.5 N)^load_exponent (v / 80 mm/s)^speed_exponent.
-
-    The coefficient falls with load by about -1/3 on smooth surfaces and is constant on rough ones; its dependence on
-    speed has either sign (recipe).
-    """
-    load = (normal_force / REFERENCE_FORCE_N) ** surface.load_exponent
-    # a power of speed is meant for sliding: it is held below 10 mm/s
-    return surface.friction * moisture * load * _relative_speed(speed) ** surface.speed_exponent
-
-
-def texture_amplitude(surface, normal_force, speed, gain=1.0):
-    """rms of the friction fluctuation in N: 1.45 g gain (Fn / 0.5 N)^0.8 (v / 80 mm/s)^0.3 (recipe)."""
-    load = (normal_force / REFERENCE_FORCE_N) ** 0.8
-    return COMMON_GAIN * 1e-3 * surface.amplitude * gain * load * _relative_speed(speed) ** 0.3
-
-
-def _relative_speed(speed):
-    return np.maximum(speed, 10.0) / REFERENCE_SPEED_MM_S
-
-
-def finger_cutoff(speed):
-    """Cutoff of the finger in Hz: proportional to speed, 13.8 Hz per mm/s (arXiv 2505.11162), at most 1.5 kHz."""
-    return np.minimum(CUTOFF_PER_SPEED * speed, HIGHEST_CUTOFF)
-
-
-def stick_slip_rate(surface, sliding_friction, speed):
-    """Frequency of the relaxation oscillator in Hz.
-
-    The patch that sticks carries `SLIPPING_SHARE` of the friction and of the contact's stiffness k; it is charged at
-    k v and drops by stick times its friction, so that a period lasts stick mu Fn / (k v) (recipe: charge
-    rate k v, k 0.6-0.9 N/mm, drop 5 % stick mu Fn).
-    """
-    travel = np.maximum(surface.stick * sliding_friction, 1e-6) / surface.contact_stiffness
-    return np.minimum(speed / travel, HIGHEST_STICK_SLIP_HZ)
-
-
-def stick_slip_drop(surface, sliding_friction):
-    """Size of a drop in N: 5 % stick mu Fn (recipe)."""
-    return SLIPPING_SHARE * surface.stick * sliding_friction
+ACROSS_SHARE = (0.1, 0.3)
 
 
 def stick_slip(rng, surface, sliding_friction, speed, samples):
@@ -77,7 +37,8 @@ def stick_slip(rng, surface, sliding_friction, speed, samples):
     Returns:
         `np.ndarray`: (samples,) float32, N, mean near zero.
     """
-    cycles = np.cumsum(_to_device_rate(stick_slip_rate(surface, sliding_friction, speed), samples)) / DEVICE_RATE
+    rate = _to_device_rate(stick_slip_rate(surface, sliding_friction, speed), samples)
+    cycles = np.cumsum(rate, dtype=np.float64) / DEVICE_RATE  # float32 would lose the step in minutes of recording
     lengths = np.exp(PERIOD_JITTER * rng.standard_normal(int(cycles[-1] * 1.5) + 50))
     ends = np.cumsum(lengths)
     if ends[-1] < cycles[-1]:  # cannot happen with so many spare periods; cheap to be sure
@@ -114,7 +75,8 @@ def low_pass(values, cutoff, rate, block=128):
         values (`np.ndarray`): (n,); the filter starts settled on the first value.
         cutoff (`np.ndarray`): (n,) Hz.
         rate (`float`): Hz.
-        block (`int`): samples solved at once; 128 at the highest cutoff shrinks a state to 1e-52, far above underflow.
+        block (`int`): samples solved at once; 128 at the highest cutoff of any finger shrink a state to 1e-90, far
+            above underflow.
 
     Returns:
         `np.ndarray`: (n,) float64.
@@ -137,8 +99,7 @@ def low_pass(values, cutoff, rate, block=128):
 def force_direction(heading, speed, sliding_friction, stiffness):
     """Direction of the friction force: it follows the sliding direction after mu Fn / k of travel.
 
-    The contact first shears elastically (k 0.6-0.9 N/mm), so that in a turnaround the force turns
-    smoothly and is briefly smaller.
+    The contact first shears elastically, so that in a turnaround the force turns smoothly and is briefly smaller.
 
     Returns:
         `np.ndarray`: (m, 2), of length 1 or less.
@@ -157,18 +118,19 @@ def _to_device_rate(values, samples):
     return (values[:-1, None] + np.diff(values)[:, None] * fraction).reshape(-1)[:samples]
 
 
-def contact_force(rng, surface, tables, exploration, moisture=1.0, gain=1.0):
+def contact_force(rng, surface, tables, exploration, moisture=1.0, gain=1.0, cutoff=1.0):
     """Contact force that the finger exerts on a surface (recipe).
 
-    F(t) = mu Fn + a(Fn, v) h(x(t)) + stick-slip + 1/f, all through the finger's low-pass, along the sliding direction;
-    a tenth to three tenths of the fluctuation across it; Fn and the surface's slope along the normal; sensor noise.
+    F(t) = mu Fn + a(Fn, v) h(x(t)) + stick-slip + 1/f, all fluctuation through the finger's low-pass, along the sliding
+    direction; a tenth to three tenths of the fluctuation across it; Fn and the surface's slope along the normal; sensor
+    noise.
 
     Args:
         rng (`np.random.Generator`): the trial.
         surface (`SurfaceParameters`): the surface.
-        tables (`np.ndarray`): (GRID_POINTS, 2) float32, profile and unit slope.
+        tables (`np.ndarray`): (GRID_POINTS, 2 or 3) float32 from `profile_tables`.
         exploration (`Exploration`): what the hand does.
-        moisture, gain (`float`): the explorer's factors on friction and amplitude.
+        moisture, gain, cutoff (`float`): the explorer's factors on friction, amplitude and the finger's cutoff.
 
     Returns:
         `np.ndarray`: (n, 3) float32, N, at `DEVICE_RATE`: x, y, normal.
@@ -182,16 +144,21 @@ def contact_force(rng, surface, tables, exploration, moisture=1.0, gain=1.0):
     amplitude = _to_device_rate(texture_amplitude(surface, normal_force, speed, gain), samples)
     sliding_friction = friction_coefficient(surface, normal_force, speed, moisture) * normal_force
 
-    fluctuation = amplitude * felt[:, 0] + temporal_noise(rng, samples)
+    profile, background = felt[:, 0], temporal_noise(rng, samples)
+    if surface.compliance > 0:
+        factor = _to_device_rate(compliant_background(surface, speed), samples)
+        profile, background = profile + (factor - 1) * felt[:, 2], factor * background
+    fluctuation = amplitude * profile + background
     if surface.stick > 0:
         fluctuation += stick_slip(rng, surface, sliding_friction, speed, samples)
-    fluctuation = low_pass(fluctuation, _to_device_rate(finger_cutoff(speed), samples), DEVICE_RATE)
+    fluctuation = low_pass(fluctuation, _to_device_rate(finger_cutoff(speed, cutoff), samples), DEVICE_RATE)
     fluctuation = fluctuation.astype(np.float32)
 
-    direction = force_direction(exploration.heading, speed, sliding_friction, surface.contact_stiffness)
+    stiffness = contact_stiffness(surface, speed)
+    direction = force_direction(exploration.heading, speed, sliding_friction, stiffness)
     along = [_to_device_rate(direction[:, i], samples) for i in range(2)]
     sliding = _to_device_rate(sliding_friction, samples) + fluctuation
-    across = rng.uniform(0.1, 0.3) * fluctuation
+    across = rng.uniform(*ACROSS_SHARE) * fluctuation
     force = rng.standard_normal((samples, 3), dtype=np.float32)
     force *= np.float32(SENSOR_NOISE_N)
     force[:, 0] += sliding * along[0] - across * along[1]

@@ -7,16 +7,11 @@ from importlib.resources import files
 import numpy as np
 
 from ...signal import BAND_HZ
-from .friction import (
-    FALL_SHARE,
-    TEMPORAL_NOISE_N,
-    finger_cutoff,
-    stick_slip_drop,
-    stick_slip_rate,
-    texture_amplitude,
-)
+from .friction import FALL_SHARE, TEMPORAL_NOISE_N
+from .laws import finger_cutoff, friction_coefficient, stick_slip_drop, stick_slip_rate, texture_amplitude
 from .profile import HARMONICS, PERIOD_MM, harmonic_amplitudes, spectrum
 from .recipe import RECIPE_VERSION, REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S, draw_surface
+from .streams import Stream, stream
 
 CALIBRATION_FILE = "calibration.json"
 CALIBRATION_SURFACES = 10_000
@@ -28,6 +23,8 @@ COARSE_BELOW_HZ = 80.0
 #: Share of fine power that is subtracted from coarse power in bumpiness. The recipe's 0.5 gives r(rough, bumpy) = 0.55
 #: for the expected spectra used here; 0.85 gives the recipe's own result, 0.40.
 FINE_IN_BUMPINESS = 0.85
+#: Weight of the standardised log friction coefficient in slipperiness: they correlate by -0.85 (Smith & Scott 1996).
+FRICTION_IN_SLIPPERINESS = -0.85
 #: Mean square of the slow on/off modulation of stick-slip, 1 / (1 + exp(-4 z)) with z normal.
 STICK_SLIP_DUTY = 0.41
 
@@ -56,7 +53,10 @@ def expected_powers(surface):
 
 
 def _continuum(surface):
-    """Density of the random profile and of the temporal noise at `FREQUENCIES`, N^2/Hz."""
+    """Density of the random profile and of the temporal noise at `FREQUENCIES`, N^2/Hz.
+
+    A compliant grating's factor on them is 1 at 80 mm/s.
+    """
     variance = np.sum(spectrum(surface)) / PERIOD_MM
     amplitude = texture_amplitude(surface, REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S)
     profile = spectrum(surface, FREQUENCIES / REFERENCE_SPEED_MM_S) / variance / REFERENCE_SPEED_MM_S
@@ -68,13 +68,18 @@ def _lines(surface):
     order = np.arange(1, HARMONICS + 1)
     amplitude = texture_amplitude(surface, REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S) * surface.grating_level
     grating = 0.5 * (amplitude * harmonic_amplitudes(surface)) ** 2
-    sliding = surface.friction * REFERENCE_FORCE_N
+    sliding = reference_friction(surface) * REFERENCE_FORCE_N
     # Fourier series of a triangle that rises for 1 - FALL_SHARE of its period
     rise = 1 - FALL_SHARE
     wave = np.sin(np.pi * order * rise) / ((np.pi * order) ** 2 * rise * FALL_SHARE)
     stick = 0.5 * STICK_SLIP_DUTY * (stick_slip_drop(surface, sliding) * wave) ** 2
     rate = stick_slip_rate(surface, sliding, REFERENCE_SPEED_MM_S)
     return np.concatenate([order * REFERENCE_SPEED_MM_S / surface.wavelength, order * rate]), np.append(grating, stick)
+
+
+def reference_friction(surface):
+    """Friction coefficient at 0.5 N and 80 mm/s of a finger of moisture 1, compliance included."""
+    return float(friction_coefficient(surface, REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S))
 
 
 def percept_inputs(surface):
@@ -85,7 +90,7 @@ def percept_inputs(surface):
         "coarse_power": coarse,
         "coarse_over_fine": coarse - FINE_IN_BUMPINESS * fine,
         "grating": surface.grating_level * np.log1p(surface.wavelength),
-        "log_friction": float(np.log(surface.friction)),
+        "log_friction": float(np.log(reference_friction(surface))),
         "stick": surface.stick,
         "slope": surface.slope,
     }
@@ -104,7 +109,9 @@ def combine(inputs, standardise):
     z = {name: standardise(name, values) for name, values in inputs.items()}
     rough = standardise("roughness", 0.8 * z["fine_power"] + 0.35 * z["coarse_power"] - 0.25 * inputs["slope"])
     bumpy = standardise("bumpiness", 0.6 * z["coarse_over_fine"] + 0.7 * z["grating"] + 0.25 * rough)
-    slippery = standardise("slipperiness", -0.85 * z["log_friction"] - 0.25 * z["stick"] - 0.15 * rough)
+    slippery = standardise(
+        "slipperiness", FRICTION_IN_SLIPPERINESS * z["log_friction"] - 0.25 * z["stick"] - 0.15 * rough
+    )
     return rough, bumpy, slippery
 
 
@@ -116,8 +123,8 @@ def calibrate(surfaces=CALIBRATION_SURFACES):
     """
     population = []
     for k in range(surfaces):
-        seeds = np.random.SeedSequence(CALIBRATION_SEED, spawn_key=(0, k))
-        population.append(percept_inputs(draw_surface(np.random.default_rng(seeds))))
+        streams = [stream(CALIBRATION_SEED, kind, k) for kind in (Stream.SURFACE, Stream.COMPLIANCE)]
+        population.append(percept_inputs(draw_surface(*streams)))
     inputs = {name: np.array([item[name] for item in population]) for name in population[0]}
     constants = {}
 
@@ -126,21 +133,22 @@ def calibrate(surfaces=CALIBRATION_SURFACES):
         constants[name] = {"mean": round(mean, 6), "scale": round(scale, 6)}
         return (values - mean) / scale
 
-    combine(inputs, standardise)
+    correlation = np.corrcoef(combine(inputs, standardise))
     return {
         "recipe_version": RECIPE_VERSION,
         "surfaces": surfaces,
         "seed": CALIBRATION_SEED,
         "constants": constants,
+        "correlation": correlation.round(6).tolist(),
     }
 
 
 @lru_cache(maxsize=1)
 def calibration():
-    """The stored constants.
+    """What `calibration.json` holds.
 
     Raises:
-        ValueError: if they belong to another version of the recipe.
+        ValueError: if it belongs to another version of the recipe.
     """
     stored = json.loads(files(__package__).joinpath(CALIBRATION_FILE).read_text())
     if stored["recipe_version"] != RECIPE_VERSION:
@@ -148,14 +156,25 @@ def calibration():
             f"{CALIBRATION_FILE} belongs to recipe {stored['recipe_version']}, the code is recipe {RECIPE_VERSION}: "
             "run examples/prepare_data.py --calibrate."
         )
-    return stored["constants"]
+    return stored
 
 
 def percepts(surface):
     """(3,) roughness, bumpiness, slipperiness of a surface, in standard deviations over the population of surfaces."""
-    constants = calibration()
+    constants = calibration()["constants"]
 
     def standardise(name, value):
         return (value - constants[name]["mean"]) / constants[name]["scale"]
 
     return np.array(combine(percept_inputs(surface), standardise))
+
+
+def percept_correlation():
+    """(3, 3) correlations of the percepts over the population of surfaces."""
+    return np.array(calibration()["correlation"])
+
+
+def slipperiness_per_log_friction():
+    """Change of slipperiness, in standard deviations, per unit of the log friction coefficient."""
+    constants = calibration()["constants"]
+    return FRICTION_IN_SLIPPERINESS / constants["log_friction"]["scale"] / constants["slipperiness"]["scale"]

@@ -63,22 +63,33 @@ def grating_phase(surface, rng):
     return 2 * np.pi * np.interp(position, edges, np.arange(count + 1))
 
 
-def surface_profile(surface, rng):
-    """Height-like profile h of a surface: random part of unit variance plus a grating of relative level.
+def grating(surface, rng):
+    """Grating of relative level: (GRID_POINTS,); zeros without random draws if the surface has none."""
+    profile = np.zeros(GRID_POINTS)
+    if surface.grating_level:
+        phase, offsets = grating_phase(surface, rng), rng.uniform(0, 2 * np.pi, HARMONICS)
+        for i, amplitude in enumerate(harmonic_amplitudes(surface), start=1):
+            profile += surface.grating_level * amplitude * np.cos(i * phase + offsets[i - 1])
+    return profile
+
+
+def profile_tables(surface, rng):
+    """What the finger meets over position: a random part of unit variance plus a grating of relative level.
 
     Args:
         surface (`SurfaceParameters`): the surface.
         rng (`np.random.Generator`): phases.
 
     Returns:
-        `np.ndarray`: (GRID_POINTS,) float32, dimensionless, periodic.
+        `np.ndarray`: (GRID_POINTS, 2) float32, periodic: height-like profile h, dimensionless, and its slope at unit
+        variance; for a compliant grating (GRID_POINTS, 3), the random part of the profile last.
     """
-    profile = random_profile(surface, rng)
-    if surface.grating_level:
-        phase, offsets = grating_phase(surface, rng), rng.uniform(0, 2 * np.pi, HARMONICS)
-        for i, amplitude in enumerate(harmonic_amplitudes(surface), start=1):
-            profile += surface.grating_level * amplitude * np.cos(i * phase + offsets[i - 1])
-    return profile.astype(np.float32)
+    random = random_profile(surface, rng)
+    profile = (random + grating(surface, rng)).astype(np.float32)
+    columns = [profile, unit_slope(profile)]
+    if surface.compliance > 0:
+        columns.append(random.astype(np.float32))
+    return np.stack(columns, axis=-1)
 
 
 def unit_slope(profile):

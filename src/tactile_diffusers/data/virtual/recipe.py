@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Raised whenever the same seed gives other data.
-RECIPE_VERSION = 1
+#: Raised whenever the same seed gives other data. 2: compliant gratings, exploration that adapts to roughness, fingers
+#: of different mechanics, contact stiffness that rises with speed, levels of the size that the paper implies.
+RECIPE_VERSION = 2
 #: Speed and normal force at which every parameter is given.
 REFERENCE_SPEED_MM_S = 80.0
 REFERENCE_FORCE_N = 0.5
@@ -44,13 +45,18 @@ CLASSES = (
 )
 
 
+#: Classes whose gratings yield under the finger, and how much (0 = rigid): our assumption.
+SOFT_CLASSES = ("fabric", "rubber")
+COMPLIANCE = (0.4, 1.0)
+
+
 @dataclass(frozen=True)
 class SurfaceParameters:
     """What defines a virtual surface, apart from the random phases of its profile.
 
     Attributes:
         material (`str`): class name.
-        friction (`float`): friction coefficient at 0.5 N and 80 mm/s on dry-normal skin.
+        friction (`float`): friction coefficient at 0.5 N and 80 mm/s on dry-normal skin, before compliance.
         load_exponent (`float`): of the friction coefficient on normal force, -1/3 (smooth) to 0 (rough).
         speed_exponent (`float`): of the friction coefficient on speed.
         amplitude (`float`): mN rms of the friction fluctuation before the common gain.
@@ -61,7 +67,8 @@ class SurfaceParameters:
         harmonic_decay (`float`): non-integer exponent of the grating's harmonics.
         jitter (`float`): relative standard deviation of the grating's periods.
         stick (`float`): 0-1.
-        contact_stiffness (`float`): N/mm, tangential.
+        contact_stiffness (`float`): N/mm, tangential, at 80 mm/s.
+        compliance (`float`): of a grating, 0 = rigid to 1.
     """
 
     material: str
@@ -77,6 +84,7 @@ class SurfaceParameters:
     jitter: float
     stick: float
     contact_stiffness: float
+    compliance: float = 0.0
 
 
 def load_exponent(slope):
@@ -88,11 +96,12 @@ def load_exponent(slope):
     return -(slope - min(slopes)) / (max(slopes) - min(slopes)) / 3
 
 
-def draw_surface(rng):
+def draw_surface(rng, compliance_rng):
     """Draws one surface (recipe): class by its share of 50, every parameter uniform in its range.
 
     Args:
         rng (`np.random.Generator`): consumed in a fixed order.
+        compliance_rng (`np.random.Generator`): of the compliance alone.
 
     Returns:
         `SurfaceParameters`.
@@ -107,6 +116,7 @@ def draw_surface(rng):
     has_grating = rng.random() < material.grating_probability
     level, wavelength = rng.uniform(0.4, 1.6), rng.uniform(*material.wavelength)
     decay, jitter = rng.uniform(1.2, 2.2), rng.uniform(0.02, 0.15)
+    compliance = compliance_rng.uniform(*COMPLIANCE) if has_grating and material.name in SOFT_CLASSES else 0.0
     return SurfaceParameters(
         material=material.name,
         friction=friction,
@@ -121,4 +131,5 @@ def draw_surface(rng):
         jitter=jitter,
         stick=stick,
         contact_stiffness=stiffness,
+        compliance=compliance,
     )

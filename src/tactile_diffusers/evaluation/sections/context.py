@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ...data import PreparedDataset
-from ...data.prepare import SPLITS
+from ...data.splits import SPLITS
 from ...signal import band_edges, band_levels_db
 from ..baselines import BaselineRequest, TrainingTextures, default_baselines, latent_rate
 from ..generate import generate, latent_summary, noise_seeds

@@ -1,0 +1,63 @@
+"""The folder of a data card: whole or absent, and never in place of something else."""
+
+import json
+import os
+import shutil
+from contextlib import contextmanager
+from pathlib import Path
+
+CARD_FORMAT = "tactile-data-card"
+CARD_VERSION = 1
+#: Holds every number of a card, and under "files" the names of all its files.
+NUMBERS_FILE = "card.json"
+
+
+def check_card_folder(output):
+    """Refuses a folder that a card may not replace.
+
+    Args:
+        output (`str` or `Path`): absent, empty, or an older card with nothing beside it.
+
+    Raises:
+        FileNotFoundError: if the folder around `output` does not exist.
+        ValueError: if `output` is a file, or holds anything that a card did not write.
+    """
+    output = Path(output).resolve()
+    if not output.parent.is_dir():
+        raise FileNotFoundError(f"The folder {output.parent} of {output.name} does not exist: create it first.")
+    if output.exists() and not output.is_dir():
+        raise ValueError(f"{output} is a file: give the name of a new folder, or of an older card.")
+    if output.is_dir():
+        foreign = sorted({path.name for path in output.iterdir()} - _files_of_card(output))
+        if foreign:
+            raise ValueError(
+                f"{output} holds {foreign[:3]}, which no data card wrote: give a new folder, or move what is in it."
+            )
+
+
+def _files_of_card(folder):
+    """Names that the card in `folder` wrote; empty if there is no card."""
+    try:
+        card = json.loads((folder / NUMBERS_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return set()
+    return set(card.get("files", ())) if isinstance(card, dict) and card.get("format") == CARD_FORMAT else set()
+
+
+@contextmanager
+def card_folder(output):
+    """Yields a temporary folder beside `output`, put in its place if the block succeeds, and removed if not."""
+    output = Path(output).resolve()
+    temporary, older = (output.with_name(f".{output.name}.{os.getpid()}.{kind}") for kind in ("tmp", "old"))
+    temporary.mkdir()
+    try:
+        yield temporary
+        check_card_folder(output)  # again: files may have appeared since
+        if output.exists():
+            os.replace(output, older)
+        os.replace(temporary, output)
+    finally:
+        if older.exists() and not output.exists():
+            os.replace(older, output)
+        for leftover in (temporary, older):
+            shutil.rmtree(leftover, ignore_errors=True)

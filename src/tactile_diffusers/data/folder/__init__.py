@@ -1,0 +1,18 @@
+"""Anyone's folder of recordings, described by `layout.toml`, and `recordings.h5` written out as such a folder."""
+
+from .conversion_report import ConversionReport
+from .convert import convert_folder
+from .draft import draft_layout, inspect_folder
+from .export import EXPORT_KINDS, export_folder
+from .layout import Layout, load_layout
+
+__all__ = [
+    "EXPORT_KINDS",
+    "ConversionReport",
+    "Layout",
+    "convert_folder",
+    "draft_layout",
+    "export_folder",
+    "inspect_folder",
+    "load_layout",
+]

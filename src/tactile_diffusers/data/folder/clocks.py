@@ -1,0 +1,233 @@
+"""Channels of one recording on one clock: time stamps, a common start, velocity from position."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy import signal
+
+#: A rate this close (share) to a whole number of Hz is that number.
+WHOLE_RATE = 1e-3
+#: A declared rate and time stamps may differ by this much (share).
+RATE_TOLERANCE = 0.01
+#: A step between time stamps of more than this many sample periods means dropped samples ...
+LONGEST_STEP = 1.5
+#: ... unless the stamps are back on schedule within this many samples: then the one stamp came late (recipe).
+SETTLING = 5
+#: Time stamps with a larger share of duplicates are coarser than the samples (recipe).
+MOST_DUPLICATES = 0.1
+#: A recording that lacks a larger share of its samples is left out (recipe). Where the rate is found from the stamps,
+#: that many gaps mean that it is not found.
+MOST_DROPPED = 0.3
+#: A start that is later by less than this share of a sample is no later: time stamps are rounded.
+START_TOLERANCE = 0.01
+
+
+class Unusable(ValueError):
+    """One recording cannot be used; the others can."""
+
+
+@dataclass
+class Timed:
+    """A channel, uniformly sampled.
+
+    Attributes:
+        values (`np.ndarray`): (samples, columns) float64; NaN = missing.
+        start (`float` or `None`): time of the first sample, s; `None` = no time stamps.
+        rate (`float`): Hz, whole where it is whole within 0.1 %.
+        true_rate (`float`): Hz on the clock of the time stamps; `rate` without any.
+        where (`str`): the file, for messages.
+        offset (`float`): s, added to the start.
+        counts (`dict`): what happened -> (samples, first place).
+    """
+
+    values: np.ndarray
+    start: float | None
+    rate: float
+    true_rate: float
+    where: str
+    offset: float = 0.0
+    counts: dict = field(default_factory=dict)
+
+    @property
+    def seconds(self):
+        return len(self.values) / self.rate
+
+    @property
+    def clock_error(self):
+        """Clock of the stamps over nominal clock."""
+        return self.true_rate / self.rate
+
+
+def whole(rate):
+    """`rate` as a whole number of Hz if it is within 0.1 % of one."""
+    return float(round(rate)) if abs(rate - round(rate)) <= WHOLE_RATE * rate else float(rate)
+
+
+def on_stamps(values, stamps, rate, where, place=str):
+    """Puts samples with time stamps on a uniform clock.
+
+    Jitter is taken for what it is: samples are uniform. Steps of more than 1.5 sample periods are dropped samples and
+    become NaN; a repeated stamp is dropped with its sample.
+
+    Args:
+        values (`np.ndarray`): (n, columns).
+        stamps (`np.ndarray`): (n,) s; NaN = unreadable, its sample is dropped.
+        rate (`float` or `None`): Hz, declared; `None` = found from the stamps.
+        where (`str`): the file, for messages.
+        place (`Callable`): from a row to how messages name it.
+
+    Returns:
+        `Timed`.
+
+    Raises:
+        ValueError: naming file and place, if time runs backward, the stamps are coarser than the samples, or the
+            declared rate is more than 1 % off.
+        Unusable: if less than two stamps are left, or too many samples are missing.
+    """
+    rows, counts = _distinct(stamps, where, place)
+    time = stamps[rows]
+    index = _places(time, rate, where)
+    jumps = np.diff(index) > 1
+    if jumps.any():
+        dropped = int(index[-1]) + 1 - len(index)
+        counts["dropped (gaps in the time stamps), NaN"] = dropped, f"after {place(int(rows[np.argmax(jumps)]))}"
+    middle, spread = time.mean(), index - index.mean()
+    found = float(spread @ spread / (spread @ (time - middle)))  # all stamps tell the clock, not the first and last
+    if rate is not None and abs(found / rate - 1) > RATE_TOLERANCE:
+        raise _wrong_rate(where, rate, found)
+    uniform = np.full((int(index[-1]) + 1, values.shape[1]), np.nan)
+    uniform[index] = values[rows]
+    start = float(middle - index.mean() / found)
+    return Timed(uniform, start, whole(rate or found), found, where, counts=counts)
+
+
+def _distinct(stamps, where, place):
+    """Rows with a stamp of their own, and what happened to the others."""
+    counts, rows = {}, np.flatnonzero(~np.isnan(stamps))
+    if len(rows) < len(stamps):
+        counts["without a readable time stamp"] = len(stamps) - len(rows), place(int(np.argmax(np.isnan(stamps))))
+    if len(rows) < 2:
+        raise Unusable(f"{where}: has {len(rows)} time stamps")
+    steps = np.diff(stamps[rows])
+    if (steps < 0).any():
+        row = int(rows[1:][np.argmax(steps < 0)])
+        raise ValueError(
+            f"{where}, {place(row)}: time runs backward by {-steps.min():.4g} s at most, here to {stamps[row]:.6f} s. "
+            "Sort or split the file, or leave `time` out and give `rate`."
+        )
+    repeated = steps == 0
+    if repeated.any():
+        row = int(rows[1:][np.argmax(repeated)])
+        if repeated.mean() > MOST_DUPLICATES:
+            raise ValueError(
+                f"{where}, {place(row)}: {repeated.mean():.0%} of the time stamps repeat the one before; they are "
+                "coarser than the samples. Leave `time` out and give `rate`."
+            )
+        counts["with a repeated time stamp, dropped"] = int(repeated.sum()), place(row)
+        rows = rows[np.concatenate([[True], ~repeated])]
+    return rows, counts
+
+
+def _places(time, rate, where):
+    """Index of each of at least two stamps on the uniform clock: (n,) int64."""
+    steps = np.diff(time)
+    middle, mean = float(np.median(steps)), float(steps.mean())
+    doubt = 4 * float(np.median(np.abs(steps - middle))) / np.sqrt(len(steps))  # of the median, from jitter
+    # gaps spoil the mean, coarse stamps the median
+    if rate is not None and min(abs(middle - 1 / rate) - doubt, abs(mean - 1 / rate)) > RATE_TOLERANCE / rate:
+        raise _wrong_rate(where, rate, 1 / middle)
+    period = middle if rate is None else 1 / rate
+    late = np.flatnonzero(steps > LONGEST_STEP * period)
+    # how late is it around the step? A single stamp that came late is followed by a short step
+    first = np.maximum(late - SETTLING, np.concatenate([[0], late[:-1] + 1])[: len(late)])
+    last = np.minimum(late + 1 + SETTLING, np.concatenate([late[1:], [len(time) - 1]])[: len(late)])
+    missing = np.maximum(np.round((time[last] - time[first]) / period - (last - first)), 0)
+    share = missing.sum() / (missing.sum() + len(time))
+    if share > MOST_DROPPED:
+        raise Unusable(f"{where}: {share:.0%} of the samples are missing at {1 / period:.5g} Hz")
+    advance = np.ones(len(steps), dtype=np.int64)
+    advance[late] += missing.astype(np.int64)
+    return np.concatenate([[0], np.cumsum(advance)])
+
+
+def _wrong_rate(where, rate, found):
+    return ValueError(
+        f"{where}: `rate` = {rate:g} Hz, but the time stamps are {found:.6g} Hz. Correct `rate` or the unit of `time`."
+    )
+
+
+def on_one_clock(force, motion):
+    """Crops two channels to a common first instant, a sample of the slower one; the other is within half a sample.
+
+    A channel without time stamps starts with the other one, if that has some. Where both have, and their clocks run
+    apart by more than a sample of `motion`, time is counted in samples of the force: the rate of `motion` is adapted.
+
+    Args:
+        force, motion (`Timed`): the channels.
+
+    Returns:
+        `tuple[Timed, Timed]`: cropped.
+
+    Raises:
+        Unusable: if they do not overlap.
+    """
+    start = {id(one): _start(one, other) for one, other in ((force, motion), (motion, force))}
+    slow, fast = (motion, force) if motion.true_rate <= force.true_rate else (force, motion)
+    first = max(start.values())
+    skip = {id(slow): int(np.ceil((first - start[id(slow)]) * slow.true_rate - START_TOLERANCE))}
+    instant = start[id(slow)] + skip[id(slow)] / slow.true_rate
+    skip[id(fast)] = max(0, int(round((instant - start[id(fast)]) * fast.true_rate)))
+    if any(skip[id(channel)] >= len(channel.values) for channel in (force, motion)):
+        spans = [f"{c.where} {start[id(c)]:.3f} to {start[id(c)] + c.seconds:.3f} s" for c in (force, motion)]
+        raise Unusable(f"force and motion do not overlap in time: {', '.join(spans)}; check `time` and `offset`")
+    rate, counts = motion.rate, dict(motion.counts)
+    ratio = 1.0 if None in (force.start, motion.start) else motion.clock_error / force.clock_error
+    drift = (ratio - 1) * min(force.seconds, motion.seconds)
+    if abs(drift) * rate > 1:
+        rate *= ratio
+        counts["by which the clocks of force and motion run apart, compensated"] = math.ceil(abs(drift) * rate), ""
+    cropped = replace(motion, values=motion.values[skip[id(motion)] :], rate=rate, counts=counts)
+    return replace(force, values=force.values[skip[id(force)] :]), cropped
+
+
+def _start(channel, other):
+    known = [one.start for one in (channel, other) if one.start is not None]
+    return (known[0] if known else 0.0) + channel.offset
+
+
+def velocity_from_position(position, rate, window=0.05, order=2):
+    """Velocity by a Savitzky-Golay filter (Savitzky and Golay, Anal. Chem. 36, 1964); the ends are extrapolated.
+
+    White noise of the position of standard deviation s becomes noise of the velocity of about s * rate * sqrt(12 / n^3)
+    with n = window * rate samples and order 1 or 2; a movement of frequency f loses (pi * f * window)^2 / 10 of its
+    amplitude (0.25 % at 1 Hz and 50 ms).
+
+    Args:
+        position (`np.ndarray`): (m, axes) mm; NaN = missing.
+        rate (`float`): Hz.
+        window (`float`): s; at least order + 1 samples are taken, and an odd number.
+        order (`int`): of the polynomial.
+
+    Returns:
+        `np.ndarray`: (m, axes) mm/s; NaN where `position` is.
+
+    Raises:
+        Unusable: if there are fewer samples than one window.
+    """
+    samples = max(int(round(window * rate)), order + 1) | 1
+    if len(position) < samples:
+        raise Unusable(f"{len(position)} positions are less than one window of {samples} of the velocity filter")
+    missing = np.isnan(position)
+    slope = signal.savgol_filter(bridged(position), samples, order, deriv=1, delta=1 / rate, axis=0)
+    return np.where(missing, np.nan, slope)
+
+
+def bridged(values):
+    """NaN replaced by linear interpolation along time, held at the ends; a column of NaN becomes 0: (n, columns)."""
+    filled = np.array(values, dtype=np.float64)
+    for column in filled.T:
+        known = np.flatnonzero(~np.isnan(column))
+        if len(known) < len(column):
+            column[:] = np.interp(np.arange(len(column)), known, column[known]) if len(known) else 0.0
+    return filled

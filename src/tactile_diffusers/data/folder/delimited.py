@@ -1,0 +1,130 @@
+"""How a text table is written: encoding, delimiter, decimal sign, and which of its first lines are names."""
+
+import codecs
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+#: Delimiters that are tried, the likeliest first; " " stands for any white space.
+DELIMITERS = ("\t", ";", "|", ",", " ")
+#: What stands for a missing number in a column of numbers.
+MISSING = ("", "na", "n/a", "nan", "-nan", "inf", "-inf", "null", "none")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
+#: A number with a decimal comma.
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
+
+
+@dataclass
+class DelimitedFormat:
+    """Arguments for `pandas.read_csv`: separator, decimal sign, encoding, lines before the data, and the names."""
+
+    separator: str
+    decimal: str
+    encoding: str
+    header: int
+    names: list[str]
+
+
+def delimited_format(path, delimiter, header, head_lines):
+    """Looks at the first lines of a text table; no names = the file is empty.
+
+    Args:
+        path (`Path`): the file.
+        delimiter (`str` or `None`): `None` = find out; " " = any white space.
+        header (`int` or `None`): lines before the data; `None` = find out.
+        head_lines (`int`): lines to look at.
+
+    Returns:
+        `DelimitedFormat`.
+    """
+    encoding = _encoding(path)
+    with path.open(encoding=encoding, newline="") as file:
+        lines = [line.rstrip("\r\n") for line in islice(file, head_lines + (header or 0))]
+    filled = [line for line in lines if line.strip()]
+    sample = filled[len(filled) // 2 :]  # behind what may stand before the data
+    delimiter = delimiter or max(DELIMITERS, key=lambda candidate: _fit(sample, candidate))
+    rows = [_split(line.lstrip("#% "), delimiter) for line in lines]
+    numbers = [value for line in sample for value in _split(line, delimiter)]
+    comma = delimiter != "," and any(DECIMAL_COMMA.fullmatch(value) for value in numbers)
+    lines_before, names = find_header(rows, header)
+    return DelimitedFormat(r"\s+" if delimiter == " " else delimiter, ",."[not comma], encoding, lines_before, names)
+
+
+def find_header(rows, header=None):
+    """Finds the lines before the data, and the names of the columns.
+
+    Args:
+        rows (`list[list[str]]`): the first rows of a table.
+        header (`int`, *optional*): lines before the data; default: found out. A table of numbers starts with the
+            first row of numbers; a table with words has at least one line of names.
+
+    Returns:
+        `tuple[int, list[str]]`: lines before the data, and one name per column: from the last of these lines that has
+        as many different names as there are columns (a line of units below the names has not), else "0", "1", ..
+    """
+    if not any(rows):
+        return 0, []
+    filled = [row for row in (rows if header is None else rows[header:] or rows) if row]
+    body = filled[len(filled) // 2 :]
+    columns = Counter(map(len, body)).most_common(1)[0][0]
+    if header is None:
+        header = _lines_before_data(rows, [row for row in body if len(row) == columns])
+    for row in reversed(rows[:header]):
+        if len(row) == columns and len(set(row)) == columns:
+            return header, row
+    return header, [str(column) for column in range(columns)]
+
+
+def is_number(text):
+    """Whether a cell can stand in a column of numbers: a number, also with a decimal comma, or a missing one."""
+    return bool(text.lower() in MISSING or _NUMBER.fullmatch(text) or DECIMAL_COMMA.fullmatch(text))
+
+
+def _lines_before_data(rows, body):
+    """Lines before the data, whose later rows are `body`."""
+    columns = len(body[0])
+    only_numbers = all(Counter(tuple(map(is_number, row)) for row in body).most_common(1)[0][0])
+    for line, row in enumerate(rows):
+        numbers = [bool(value) and is_number(value) for value in row]
+        if len(row) < columns or not any(numbers):  # a row with too many cells is faulty, and will be refused
+            continue
+        if only_numbers and numbers[0] and sum(numbers) > columns / 2:
+            return line
+        if not only_numbers:
+            return max(line, 1)
+    return 1
+
+
+def _encoding(path):
+    with Path(path).open("rb") as file:
+        start = file.read(1 << 16)
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)  # a character cut at the end is no error
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig"
+
+
+def _split(line, delimiter):
+    if delimiter == " ":
+        return line.split()
+    return [value.strip() for row in csv.reader([line], delimiter=delimiter, skipinitialspace=True) for value in row]
+
+
+def _fit(lines, delimiter):
+    """How well a delimiter explains lines: share of cells that are numbers, 0 if lines differ in their columns."""
+    rows = [_split(line, delimiter) for line in lines]
+    if not rows:
+        return 0, 0
+    count, times = Counter(map(len, rows)).most_common(1)[0]
+    if count < 2 or times < 0.6 * len(rows):
+        return 0, 0
+    cells = [value for row in rows for value in row]
+    comma_counts = delimiter != ","
+    numbers = sum(is_number(value) and (comma_counts or "," not in value) for value in cells)
+    return 1, numbers / len(cells)

@@ -1,0 +1,160 @@
+"""One recording from its files: units, signs, one clock, velocity, and NaN for what no sensor measured."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...signal import BAND_HZ, SEGMENT_SECONDS
+from ..checks import LARGEST_FORCE_N, check_forces, over_range, saturated
+from .clocks import RATE_TOLERANCE, Timed, Unusable, on_one_clock, on_stamps, velocity_from_position, whole
+from .lag import residual_lag
+
+#: Median speeds of a finger (mm/s) outside of this are probably in another unit (recipe).
+LIKELY_SPEED = (1.0, 1000.0)
+
+
+def read_recording(name, channels, layout, report):
+    """Reads one recording.
+
+    Args:
+        name (`str`): "surface/explorer/trial".
+        channels (`dict[str, Source]`): of `find_recordings`.
+        layout (`Layout`): for the velocity filter.
+        report (`ConversionReport`): where notes and the lag go.
+
+    Returns:
+        `dict`: keyword arguments of `RecordingsWriter.add_recording`.
+
+    Raises:
+        Unusable: if it is to be left out.
+        ValueError: naming file and place, if a unit, an axis or a clock is wrong.
+    """
+    read = {}
+    for source in dict.fromkeys(channels.values()):
+        read |= _read_source(source, [channel for channel in channels if channels[channel] == source], report)
+    kind = "force" if "force" in read else "lateral"
+    force, unit = read[kind], "1" if getattr(channels[kind].files, kind).unit == "1" else "N"
+    motion = read.get("velocity")
+    if "position" in read:
+        position, (window, order) = read["position"], (layout.velocity.window, layout.velocity.order)
+        _check_usable(position)
+        slope = velocity_from_position(position.values, position.true_rate, window, order)
+        motion = replace(position, values=slope)
+    if motion is not None:
+        force, motion = on_one_clock(force, motion)
+    for channel in (force, motion):
+        if channel is not None:
+            _check_usable(channel)
+            report.note_counts(channel.counts, channel.where)  # of the common clock
+    force = _without_faults(force, kind, unit, report)
+    arrays = {kind: _shaped(force.values, kind), f"{kind}_rate": force.rate, "unit": unit}
+    if motion is not None:
+        _note_speed(motion, report)
+        report.lags[name] = _lag(force, motion)
+        arrays |= {"velocity": _in_plane(motion.values), "velocity_rate": motion.rate}
+    return arrays
+
+
+def _read_source(source, channels, report):
+    """The channels of one file as {channel: `Timed`}; what they share is noted once."""
+    table, files = source.table(), source.files
+    columns = [table.name(column) for channel in channels for column in getattr(files, channel).columns]
+    values = [table.numbers(column) for column in columns]
+    stamps = table.numbers(files.time.column) * files.time.scale if files.time else None
+    lengths = {len(column) for column in values} | ({len(stamps)} if files.time else set())
+    if len(lengths) > 1 or not values[0].size:
+        raise ValueError(
+            f"{table.where}: columns {columns} have {sorted(lengths)} rows: describe columns of one length, and with "
+            "rows, in one [[files]]."
+        )
+    values = np.stack(values, axis=-1)
+    for column, count in table.unreadable.items():
+        if count:
+            report.note("cells that are no number, NaN", count, f"{table.where}, column {column!r}")
+    missing = np.isnan(values).any(axis=1)
+    if missing.any():
+        place = f"{table.where}, {table.place(int(missing.argmax()))}"
+        report.note("samples missing in the files, NaN", missing.sum(), place)
+    clock = _on_clock(values, stamps, table, files)
+    report.note_counts(clock.counts, clock.where)
+    split, start = {}, 0
+    for channel in channels:
+        described = getattr(files, channel)
+        part = clock.values[:, start : start + len(described.columns)]
+        start += len(described.columns)
+        part = part if described.scale == 1 else part * described.scale
+        part = part * [1, 1, described.normal_sign] if channel == "force" else part
+        split[channel] = replace(clock, values=part, counts={})
+    return split
+
+
+def _on_clock(values, stamps, table, files):
+    if stamps is not None:
+        clock = on_stamps(values, stamps, files.rate, table.where, table.place)
+        return replace(clock, offset=files.offset)
+    # a declared rate is meant as it is written; one from a file's header may carry rounding
+    rate = files.rate or (whole(table.rate) if table.rate else None)
+    if rate is None:
+        raise ValueError(f"{table.where} does not tell its rate: give `rate` or `time` in the layout.")
+    if table.rate is not None and abs(table.rate / rate - 1) > RATE_TOLERANCE:
+        raise ValueError(
+            f"{table.where}: `rate` = {rate:g} Hz, but the file says {table.rate:g} Hz. Correct one of them."
+        )
+    return Timed(values, None, float(rate), float(rate), table.where, offset=files.offset)
+
+
+def _check_usable(channel):
+    if channel.seconds < SEGMENT_SECONDS:
+        raise Unusable(f"{channel.where}: {channel.seconds:.3g} s in common are less than one segment")
+    if np.isnan(channel.values).any(axis=1).all():
+        raise Unusable(f"{channel.where}: holds only NaN")
+
+
+def _shaped(values, kind):
+    """(n, 3) of `force`, (n,) of `lateral`."""
+    return values if kind == "force" else values[:, 0]
+
+
+def _without_faults(force, kind, unit, report):
+    """The force with NaN where the sensor was at the end of its range, or showed what no finger does."""
+    if force.rate != int(force.rate) or force.rate <= 2 * BAND_HZ[0]:
+        raise ValueError(
+            f"{force.where}: the rate of the force is {force.rate:.6g} Hz; it must be a whole number, and above "
+            f"{2 * BAND_HZ[0]:g} Hz. Correct `rate` or the unit of `time`, or resample the force."
+        )
+    values = _shaped(force.values, kind)
+    notes = check_forces(values, force.where, unit)
+    faults = {"saturated, NaN": np.any([saturated(column, force.rate) for column in force.values.T], axis=0)}
+    if unit == "N":
+        faults[f"above {LARGEST_FORCE_N:.0f} N, NaN"] = over_range(values)
+    faulty = np.any(list(faults.values()), axis=0)
+    if faulty.any():
+        for fault, mask in faults.items():
+            if mask.any():
+                report.note(f"samples {fault}", mask.sum(), f"{force.where} at {mask.argmax() / force.rate:.4f} s")
+        force = replace(force, values=np.where(faulty[:, None], np.nan, force.values))
+        _check_usable(force)
+        notes = check_forces(_shaped(force.values, kind), force.where, unit)
+    for note in notes:  # "what (numbers)"
+        kind, _, detail = note.partition(" (")
+        report.note(f"recordings: {kind}", 1, f"{force.where} ({detail}")
+    return force
+
+
+def _note_speed(motion, report):
+    speed = float(np.nanmedian(np.linalg.norm(motion.values, axis=1)))
+    if not LIKELY_SPEED[0] <= speed <= LIKELY_SPEED[1]:
+        report.note(f"recordings with a median speed outside {LIKELY_SPEED} mm/s: is the unit right?", 1, motion.where)
+
+
+def _lag(force, motion):
+    """Lag of the force; lateral force alone follows a movement along one line only."""
+    one_line = motion.values.shape[1] == 1 or not np.nan_to_num(motion.values[:, 1]).any()
+    axes = 1 if one_line else 2
+    if force.values.shape[1] < axes:
+        return None
+    return residual_lag(force.values[:, :axes], force.rate, motion.values[:, :axes], motion.rate)
+
+
+def _in_plane(velocity):
+    return velocity if velocity.shape[1] == 2 else np.concatenate([velocity, 0.0 * velocity], axis=1)

@@ -1,0 +1,166 @@
+"""Which file of a folder holds which channel of which recording."""
+
+import difflib
+import os
+from collections import defaultdict
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from .draft_walk import HIDDEN_PREFIXES
+from .layout import FilesLayout, Layout
+from .tables import paths_inside, read_table
+
+#: Rows that are read of the first file of each kind, to see its columns before anything is converted.
+GLANCE_ROWS = 100
+#: How many names a message lists.
+_FEW = 5
+
+
+@dataclass(frozen=True)
+class Source:
+    """One table: a file, or a place inside one, with what the layout says about it."""
+
+    files: FilesLayout
+    path: Path
+    inside: str | None
+
+    @property
+    def where(self):
+        return str(self.path) if self.inside is None else f"{self.path} [{self.inside}]"
+
+    def table(self, max_rows=None):
+        """Opens it as a `Table`."""
+        kind, place = self.files.kind, "sheet" if self.files.kind == "xlsx" else "inside"
+        options = {place: self.inside} if self.inside is not None else {}
+        return read_table(
+            self.path, kind, delimiter=self.files.delimiter, header=self.files.header, max_rows=max_rows, **options
+        )
+
+
+def files_below(root):
+    """Relative paths, written with "/", of all files below a folder that are not hidden: sorted `list[str]`.
+
+    Raises:
+        FileNotFoundError: if there is no folder.
+    """
+    root = Path(root)
+    if not root.is_dir():
+        raise FileNotFoundError(f"There is no folder {root}.")
+    found = []
+    for place, folders, names in os.walk(root):
+        folders[:] = [name for name in folders if not name.startswith(HIDDEN_PREFIXES)]
+        here = Path(place).relative_to(root)
+        found += [(here / name).as_posix() for name in names if not name.startswith(HIDDEN_PREFIXES)]
+    return sorted(found)
+
+
+def matching_places(root, paths, entry, where):
+    """Tables that an entry of a layout (its `pattern`, `inside` and `kind`) describes.
+
+    Args:
+        root (`Path`): the folder.
+        paths (`list[str]`): of `files_below`.
+        entry (`FilesLayout` or `RatingsLayout`): what is looked for.
+        where (`str`): the entry, for messages.
+
+    Returns:
+        `list[tuple[Path, str | None, dict]]`: file, place inside, and the named fields.
+
+    Raises:
+        ValueError: if there is none.
+    """
+    found, pattern, inside = [], entry.pattern, entry.inside
+    matched = [(path, fields) for path in paths if (fields := pattern.match(path)) is not None]
+    for path, fields in matched:
+        if inside is None or inside.literal:
+            found.append((root / path, inside and inside.text.strip("/"), fields))
+            continue
+        for place in paths_inside(root / path, entry.kind):
+            more = inside.match(place)
+            if more is not None and all(fields.get(name, value) == value for name, value in more.items()):
+                found.append((root / path, place, fields | more))
+    if not matched:
+        near = difflib.get_close_matches(pattern.text, paths, n=3, cutoff=0.3) or paths[:3]
+        hint = f"; the nearest are {near}" if near else ""
+        raise ValueError(
+            f"{where}, `pattern` = {pattern.text!r} matches none of the {len(paths)} files in {root}{hint}."
+        )
+    if not found:
+        path = root / matched[0][0]
+        places = list(islice(paths_inside(path, entry.kind), 1, 1 + _FEW))
+        raise ValueError(f"{where}: {inside.text!r} matches no place inside {path}, which has {places}.")
+    return found
+
+
+def find_recordings(root, layout: Layout):
+    """Joins the files of a folder to recordings, and looks at the first file of each kind.
+
+    Args:
+        root (`Path`): the folder.
+        layout (`Layout`): its description.
+
+    Returns:
+        `tuple[dict, dict]`: (surface, explorer, trial) -> channel -> `Source`, and name -> reason of what lacks a file.
+
+    Raises:
+        FileNotFoundError: if there is no folder.
+        ValueError: if a pattern matches nothing, a channel of a recording has two files, a column is missing, or no
+            recording is complete.
+    """
+    paths = files_below(root)
+    recordings = defaultdict(dict)
+    for number, files in enumerate(layout.files, 1):
+        where = f"{layout.path}: [[files]] {number}"
+        places = matching_places(Path(root), paths, files, where)
+        for path, inside, fields in places:
+            source = Source(files, path, inside)
+            name = fields["surface"], fields.get("explorer", "0"), fields.get("trial", "0")
+            for channel in files.channels:
+                _add(recordings[name], channel, source, name, where)
+        _check_columns(Source(files, *places[0][:2]), where)
+    complete, left_out = {}, {}
+    for name in sorted(recordings):
+        missing = _missing(recordings[name])
+        if missing:
+            left_out["/".join(name)] = f"no file with {missing}"
+        else:
+            complete[name] = recordings[name]
+    if not complete:
+        name, reason = next(iter(left_out.items()))
+        raise ValueError(
+            f"{layout.path}: no recording in {root} has all its files; {name}, for example, has {reason}. Names found: "
+            f"{list(left_out)[:_FEW]}. Let the fields of the patterns agree between the kinds of files."
+        )
+    return complete, left_out
+
+
+def _add(channels, channel, source, name, where):
+    rivals = {"force": "lateral", "lateral": "force", "position": "velocity", "velocity": "position"}
+    for taken in (channel, rivals[channel]):
+        if taken in channels:
+            raise ValueError(
+                f"{where}: recording {'/'.join(name)} has two files for its {channel}: {channels[taken].where} and "
+                f"{source.where}. Make the pattern narrower, or make what distinguishes them part of a name: "
+                "{trial.speed}_{trial.repeat} joins two fields to one trial."
+            )
+    channels[channel] = source
+
+
+def _missing(channels):
+    if not channels.keys() & {"force", "lateral"}:
+        return "force or lateral"
+    if "force" in channels and not channels.keys() & {"position", "velocity"}:
+        return "position or velocity"
+    return None
+
+
+def _check_columns(source, where):
+    table = source.table(max_rows=GLANCE_ROWS)
+    try:
+        for column in source.files.columns:
+            table.name(column)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
+    if source.files.rate is None and source.files.time is None and table.rate is None:
+        raise ValueError(f"{where}: `rate` is missing, there is no `time`, and {source.where} does not tell its rate.")

@@ -1,0 +1,359 @@
+"""Files of other people as tables of named columns: csv, xlsx, mat, hdf5, npy, npz, wav, parquet.
+
+Nothing is guessed about meaning here: `layout.toml` says which column is what. Pickles are never read.
+"""
+
+import csv
+import difflib
+import unicodedata
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from .delimited import DECIMAL_COMMA, delimited_format, find_header
+from .trees import open_tree, tree_columns, tree_node, tree_nodes, tree_rate, tree_tables
+
+#: Kind of a file by its extension (lower case).
+KINDS = {
+    ".csv": "csv",
+    ".tsv": "csv",
+    ".txt": "csv",
+    ".dat": "csv",
+    ".xlsx": "xlsx",
+    ".xlsm": "xlsx",
+    ".mat": "mat",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".hdf": "hdf5",
+    ".npy": "npy",
+    ".npz": "npz",
+    ".wav": "wav",
+    ".parquet": "parquet",
+}
+#: Kinds whose files hold a tree of arrays, in which `inside` names one place.
+TREE_KINDS = ("mat", "hdf5", "npz")
+#: Cells of a column of numbers that are empty rather than unreadable.
+EMPTY = ("", "nan", "NaN", "NA")
+#: Rows of a csv or xlsx file in which the delimiter and the names are looked for.
+HEAD_ROWS = 60
+
+
+@dataclass
+class Table:
+    """Columns of numbers or text; what is not in memory already is read when asked for.
+
+    Attributes:
+        path (`Path`): the file.
+        inside (`str` or `None`): sheet of an xlsx file, or path of the group, struct or array inside a file.
+        names (`list[str]`): of the columns; "0", "1", .. where there are none.
+        rate (`float` or `None`): Hz, where the file itself says so (wav header, HDF5 attribute, scalar beside arrays).
+        rows (`int`): of the longest column; arrays of a group or struct may differ in length.
+        first_line (`int` or `None`): line of the first row in a csv or xlsx file, for messages; counts from 1.
+        unreadable (`Counter`): column -> cells that are no finite number, known after `numbers` read them.
+    """
+
+    path: Path
+    inside: str | None
+    names: list[str]
+    rate: float | None
+    rows: int
+    first_line: int | None = None
+    unreadable: Counter = field(default_factory=Counter)
+    _load: object = field(default=None, repr=False)  # name -> 1-D array of numbers or str
+    _load_text: object = field(default=None, repr=False)  # the same, exactly as written, where that differs
+
+    @property
+    def where(self):
+        """The place of this table for messages."""
+        return str(self.path) if self.inside is None else f"{self.path} [{self.inside}]"
+
+    def place(self, row):
+        """Place of row `row` (from 0) for messages: a line of a text file, otherwise a sample (from 0)."""
+        return f"sample {row}" if self.first_line is None else f"line {self.first_line + row}"
+
+    def name(self, column):
+        """Name of a column given by name or by index from 0.
+
+        Raises:
+            ValueError: naming the file and the columns there are, if it has no such column.
+        """
+        if isinstance(column, int) and 0 <= column < len(self.names):
+            return self.names[column]
+        if isinstance(column, str) and column in self.names:
+            return column
+        spelt = {name.casefold(): name for name in self.names}
+        near = difflib.get_close_matches(str(column).casefold(), spelt, n=1)
+        hint = f" Did you mean {spelt[near[0]]!r}?" if near else ""
+        raise ValueError(f"{self.where} has no column {column!r}; it has {_listed(self.names)}.{hint}")
+
+    def numbers(self, column):
+        """A column as numbers.
+
+        Args:
+            column (`str` or `int`): name, or index from 0.
+
+        Returns:
+            `np.ndarray`: (rows,) float64; NaN = empty or no number (counted in `unreadable`).
+
+        Raises:
+            ValueError: if there is no such column, or it holds text only.
+        """
+        name = self.name(column)
+        values = np.asarray(self._load(name))
+        if values.dtype.kind in "fiub":
+            numbers = values.astype(np.float64)
+            odd = np.isinf(numbers)
+        else:
+            text = np.array([_as_text(value) for value in values], dtype=object)
+            numbers = pd.to_numeric(pd.Series(text), errors="coerce").to_numpy(dtype=np.float64, copy=True)
+            odd = ~np.isfinite(numbers) & ~np.isin(text, EMPTY)
+            if odd.any() and np.isnan(numbers).all():
+                example = text[np.argmax(odd)]
+                raise ValueError(f"{self.where}: column {name!r} holds no number but, for example, {example!r}.")
+        numbers[odd] = np.nan
+        self.unreadable[name] = int(odd.sum())
+        return numbers
+
+    def text(self, column):
+        """A column as it is written: (rows,) list of `str` in NFC, without spaces around them, "" = empty."""
+        name = self.name(column)
+        return [unicodedata.normalize("NFC", _as_text(value)) for value in (self._load_text or self._load)(name)]
+
+
+def kind_of(path):
+    """Kind of a file by its extension, or `None`."""
+    return KINDS.get(Path(path).suffix.lower())
+
+
+def read_table(path, kind=None, *, inside=None, sheet=None, delimiter=None, header=None, max_rows=None):
+    """Opens one table of a file.
+
+    Args:
+        path (`str` or `Path`): the file.
+        kind (`str`, *optional*): one of the values of `KINDS`; default: by the extension.
+        inside (`str`, *optional*): mat, hdf5, npz: the group, struct or array, "a/b"; default: the top.
+        sheet (`str`, *optional*): xlsx; default: the first.
+        delimiter (`str`, *optional*): csv; " " = any white space; default: found out.
+        header (`int`, *optional*): csv, xlsx: lines before the data; the names are in the last one that has as many
+            different names as there are columns; 0 = no names; default: found out.
+        max_rows (`int`, *optional*): csv, xlsx: read no more rows than that, to look at the columns only.
+
+    Returns:
+        `Table`. Of 2-D arrays the longer axis is time.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: naming the file and the remedy, if it cannot be read as this kind.
+    """
+    path = Path(path)
+    kind = kind or kind_of(path)
+    if kind not in KINDS.values():
+        known = ", ".join(sorted(set(KINDS.values())))
+        raise ValueError(f"{path}: its kind is unknown ({kind!r}). Give `kind`, one of {known}.")
+    if not path.is_file():
+        raise FileNotFoundError(f"There is no file {path}.")
+    try:
+        if kind == "csv":
+            return _read_csv(path, delimiter, header, max_rows)
+        if kind == "xlsx":
+            return _read_xlsx(path, sheet, header, max_rows)
+        if kind in TREE_KINDS:
+            return _read_tree(path, kind, inside)
+        return {"npy": _read_npy, "wav": _read_wav, "parquet": _read_parquet}[kind](path)
+    except (UnicodeDecodeError, OSError, pd.errors.ParserError, csv.Error) as error:
+        raise ValueError(
+            f"{path} cannot be read as {kind} ({error}). Check that it is whole, and what its layout says about it."
+        ) from error
+
+
+def list_tables(path, kind=None, **options):
+    """All tables of a file: the sheets of an xlsx, the groups and arrays of a mat, hdf5 or npz, otherwise one.
+
+    Args:
+        path (`str` or `Path`): the file.
+        kind (`str`, *optional*): as in `read_table`, like `**options`.
+
+    Returns:
+        `list[Table]`.
+
+    Raises:
+        FileNotFoundError, ValueError: as `read_table`.
+    """
+    path = Path(path)
+    kind = kind or kind_of(path)
+    if kind == "xlsx" and path.is_file():
+        return [read_table(path, kind, sheet=sheet, **options) for sheet in _sheets(path)]
+    if kind in TREE_KINDS and path.is_file():
+        with open_tree(path, kind) as tree:
+            inside = tree_tables(tree)
+        return [read_table(path, kind, inside=name, **options) for name in inside]
+    return [read_table(path, kind, **options)]
+
+
+def paths_inside(path, kind=None):
+    """Places inside a file: paths of all groups, structs and arrays of a mat, hdf5 or npz ("" = the top), or sheets.
+
+    Returns:
+        `list[str]`.
+    """
+    path, kind = Path(path), kind or kind_of(path)
+    if kind == "xlsx":
+        return _sheets(path)
+    with open_tree(path, kind) as tree:
+        return [name for name, _ in tree_nodes(tree)]
+
+
+def _sheets(path):
+    try:
+        with pd.ExcelFile(path, engine="openpyxl") as book:
+            return [str(name) for name in book.sheet_names]
+    except Exception as error:  # openpyxl, zipfile and the XML reader raise many kinds
+        raise _no_workbook(path, error) from error
+
+
+def _read_csv(path, delimiter, header, max_rows):
+    options = delimited_format(path, delimiter, header, HEAD_ROWS)
+    if not options.names:
+        return Table(path, None, [], None, 0, first_line=1)
+    common = dict(
+        sep=options.separator,
+        header=None,
+        skiprows=options.header,
+        nrows=max_rows,
+        encoding=options.encoding,
+        skipinitialspace=True,
+    )
+    try:
+        frame = pd.read_csv(path, names=options.names, decimal=options.decimal, low_memory=False, **common)
+        if options.decimal == "." and options.separator != "," and _has_decimal_comma(frame):
+            # the first lines held whole numbers only
+            frame = pd.read_csv(path, names=options.names, decimal=",", low_memory=False, **common)
+    except pd.errors.EmptyDataError:  # names without any row
+        frame = pd.DataFrame(columns=options.names, dtype=np.float64)
+    if not isinstance(frame.index, pd.RangeIndex):
+        line = options.header + 1
+        raise ValueError(
+            f"{path}, line {line}: has more than the {len(options.names)} columns of the other lines. Correct it, or "
+            "give `header`, the lines before the data."
+        )
+
+    def load_text(name):
+        # read again: the numbers 1 and 01 are the same, the names are not
+        column = options.names.index(name)
+        again = pd.read_csv(path, usecols=[column], dtype=str, keep_default_na=False, **common)
+        return again.iloc[:, 0].to_numpy(dtype=object)
+
+    return _frame_table(path, None, frame, options.header + 1, load_text)
+
+
+def _has_decimal_comma(frame):
+    text = (frame[name].dropna().astype(str).str.strip() for name in frame if frame[name].dtype.kind not in "fiub")
+    return any(column.str.fullmatch(DECIMAL_COMMA).any() for column in text)
+
+
+def _read_xlsx(path, sheet, header, max_rows):
+    rows = None if max_rows is None else max_rows + HEAD_ROWS
+    try:
+        with pd.ExcelFile(path, engine="openpyxl") as book:
+            name = book.sheet_names[0] if sheet is None else sheet
+            if name not in book.sheet_names:
+                raise ValueError(f"there is no sheet {name!r}, only {_listed(book.sheet_names)}")
+            cells = pd.read_excel(
+                book, sheet_name=name, header=None, dtype=object, nrows=rows, keep_default_na=False, na_values=[""]
+            )
+    except Exception as error:  # openpyxl, zipfile and the XML reader raise many kinds
+        raise _no_workbook(path, error) from error
+    head = [[_as_text(value) for value in row] for row in cells.head(HEAD_ROWS).itertuples(index=False)]
+    lines, names = find_header(head, header)
+    frame = cells.iloc[lines:].reset_index(drop=True)
+    frame.columns = names
+    return _frame_table(path, name, frame if max_rows is None else frame.head(max_rows), lines + 1)
+
+
+def _no_workbook(path, error):
+    return ValueError(f"{path} cannot be read as xlsx: {error}. Save it as .xlsx again, or name a sheet it has.")
+
+
+def _read_parquet(path):
+    try:
+        frame = pd.read_parquet(path)
+    except ImportError as error:
+        raise ValueError(f"{path}: parquet files need pyarrow. Install it: pip install pyarrow.") from error
+    except ValueError as error:
+        raise ValueError(f"{path} cannot be read as parquet ({error}). Copy it again, or write it again.") from error
+    frame.columns = [str(name) for name in frame.columns]
+    return _frame_table(path, None, frame, None)
+
+
+def _frame_table(path, inside, frame, first_line, load_text=None):
+    def load(name):
+        return frame[name].to_numpy()
+
+    return Table(path, inside, list(frame.columns), None, len(frame), first_line, _load=load, _load_text=load_text)
+
+
+def _read_npy(path):
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except ValueError as error:
+        raise ValueError(f"{path} cannot be read as npy ({error}). Save it as numbers, not as objects.") from error
+    columns = tree_columns(array)
+    return Table(path, None, list(columns), None, _longest(columns), _load=lambda name: np.array(columns[name][1]()))
+
+
+def _read_wav(path):
+    import soundfile
+
+    try:
+        info = soundfile.info(path)
+    except soundfile.SoundFileError as error:
+        raise ValueError(f"{path} cannot be read as wav ({error}). Save it as PCM or float WAV.") from error
+
+    def load(name):
+        return soundfile.read(path, dtype="float64", always_2d=True)[0][:, int(name)]
+
+    names = [str(channel) for channel in range(info.channels)]
+    return Table(path, None, names, float(info.samplerate), info.frames, _load=load)
+
+
+def _read_tree(path, kind, inside):
+    inside = (inside or "").strip("/")
+    with open_tree(path, kind) as tree:
+        node = tree_node(tree, inside)
+        if node is None:
+            names = [name for name, _ in tree_nodes(tree) if name]
+            near = difflib.get_close_matches(inside, names, n=3) or names
+            raise ValueError(f"{path} has no group, struct or array {inside!r}; it has {_listed(near)}.")
+        columns = tree_columns(node)
+        rate = tree_rate(node) or tree_rate(tree_node(tree, inside.rpartition("/")[0]))
+
+    def load(name):
+        with open_tree(path, kind) as again:
+            return tree_columns(tree_node(again, inside))[name][1]()
+
+    return Table(path, inside or None, list(columns), rate, _longest(columns), _load=load)
+
+
+def _longest(columns):
+    return max((length for length, _ in columns.values()), default=0)
+
+
+def _listed(names, most=12):
+    names = [repr(name) for name in names]
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "") or "none"
+
+
+def _as_text(value):
+    """A cell as text: whole numbers without a point, missing ones as ""."""
+    if isinstance(value, bytes):
+        return value.decode("utf-8", errors="replace").strip()
+    if isinstance(value, str):
+        return value.strip()
+    if value is None or value != value:
+        return ""
+    if isinstance(value, float | np.floating) and float(value).is_integer():
+        return str(int(value))
+    return str(value).strip()

@@ -1,0 +1,202 @@
+"""Time stamps, a common start, velocity and lag: against signals that are known at every instant."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_diffusers.data import RecordingsFile
+from tactile_diffusers.data.folder.clocks import Timed, Unusable, on_one_clock, on_stamps, velocity_from_position, whole
+from tactile_diffusers.data.folder.lag import residual_lag
+
+
+def column(values):
+    return np.asarray(values, dtype=np.float64)[:, None]
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    rate=st.sampled_from([100.0, 333.0, 1000.0, 10_000.0]),
+    start=st.floats(-1e3, 1e6),
+    dropped=st.sets(st.integers(1, 398), max_size=60),
+    jitter=st.floats(0, 0.2),
+    seed=st.integers(0, 100),
+)
+def test_dropped_samples_become_nan_where_they_were(rate, start, dropped, jitter, seed):
+    kept = np.array([i for i in range(400) if i not in dropped])
+    late = np.random.default_rng(seed).uniform(-jitter, jitter, len(kept))
+    timed = on_stamps(column(kept), start + (kept + late) / rate, rate, "a.csv")
+    expected = np.full(400, np.nan)
+    expected[kept] = kept
+    np.testing.assert_array_equal(timed.values[:, 0], expected)
+    assert sum(count for count, _ in timed.counts.values()) == len(dropped)
+    assert timed.rate == rate
+    assert timed.true_rate == pytest.approx(rate, rel=2e-3)  # 400 stamps with 0.2 samples of jitter
+    assert timed.start == pytest.approx(start, abs=0.2 / rate)
+
+
+@pytest.mark.parametrize("rate", [500.0, 2200.0, 10_000.0])
+def test_rate_is_found(rate):
+    stamps = np.round(7.5 + np.arange(5000) / rate, 6)  # microseconds
+    timed = on_stamps(column(range(5000)), stamps, None, "a.csv")
+    assert timed.rate == rate and not timed.counts
+    assert whole(333.4) == 333.4 and whole(9999.5) == 10_000  # 0.12 %, 0.005 % from a whole number
+
+
+def test_a_single_late_stamp_is_no_gap():
+    stamps = np.arange(100) / 500
+    stamps[40] += 0.8 / 500
+    timed = on_stamps(column(range(100)), stamps, None, "a.csv")
+    np.testing.assert_array_equal(timed.values[:, 0], range(100))
+
+
+def test_repeated_and_unreadable_stamps_are_dropped_and_counted():
+    stamps = np.arange(100) / 500
+    stamps[30] = stamps[29]
+    stamps[60] = np.nan
+    timed = on_stamps(column(range(100)), stamps, 500.0, "a.csv", lambda row: f"line {row + 2}")
+    expected = np.arange(100.0)
+    expected[[30, 60]] = np.nan  # their places are gaps now
+    np.testing.assert_array_equal(timed.values[:, 0], expected)
+    assert timed.counts["with a repeated time stamp, dropped"] == (1, "line 32")
+    assert timed.counts["without a readable time stamp"] == (1, "line 62")
+    assert timed.counts["dropped (gaps in the time stamps), NaN"] == (2, "after line 31")
+
+
+def test_stamps_that_cannot_be_used_are_named():
+    stamps = np.arange(100) / 500
+    backward = stamps.copy()
+    backward[50:] -= 0.1
+    with pytest.raises(ValueError, match=r"a.csv, 50: time runs backward by 0.098 s at most, here to 0.000000 s"):
+        on_stamps(column(stamps), backward, None, "a.csv")
+    with pytest.raises(ValueError, match="coarser than the samples. Leave `time` out and give `rate`"):
+        on_stamps(column(stamps), np.floor(stamps * 100) / 100, None, "a.csv")
+    with pytest.raises(ValueError, match=r"`rate` = 1000 Hz, but the time stamps are 500 Hz"):
+        on_stamps(column(stamps), stamps, 1000.0, "a.csv")
+    with pytest.raises(ValueError, match="Correct `rate` or the unit of `time`"):
+        on_stamps(column(stamps), stamps, 494.0, "a.csv")  # 1.2 % off
+    with pytest.raises(Unusable, match="a.csv: 5.% of the samples are missing at 500 Hz"):
+        on_stamps(column(stamps), np.where(stamps > 0.1, stamps + 0.25, stamps), None, "a.csv")
+    huge = np.append(stamps[:-1], 1e300)
+    with pytest.raises(Unusable, match="a.csv: 100% of the samples are missing"):
+        on_stamps(column(stamps), huge, None, "a.csv")
+    with pytest.raises(Unusable, match="0 time stamps"):
+        on_stamps(column(stamps), np.full(100, np.nan), None, "a.csv")
+
+
+def clock(start, rate, samples, true_rate=None, offset=0.0, name="a.csv"):
+    """A channel whose values are the instants at which they were measured, in s on the clock of the stamps."""
+    time = (0.0 if start is None else start) + np.arange(samples) / (true_rate or rate)
+    return Timed(column(time + offset), start, rate, true_rate or rate, name, offset)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    starts=st.tuples(st.floats(-3, 3), st.floats(-3, 3)),
+    offsets=st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
+    rates=st.sampled_from([(10_000.0, 500.0), (1000.0, 1000.0), (500.0, 10_000.0), (2200.0, 100.0)]),
+)
+def test_channels_start_together(starts, offsets, rates):
+    force, motion = (clock(s, r, int(12 * r), offset=o) for s, r, o in zip(starts, rates, offsets, strict=True))
+    cropped = on_one_clock(force, motion)
+    first = [float(channel.values[0, 0]) for channel in cropped]
+    assert abs(first[0] - first[1]) <= 0.5 / max(rates) + 1e-9
+    later = max(start + offset for start, offset in zip(starts, offsets, strict=True))
+    assert later - 1e-9 - 0.01 / min(rates) <= max(first) <= later + 1.5 / min(rates)
+    assert [channel.rate for channel in cropped] == list(rates)
+
+
+def test_a_channel_without_stamps_starts_with_the_other():
+    force, motion = on_one_clock(clock(None, 10_000.0, 30_000), clock(1e9, 500.0, 1500))
+    assert len(force.values) == 30_000 and len(motion.values) == 1500
+    force, motion = on_one_clock(clock(None, 10_000.0, 30_000), clock(1e9, 500.0, 1500, offset=0.1))
+    assert len(force.values) == 29_000 and len(motion.values) == 1500
+
+
+def test_clocks_that_run_apart_are_reconciled():
+    # 0.04 % in 100 s: 40 ms, 20 samples of the motion
+    force, motion = on_one_clock(clock(0.0, 10_000.0, 10**6, 9999.0), clock(0.0, 500.0, 50_000, 500.2))
+    assert force.rate == 10_000 and motion.rate == pytest.approx(500.25, abs=1e-3)
+    assert len(motion.counts) == 1
+    index = 45_000
+    same = round(index / motion.rate * force.rate)  # the place in the force of a sample of the motion
+    assert force.values[same, 0] == pytest.approx(motion.values[index, 0], abs=1 / 10_000)
+    _, motion = on_one_clock(clock(0.0, 10_000.0, 20_000), clock(0.0, 500.0, 1000, 500.001))
+    assert motion.rate == 500 and not motion.counts  # less than a sample apart: the rate stays
+
+
+def test_channels_that_do_not_overlap():
+    with pytest.raises(
+        Unusable, match="a.csv 0.000 to 3.000 s, b.csv 1000.000 to 1003.000 s; check `time` and `offset`"
+    ):
+        on_one_clock(clock(0.0, 1000.0, 3000), clock(1000.0, 500.0, 1500, name="b.csv"))
+
+
+def test_velocity_of_a_known_movement():
+    """A sine of 1 Hz loses (pi f window)^2 / 10 = 0.25 %; 1 % of the peak speed is asked for, ends included."""
+    rate, time = 500.0, np.arange(2000) / 500
+    position = 20 * np.stack([np.sin(2 * np.pi * time), np.cos(2 * np.pi * time)], axis=-1)
+    speed = 20 * 2 * np.pi * np.stack([np.cos(2 * np.pi * time), -np.sin(2 * np.pi * time)], axis=-1)
+    position[700:710, 0] = np.nan
+    velocity = velocity_from_position(position, rate)
+    assert np.isnan(velocity[700:710, 0]).all() and np.isnan(velocity).sum() == 10
+    error = np.abs(velocity - speed)
+    assert np.nanmax(error[25:-25]) < 0.01 * 40 * np.pi
+    assert np.nanmax(error) < 0.03 * 40 * np.pi  # the ends are extrapolated parabolas
+
+
+def test_noise_gain_of_the_velocity():
+    """rate * sqrt(12 / n^3) for n = 25 samples: 13.9 (mm/s)/mm; 5 % for 20,000 samples and an odd n."""
+    noise = 0.01 * np.random.default_rng(0).standard_normal((20_000, 1))
+    measured = velocity_from_position(noise, 500.0)[50:-50].std() / 0.01
+    assert measured == pytest.approx(500 * np.sqrt(12 / 25**3), rel=0.05)
+
+
+def test_too_few_positions():
+    with pytest.raises(Unusable, match="10 positions are less than one window of 25"):
+        velocity_from_position(np.zeros((10, 2)), 500.0)
+
+
+def test_lag_of_virtual_recordings(virtual_recordings):
+    """A shift by 20 ms changes the lag by 20 ms within 1 ms (a sample is 2 ms); without one it is 0 within 5 ms.
+
+    The rest is the shear of the contact, which the estimate tells from a lag by the spread of speeds only.
+    """
+    lags = []
+    with RecordingsFile(virtual_recordings) as file:
+        for recording in file:
+            force, rest = recording.force[:, :2], (recording.velocity, recording.velocity_rate)
+            lag = residual_lag(force, recording.rate, *rest)
+            early, late = (
+                residual_lag(force[200:], recording.rate, *rest),
+                residual_lag(force, recording.rate, rest[0][10:], 500),
+            )
+            assert early.seconds - lag.seconds == pytest.approx(-0.02, abs=1e-3)
+            assert late.seconds - lag.seconds == pytest.approx(0.02, abs=1e-3)
+            assert lag.correlation > 0.9
+            flipped = residual_lag(-force, recording.rate, *rest)  # the force on the finger
+            assert flipped.seconds == pytest.approx(lag.seconds) and flipped.correlation == -lag.correlation
+            lags.append(lag.seconds)
+    assert abs(np.median(lags)) < 0.005
+
+
+def strokes(seconds=10.0, rate=1000.0, shift=0.0):
+    """Velocity along x of strokes to and fro at 80 mm/s, and a lateral force of 0.3 N that follows after `shift` s."""
+    time = np.arange(int(seconds * rate)) / rate
+    speed = np.random.default_rng(0).uniform(60, 100, 100)[(time // 0.7).astype(int)]
+    velocity = speed * np.sign(np.sin(np.pi * time / 0.7))
+    force = 0.3 * np.sign(np.sin(np.pi * (time - shift) / 0.7))
+    return column(force), column(velocity)
+
+
+@pytest.mark.parametrize("shift", [-0.05, 0.0, 0.05])
+def test_lag_of_lateral_force_along_one_line(shift):
+    force, velocity = strokes(shift=shift)
+    velocity[3000:3100] = np.nan
+    assert residual_lag(force, 1000.0, velocity, 1000.0).seconds == pytest.approx(shift, abs=2e-3)
+
+
+def test_what_never_turns_shows_no_lag():
+    force, velocity = strokes()
+    assert residual_lag(np.abs(force), 1000.0, np.abs(velocity), 1000.0) is None
+    assert residual_lag(force[:900], 1000.0, velocity[:900], 1000.0) is None  # too short

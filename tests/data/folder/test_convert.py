@@ -1,0 +1,414 @@
+"""A folder and its layout become recordings.h5: the same numbers from every kind of file, faults named and counted."""
+
+import json
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import soundfile
+from scipy import io
+
+from tactile_diffusers.data import RecordingsFile
+from tactile_diffusers.data.folder import convert_folder
+
+RATE, MOTION_RATE = 1000, 250
+HEAD = 'format = "tactile-layout"\nversion = 1\nsource = "a rig"\nlicence = "CC0-1.0"\n'
+FORCE = 'force = { x = "fx", y = "fy", z = "fz", unit = "N" }'
+VELOCITY = 'velocity = { x = "vx", y = "vy", unit = "mm/s" }'
+
+
+def explore(seconds=3.0, seed=0):
+    """Strokes to and fro with 0.5 N: tables of force and velocity, float32, and the positions."""
+    rng = np.random.default_rng(seed)
+    time, slow = np.arange(int(seconds * RATE)) / RATE, np.arange(int(seconds * MOTION_RATE)) / MOTION_RATE
+    lateral = 0.3 * np.sign(np.sin(2 * np.pi * time)) + 0.01 * rng.standard_normal(len(time))
+    normal = 0.5 + 0.01 * rng.standard_normal(len(time))
+    force = np.float32(np.stack([0.8 * lateral, 0.6 * lateral, normal], axis=-1))
+    speed = 80 * np.sin(2 * np.pi * slow)
+    position = 80 / (2 * np.pi) * np.stack([-0.8 * np.cos(2 * np.pi * slow), -0.6 * np.cos(2 * np.pi * slow)], axis=-1)
+    return force, np.float32(np.stack([0.8 * speed, 0.6 * speed], axis=-1)), position
+
+
+def frame(values, names, start=None, rate=None):
+    table = pd.DataFrame(values, columns=names)
+    if rate:
+        table.insert(0, "t", start + np.arange(len(table)) / rate)
+    return table
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """A folder of csv files and its layout; functions to change and to convert it."""
+    return Rig(tmp_path)
+
+
+class Rig:
+    def __init__(self, path):
+        self.path, self.root = path, path / "root"
+        self.layout = HEAD + (
+            '[[files]]\npattern = "{surface}/{trial}_force.csv"\ntime = { column = "t", unit = "s" }\n' + FORCE + "\n"
+            '[[files]]\npattern = "{surface}/{trial}_motion.csv"\ntime = { column = "t", unit = "s" }\n'
+            + VELOCITY
+            + "\n"
+        )
+        for number, surface in enumerate(("felt", "wood")):
+            (self.root / surface).mkdir(parents=True)
+            force, velocity, _ = explore(seed=number)
+            frame(force, ["fx", "fy", "fz"], 5.0, RATE).to_csv(self.force(surface), index=False)
+            frame(velocity, ["vx", "vy"], 5.0, MOTION_RATE).to_csv(self.motion(surface), index=False)
+
+    def force(self, surface="wood"):
+        return self.root / surface / "0_force.csv"
+
+    def motion(self, surface="wood"):
+        return self.root / surface / "0_motion.csv"
+
+    def edit(self, path, change):
+        table = pd.read_csv(path)
+        changed = change(table)
+        (table if changed is None else changed).to_csv(path, index=False)
+
+    def convert(self):
+        (self.path / "layout.toml").write_text(self.layout)
+        return convert_folder(self.root, self.path / "layout.toml", self.path / "r.h5", quiet=True)
+
+    def refuses(self, message):
+        with pytest.raises(ValueError, match=message):
+            self.convert()
+        assert not [path for path in self.path.iterdir() if "r.h5" in path.name]
+
+
+def recorded(path, name="wood/0/0"):
+    with RecordingsFile(path) as file:
+        return file.read(name)
+
+
+def test_csv_with_time_stamps(rig):
+    report = rig.convert()
+    assert (report.recordings, report.surfaces, report.seconds) == (2, ["felt", "wood"], 6.0)
+    assert not report.notes and not report.left_out
+    for number, surface in enumerate(("felt", "wood")):
+        force, velocity, _ = explore(seed=number)
+        recording = recorded(rig.path / "r.h5", f"{surface}/0/0")
+        np.testing.assert_array_equal(recording.force, force)  # the shortest text of a float32 gives it back
+        np.testing.assert_array_equal(recording.velocity, velocity)
+        assert (recording.rate, recording.velocity_rate, recording.unit) == (RATE, MOTION_RATE, "N")
+    with RecordingsFile(rig.path / "r.h5") as file:
+        assert file.attributes["source"] == "a rig" and file.attributes["licence"] == "CC0-1.0"
+        assert json.loads(file.attributes["conversion"])["recordings"] == 2
+    assert "2 recordings of 2 surfaces by 1 explorers, 6.0 s of force at 1000 Hz" in str(report)
+
+
+def save_mat5(path, arrays):
+    io.savemat(path, {"run": arrays})
+
+
+def save_mat73(path, arrays):
+    with h5py.File(path, "w") as file:
+        for name, values in arrays.items():
+            file[f"run/{name}"] = values.T
+
+
+def save_hdf5(path, arrays):
+    with h5py.File(path, "w") as file:
+        for name, values in arrays.items():
+            file[f"run/{name}"] = values
+
+
+def save_columns(path, arrays):
+    with h5py.File(path, "w") as file:
+        for name, values in arrays.items():
+            for axis, column in zip("xyz", values.T, strict=False):
+                file[f"run/{name[0]}{axis}"] = column
+
+
+TREES = {
+    "mat": (save_mat5, 'inside = "run"', "force/{}", "velocity/{}"),
+    "mat v7.3": (save_mat73, 'inside = "run"', "force/{}", "velocity/{}"),
+    "hdf5": (save_hdf5, 'inside = "run"', "force/{}", "velocity/{}"),
+    "hdf5 columns": (save_columns, 'inside = "run"', "f{}", "v{}"),
+    "npz": (lambda path, arrays: np.savez(path, **arrays), "", "force/{}", "velocity/{}"),
+}
+EXTENSIONS = {"mat": "mat", "mat v7.3": "mat", "hdf5": "h5", "hdf5 columns": "h5", "npz": "npz"}
+
+
+@pytest.mark.parametrize("kind", TREES)
+def test_both_channels_in_one_file(tmp_path, kind):
+    save, inside, force_name, velocity_name = TREES[kind]
+    force, velocity, _ = explore()
+    extension = EXTENSIONS[kind]
+    (tmp_path / "root").mkdir()
+    save(tmp_path / "root" / f"wood.{extension}", {"force": force, "velocity": velocity})
+    keys = "xyz" if kind == "hdf5 columns" else "012"
+    names = [force_name.format(key) for key in keys], [velocity_name.format(key) for key in keys[:2]]
+    (tmp_path / "layout.toml").write_text(
+        f'{HEAD}[[files]]\npattern = "{{surface}}.{extension}"\n{inside}\nrate = {RATE}\n'
+        + 'force = {{ x = "{}", y = "{}", z = "{}", unit = "N" }}\n'.format(*names[0])
+        + f'[[files]]\npattern = "{{surface}}.{extension}"\n{inside}\nrate = {MOTION_RATE}\n'
+        + 'velocity = {{ x = "{}", y = "{}", unit = "mm/s" }}\n'.format(*names[1])
+    )
+    convert_folder(tmp_path / "root", tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+    recording = recorded(tmp_path / "r.h5")
+    np.testing.assert_array_equal(recording.force, force)
+    np.testing.assert_array_equal(recording.velocity, velocity)
+
+
+FLAT = {
+    "npy": lambda path, table: np.save(path, table.to_numpy(np.float32)),
+    "xlsx": lambda path, table: table.to_excel(path, index=False),
+    "parquet": lambda path, table: table.to_parquet(path),
+    "csv": lambda path, table: table.to_csv(path, index=False, sep=";", decimal=","),
+}
+
+
+@pytest.mark.parametrize("kind", FLAT)
+def test_folders_named_as_in_the_cluster_haptic_texture_dataset(tmp_path, kind):
+    """(texture)_(direction)_(speed)_(push force)_(repeat), force and position in folders of their own."""
+    if kind == "parquet":
+        pytest.importorskip("pyarrow")
+    force, velocity, _ = explore()
+    for folder, table in (("force", frame(force, list("xyz"))), ("velocity", frame(velocity, list("xy")))):
+        (tmp_path / "root" / folder).mkdir(parents=True)
+        for name in ("7_135_40_500_0", "7_135_40_500_1"):
+            FLAT[kind](tmp_path / "root" / folder / f"{name}.{kind}", table)
+    names = '{ x = 0, y = 1, z = 2, unit = "N" }', '{ x = 0, y = 1, unit = "mm/s" }'
+    pattern = "{surface}_{trial.direction}_{trial.speed}_{trial.push}_{trial.repeat}." + kind
+    layout = HEAD + "".join(
+        f'[[files]]\npattern = "{channel}/{pattern}"\nrate = {rate}\n{channel} = {columns}\n'
+        for channel, rate, columns in (("force", RATE, names[0]), ("velocity", MOTION_RATE, names[1]))
+    )
+    (tmp_path / "layout.toml").write_text(layout)
+    report = convert_folder(tmp_path / "root", tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+    assert report.recordings == 2
+    recording = recorded(tmp_path / "r.h5", "7/0/135_40_500_1")
+    np.testing.assert_array_equal(recording.force, force)
+    np.testing.assert_array_equal(recording.velocity, velocity)
+    (tmp_path / "layout.toml").write_text(layout.replace("_{trial.repeat}", "_*"))
+    with pytest.raises(
+        ValueError, match="two files for its force: .*500_0.* and .*500_1.*joins two fields to one trial"
+    ):
+        convert_folder(tmp_path / "root", tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+
+
+def test_many_recordings_in_one_file(tmp_path):
+    force, velocity, _ = explore()
+    (tmp_path / "root").mkdir()
+    with h5py.File(tmp_path / "root/all.h5", "w") as file:
+        for name in ("felt/P1", "wood/P2"):
+            file[f"{name}/force"], file[f"{name}/velocity"] = force, velocity
+            file[f"{name}/force"].attrs["rate"], file[f"{name}/velocity"].attrs["rate"] = RATE, MOTION_RATE
+    (tmp_path / "layout.toml").write_text(
+        f"{HEAD}"
+        '[[files]]\npattern = "all.h5"\ninside = "{surface}/P{explorer}/force"\n'
+        'force = { x = 0, y = 1, z = 2, unit = "N" }\n'
+        '[[files]]\npattern = "all.h5"\ninside = "{surface}/P{explorer}/velocity"\n'
+        'velocity = { x = 0, y = 1, unit = "mm/s" }\n'
+    )
+    convert_folder(tmp_path / "root", tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+    with RecordingsFile(tmp_path / "r.h5") as file:
+        assert file.names == ["felt/1/0", "wood/2/0"]  # the rates are those that the file tells
+        np.testing.assert_array_equal(file.read("wood/2/0").force, force)
+
+
+def test_lateral_force_as_sound(tmp_path):
+    lateral = explore()[0][:, 0] / 4
+    (tmp_path / "root/felt").mkdir(parents=True)
+    soundfile.write(tmp_path / "root/felt/3.wav", np.stack([0 * lateral, lateral], axis=-1), RATE, subtype="FLOAT")
+    (tmp_path / "layout.toml").write_text(
+        f'{HEAD}[[files]]\npattern = "{{surface}}/{{trial}}.wav"\nlateral = {{ column = 1, unit = "N", scale = 4.0 }}\n'
+    )
+    report = convert_folder(tmp_path / "root", tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+    recording = recorded(tmp_path / "r.h5", "felt/0/3")
+    np.testing.assert_array_equal(recording.lateral, np.float32(lateral * 4))
+    assert recording.rate == RATE and recording.force is None and recording.velocity is None
+    assert "not determinable (there is no motion)" in str(report)
+
+
+def test_position_units_signs_and_offset(rig):
+    """mN, a normal axis that points up, mm as um, time in ms, motion that starts 0.1 s later by its clock."""
+    force, velocity, position = explore(seed=1)
+    rig.edit(rig.force(), lambda table: table.mul([1, 1000, 1000, -1000]))
+    stage = frame(position * 1000, ["px", "py"], 0.0, MOTION_RATE)
+    stage["t"] = 1000 * stage["t"] + 5000
+    stage.to_csv(rig.motion(), index=False)
+    (rig.root / "felt/0_force.csv").unlink()
+    (rig.root / "felt/0_motion.csv").unlink()
+    rig.layout = HEAD + (
+        '[[files]]\npattern = "{surface}/{trial}_force.csv"\ntime = { column = "t", unit = "s" }\n'
+        'force = { x = "fx", y = "fy", z = "fz", unit = "mN", normal_sign = -1 }\n'
+        '[[files]]\npattern = "{surface}/{trial}_motion.csv"\ntime = { column = "t", unit = "ms" }\noffset = 0.1\n'
+        'position = { x = "px", y = "py", unit = "um" }\n[velocity]\nwindow = 0.03\n'
+    )
+    assert rig.convert().recordings == 1
+    recording = recorded(rig.path / "r.h5")
+    np.testing.assert_allclose(recording.force, force[100:], rtol=1e-6)
+    # a window of 30 ms takes 0.09 % off a sine of 1 Hz; 1 % of the speed is asked for
+    np.testing.assert_allclose(recording.velocity[4:-4], velocity[4:-4], atol=0.8)
+
+
+def test_one_axis_stage(rig):
+    rig.layout = rig.layout.replace('{ x = "vx", y = "vy", ', '{ x = "vx", ')
+    report = rig.convert()
+    recording = recorded(rig.path / "r.h5")
+    assert not recording.velocity[:, 1].any() and recording.velocity[:, 0].any()
+    assert all(abs(lag.seconds) < 0.002 for lag in report.lags.values())
+
+
+def test_the_lag_is_reported_and_nothing_is_shifted(rig):
+    for surface in ("felt", "wood"):
+        rig.edit(rig.motion(surface), lambda table: table.assign(t=table["t"] - 0.06))
+    report = rig.convert()
+    assert report.lag == pytest.approx(0.06, abs=0.002)  # a sample of the motion is 4 ms, of the analysis 2 ms
+    assert "to undo it, add -0.0" in str(report)
+    rig.layout = rig.layout.replace("[[files]]", f"[[files]]\noffset = {-report.lag}", 1)
+    assert abs(rig.convert().lag) < 0.002
+
+
+def set_cells(table, rows, column, value):
+    table[column] = table[column].astype(object)
+    table.loc[rows, column] = value
+
+
+def test_what_can_be_excluded_is_nan_and_counted(rig):
+    def spoil(table):
+        set_cells(table, 100, "fx", "err")
+        table.loc[200:209, "fy"] = np.nan
+        table.loc[500:539, "fz"] = 2.0  # the end of the range
+        table.loc[700, "fx"] = 150.0  # one glitch above the force of a finger
+        return table.drop(index=range(900, 920))
+
+    rig.edit(rig.force(), spoil)
+    rig.edit(rig.motion(), lambda table: table.drop(index=[50]))
+    report = rig.convert()
+    recording, force = recorded(rig.path / "r.h5"), explore(seed=1)[0]
+    expected = force.copy()
+    expected[100, 0] = np.nan
+    expected[200:210, 1] = np.nan
+    for rows in (slice(500, 540), 700, slice(900, 920)):
+        expected[rows] = np.nan
+    np.testing.assert_array_equal(recording.force, expected)
+    assert np.isnan(recording.velocity[50]).all() and np.isnan(recording.velocity).sum() == 2
+    place = str(rig.force())
+    assert report.notes["cells that are no number, NaN"] == [1, f"{place}, column 'fx'"]
+    assert report.notes["samples missing in the files, NaN"] == [11, f"{place}, line 102"]
+    assert report.notes["samples saturated, NaN"] == [40, f"{place} at 0.5000 s"]
+    assert report.notes["samples above 100 N, NaN"] == [1, f"{place} at 0.7000 s"]
+    assert report.notes["samples dropped (gaps in the time stamps), NaN"] == [21, f"{place}, after line 901"]
+    assert "note: 40 samples saturated, NaN; first" in str(report)
+
+
+def test_recordings_that_cannot_be_used_are_left_out(rig):
+    rig.edit(rig.force("felt"), lambda table: table[:1500])
+    report = rig.convert()
+    assert report.recordings == 1 and "1.5 s in common are less than one segment" in report.left_out["felt/0/0"]
+    rig.motion("felt").unlink()
+    report = rig.convert()
+    assert report.left_out == {"felt/0/0": "no file with position or velocity"}
+    assert "left out: felt/0/0: no file with position or velocity" in str(report)
+    rig.edit(rig.force(), lambda table: table.assign(fx=np.nan))
+    (rig.path / "r.h5").unlink()
+    rig.refuses("none of 2 recordings can be used; felt/0/0: no file with position or velocity")
+
+
+def test_faults_of_the_folder_stop_before_anything_is_written(rig):
+    original = rig.layout
+    rig.layout = original.replace("_force.csv", "_forces.csv")
+    rig.refuses(r"\[\[files\]\] 1, `pattern` = .* matches none of the 4 files in .*nearest are \['felt/0_force.csv'")
+    rig.layout = original.replace('"fz"', '"fzz"')
+    rig.refuses(r"\[\[files\]\] 1: .*felt.0_force.csv has no column 'fzz'.*Did you mean 'fz'")
+    rig.layout = original.replace('unit = "s"', 'unit = "ms"')
+    rig.refuses("none of 2 recordings can be used; felt/0/0: .*0.003 s in common are less than one segment")
+    rig.layout = original.replace('time = { column = "t", unit = "s" }', "")
+    rig.refuses(r"`rate` is missing, there is no `time`")
+    rig.layout = original.replace("{surface}/{trial}_motion", "{surface}/{explorer}_motion")
+    rig.layout = rig.layout.replace("{surface}/{trial}_force", "{surface}/{trial}_*")
+    rig.refuses("recording felt/0/0 has two files for its force: .*0_force.csv and .*0_motion.csv")
+    rig.layout = original.replace("{surface}/{trial}_motion", "{trial}/{surface}_motion")
+    rig.refuses("no recording in .* has all its files; .* Let the fields of the patterns agree")
+
+
+def test_faults_of_the_numbers_are_named(rig):
+    rig.edit(
+        rig.force(), lambda table: table.assign(fx=table["fx"] * 1000, fy=table["fy"] * 1000, fz=table["fz"] * 1000)
+    )
+    rig.refuses("wood.0_force.csv.*N.*mN")
+    rig.edit(
+        rig.force(), lambda table: table.assign(fx=table["fz"] / 1000, fz=table["fx"] / 1000, fy=table["fy"] / 1000)
+    )
+    rig.refuses("wood.0_force.csv.*x looks like the normal force")
+
+
+def test_faults_of_the_clock_are_named(rig):
+    original = rig.force().read_text()
+    rig.edit(rig.force(), lambda table: pd.concat([table[100:200], table[:100], table[200:]]))
+    rig.refuses("wood.0_force.csv, line 102: time runs backward by 0.199 s")
+    rig.force().write_text(original)
+    rig.layout = rig.layout.replace("[[files]]", "[[files]]\nrate = 1020", 1)
+    rig.refuses("`rate` = 1020 Hz, but the time stamps are 1000 Hz")
+    rig.layout = rig.layout.replace("rate = 1020", "offset = 1000.0", 1)
+    rig.refuses("none of 2 recordings can be used; felt/0/0: force and motion do not overlap in time")
+    rig.layout = rig.layout.replace("offset = 1000.0", "offset = 0.0")
+    rig.edit(rig.force("felt"), lambda table: table.assign(t=5 + (table["t"] - 5) * 8.17))
+    rig.refuses("felt.0_force.csv: the rate of the force is 122.399 Hz; it must be a whole number, and above 40 Hz")
+
+
+def test_repeated_stamps_are_dropped(rig):
+    rig.edit(rig.force(), lambda table: pd.concat([table[:100], table[99:]]))
+    report = rig.convert()
+    np.testing.assert_array_equal(recorded(rig.path / "r.h5").force, explore(seed=1)[0])
+    assert report.notes["samples with a repeated time stamp, dropped"] == [1, f"{rig.force()}, line 102"]
+
+
+def test_counts_have_no_newtons(rig):
+    rig.edit(rig.force(), lambda table: table.assign(fx=table["fx"] * 1e4, fy=table["fy"] * 1e4, fz=table["fz"] * 1e4))
+    rig.layout = rig.layout.replace('unit = "N"', 'unit = "1"')
+    assert rig.convert().recordings == 2
+    assert recorded(rig.path / "r.h5").unit == "1"
+
+
+def test_suspicious_units_and_rates_are_noted(rig):
+    """Velocity in m/s that is called mm/s; and recordings at two rates, which no prepared data set can hold."""
+    rig.edit(rig.motion(), lambda table: table.assign(vx=table["vx"] / 1000, vy=table["vy"] / 1000))
+    rig.edit(rig.force(), lambda table: table[::2])
+    report = rig.convert()
+    kind = "recordings with a median speed outside (1.0, 1000.0) mm/s: is the unit right?"
+    assert report.notes[kind] == [1, str(rig.motion())]
+    assert "at 1000 and 500 Hz" in str(report) and "needs one rate" in str(report)
+
+
+def test_output_is_refused_early(rig):
+    (rig.path / "layout.toml").write_text(rig.layout)
+    with pytest.raises(FileNotFoundError, match="The folder .*nowhere of r.h5 does not exist"):
+        convert_folder(rig.root, rig.path / "layout.toml", rig.path / "nowhere/r.h5", quiet=True)
+    with pytest.raises(ValueError, match="is one of the files to convert"):
+        convert_folder(rig.root, rig.path / "layout.toml", rig.force(), quiet=True)
+    with pytest.raises(FileNotFoundError, match="There is no folder"):
+        convert_folder(rig.path / "nothing", rig.path / "layout.toml", rig.path / "r.h5", quiet=True)
+
+
+RATINGS = """
+[ratings]
+pattern = "ratings.csv"
+form = "long"
+rater = "who"
+surface = "what"
+scale = [1, 5]
+[ratings.axes]
+roughness = { column = "rough", high = "rough" }
+"""
+
+
+def test_ratings_come_along(rig):
+    (rig.root / "ratings.csv").write_text("who,what,rough\na,felt,1\nb,felt,2\na,wood,5\n")
+    rig.layout += RATINGS
+    report = rig.convert()
+    with RecordingsFile(rig.path / "r.h5") as file:
+        np.testing.assert_array_equal(file.ratings.values[:, :, 0], [[0, 8], [2, np.nan]])
+        assert file.ratings.surfaces == ("felt", "wood") and file.ratings.axes == ("roughness",)
+    assert "ratings by 2 raters on roughness" in str(report)
+    rig.motion("felt").unlink()  # the recording of felt is left out, and so are the answers on it
+    report = rig.convert()
+    with RecordingsFile(rig.path / "r.h5") as file:
+        assert file.ratings.surfaces == ("wood",)
+    assert any("['felt'] left out: all their recordings are" in note for note in report.rating_notes)

@@ -1,0 +1,498 @@
+"""Other people's folders: columns to channels, tables to ratings, and what the draft asks for."""
+
+import re
+import tomllib
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import soundfile
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_diffusers.data import RecordingsFile
+from tactile_diffusers.data.folder import draft_groups, draft_walk
+from tactile_diffusers.data.folder.convert import convert_folder
+from tactile_diffusers.data.folder.draft import draft_layout, inspect_folder
+from tactile_diffusers.data.folder.layout import load_layout
+
+SECONDS = 2
+AXES = {"rough-smooth": "rough", "flat-bumpy": "bumpy", "sticky-slippery": "slippery"}
+#: Answers to TODOs by key, where they do not differ between the tests.
+ANSWERS = {
+    "source": "a test",
+    "licence": "CC0-1.0",
+    "roughness": "rough",
+    "bumpiness": "flat",
+    "slipperiness": "sticky",
+}
+
+
+def force(rate=1000, normal=-0.5, seed=0):
+    values = np.random.default_rng(seed).normal(0, 0.02, (SECONDS * rate, 3)) + [0.3, 0.0, normal]
+    return np.round(values, 6)
+
+
+def position(rate=500):
+    time = np.arange(SECONDS * rate) / rate
+    return np.round(np.stack([40 * np.sin(2 * time), 5 * np.cos(2 * time)], axis=-1), 5)
+
+
+def table(path, columns, **options):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame(columns).to_csv(path, index=False, **options)
+
+
+def answers(seed=0, low=0, high=8, count=60):
+    """Whole numbers that reach both ends."""
+    values = np.random.default_rng(seed).integers(low, high + 1, count)
+    values[:2] = low, high
+    return values
+
+
+def drafted(root):
+    """The draft of a folder, parsed."""
+    return tomllib.loads(draft_layout(inspect_folder(root, quiet=True)))
+
+
+def filled(root, path, **more):
+    """Writes the draft with every TODO answered by the key of its line; returns its path."""
+    known = ANSWERS | more
+
+    def answer(line):
+        key = line.partition(" = ")[0]
+        value = known.get(key)
+        text = value if isinstance(value, int | float) else f'"{value}"'
+        return re.sub(r'"TODO[^"]*"', str(text), line)
+
+    lines = draft_layout(inspect_folder(root, quiet=True)).splitlines()
+    path.write_text("\n".join(answer(line) for line in lines))
+    return path
+
+
+# --- columns
+
+
+@pytest.mark.parametrize(
+    "step, unit, rate",
+    [(1e-4, "s", 10_000), (0.1, "ms", 10_000), (2, "ms", 500), (100, "us", 10_000), (0.01, "s", 100)],
+)
+def test_unit_and_rate_of_time_stamps(tmp_path, step, unit, rate):
+    time = np.arange(2000) * step
+    table(tmp_path / "felt_force.csv", {"t": time, "fx": force()[:, 0], "fy": force()[:, 1], "fz": force()[:, 2]})
+    (group,) = inspect_folder(tmp_path, quiet=True).groups
+    assert group.first.time_unit == unit and group.rate[0] == pytest.approx(rate, rel=1e-9)
+    assert any(f"time taken as {unit}" in doubt for doubt in group.doubts)
+
+
+def test_ambiguous_and_coarse_time_stamps(tmp_path):
+    # A step of 0.02 is 50 Hz or 50 kHz; stamps in whole milliseconds are coarser than samples at 10 kHz.
+    columns = dict(zip(("fx", "fy", "fz"), force().T, strict=True))
+    table(tmp_path / "a/felt_force.csv", {"t": np.arange(2000) * 0.02} | columns)
+    table(tmp_path / "b/felt_force.csv", {"t_ms": np.arange(2000) // 10} | columns)
+    ambiguous, coarse = drafted(tmp_path / "a")["files"][0], drafted(tmp_path / "b")["files"][0]
+    assert ambiguous["time"]["unit"].startswith("TODO") and "rate" not in ambiguous
+    assert coarse["rate"] == 10_000 and "time" not in coarse
+
+
+def test_suspicious_axes_are_told(tmp_path):
+    # The normal force is in y, and z has no clear sign: nothing is filled in, the listing says why.
+    columns = {"Fx [N]": force()[:, 0], "Fy [N]": force()[:, 2], "Fz [N]": force()[:, 1]}
+    table(tmp_path / "felt_force.csv", columns)
+    inventory = inspect_folder(tmp_path, quiet=True)
+    assert "the mean force is largest in Fy [N] (-0.5), not in z" in str(inventory)
+    assert drafted(tmp_path)["files"][0]["force"]["normal_sign"].startswith("TODO: 1 if pressing is positive")
+
+
+def test_two_axes_give_lateral_force(tmp_path):
+    table(tmp_path / "felt.csv", {"F_T": force()[:, 0], "F_N": -force()[:, 2]})
+    (files,) = drafted(tmp_path)["files"]
+    assert files["lateral"] == {"column": "F_T", "unit": "TODO: N, mN, gf, 1 for counts"}
+    assert "only one column is used, not F_N" in str(inspect_folder(tmp_path, quiet=True))
+
+
+# --- a whole folder
+
+
+@pytest.fixture
+def foreign(tmp_path):
+    """Forces in N with time in ms, positions in mm with time in s, ratings whose first axis is smooth-high."""
+    root = tmp_path / "study"
+    for surface in range(1, 5):
+        for person in (1, 2):
+            place, values = root / f"sliding/texture_{surface:02d}", force(seed=surface)
+            columns = {"time_ms": np.arange(2000.0), **dict(zip(("Fx [N]", "Fy [N]", "Fz [N]"), values.T, strict=True))}
+            table(place / f"P{person}_force.csv", columns | {"Tz [Nmm]": values[:, 0]})
+            x, y = position().T
+            table(place / f"P{person}_position.csv", {"t": np.arange(1000) / 500, "x (mm)": x, "y (mm)": y})
+    pairs = pd.MultiIndex.from_product([[f"S{i}" for i in range(12)], range(1, 5)], names=["participant", "texture"])
+    ratings = pairs.to_frame(index=False)
+    for seed, axis in enumerate([*AXES, "hot-cold"]):
+        ratings[axis] = answers(seed, count=len(ratings))
+    ratings = ratings.astype({axis: object for axis in AXES})
+    ratings.loc[5, "flat-bumpy"] = "x"
+    table(root / "ratings.csv", ratings)
+    return root
+
+
+def test_listing(foreign):
+    text = str(inspect_folder(foreign, quiet=True))
+    for line in (
+        "study: 17 files, 3 kinds of tables",
+        r"sliding/{surface}/P{explorer}_force.csv   8 files, 0.\d MB, csv",
+        "    surface: texture_01, texture_02, texture_03, .. \\(4 values\\)",
+        "    2000 rows, 1000 Hz \\(from column 'time_ms'\\), 2.0 s; 3 opened",
+        r"      Fz \[N\] +N +-0.\d+ .. -0.\d+ +force z",
+        r"      Tz \[Nmm\] +Nmm .* \(torque z\)",
+        r"      x \(mm\) +mm +-\d.* .. 40 +position x",
+        "    guess: ratings \\(long\\) on roughness, bumpiness, slipperiness",
+        "    check: axes that are not used: hot-cold",
+        "'1' in the ratings is 'texture_01' in the recordings \\(guess\\)",
+    ):
+        assert re.search(line.replace("{", "\\{"), text), line
+
+
+def test_draft(foreign):
+    draft = drafted(foreign)
+    forces, positions = draft["files"]
+    assert forces == {
+        "pattern": "sliding/{surface}/P{explorer}_force.csv",
+        "time": {"column": "time_ms", "unit": "ms"},
+        "force": {"x": "Fx [N]", "y": "Fy [N]", "z": "Fz [N]", "unit": "N", "normal_sign": -1},
+    }
+    assert positions["position"] == {"x": "x (mm)", "y": "y (mm)", "unit": "mm"}
+    assert positions["time"] == {"column": "t", "unit": "s"}
+    ratings = draft["ratings"]
+    assert (ratings["form"], ratings["rater"], ratings["surface"]) == ("long", "participant", "texture")
+    assert ratings["scale"] == [0, 8] and ratings["missing"] == ["", "x"]
+    assert {axis: value["column"] for axis, value in ratings["axes"].items()} == {
+        "roughness": "rough-smooth",
+        "bumpiness": "flat-bumpy",
+        "slipperiness": "sticky-slippery",
+    }
+    assert draft["surface_names"] == {str(i): f"texture_{i:02d}" for i in range(1, 5)}
+    assert re.search(
+        r"# z is -0.50?\d* on average.*: pressing is negative\n", draft_layout(inspect_folder(foreign, quiet=True))
+    )
+
+
+def test_each_todo_left_in_is_refused(foreign, tmp_path):
+    text = draft_layout(inspect_folder(foreign, quiet=True))
+    keys = [
+        "source",
+        "licence",
+        "ratings.axes.roughness.high",
+        "ratings.axes.bumpiness.high",
+        "ratings.axes.slipperiness.high",
+    ]
+    assert text.count('"TODO') == len(keys)
+    for number, key in enumerate(keys):
+        parts = text.split('"TODO')
+        kept = [
+            re.sub(r'^[^"]*"', '"filled in"', part) if i != number else '"TODO' + part
+            for i, part in enumerate(parts[1:])
+        ]
+        (tmp_path / "l.toml").write_text(parts[0] + "".join(kept))
+        with pytest.raises(ValueError, match=f"l.toml: `{re.escape(key)}` = 'TODO.* is still to be filled in"):
+            load_layout(tmp_path / "l.toml")
+
+
+def test_drafted_and_converted(foreign, tmp_path):
+    layout = filled(foreign, tmp_path / "l.toml", bumpiness="bumpy", slipperiness="slippery", roughness="smooth")
+    convert_folder(foreign, layout, tmp_path / "r.h5", quiet=True)
+    with RecordingsFile(tmp_path / "r.h5") as file:
+        assert len(file) == 8 and file.attributes["source"] == "a test"
+        recording, ratings = file.read("texture_03/2/0"), file.ratings
+    np.testing.assert_array_equal(recording.force, np.float32(force(seed=3) * [1, 1, -1]))
+    time = np.arange(SECONDS * 500) / 500
+    slope = np.stack([80 * np.cos(2 * time), -10 * np.sin(2 * time)], axis=-1)
+    inner = slice(20, -20)  # Savitzky-Golay extrapolates half a window at the ends
+    # the parabola of the filter misses (2 rad/s * 25 ms)^2 / 10 of the speed, 0.03 %, and positions are rounded
+    np.testing.assert_allclose(recording.velocity[inner], slope[inner], atol=0.05)
+    table = pd.read_csv(foreign / "ratings.csv")
+    first = table[table.participant == "S0"]
+    np.testing.assert_array_equal(ratings.values[0, :, 0], 8 - first["rough-smooth"])
+    np.testing.assert_array_equal(ratings.values[0, :, 2], first["sticky-slippery"])
+    assert np.isnan(ratings.values[1, 1, 1]) and np.isnan(ratings.values).sum() == 1
+
+
+def test_names_without_their_word_where_the_ratings_have_none(tmp_path):
+    # The ratings call the surfaces 01, 02: so does the draft, and nothing has to be renamed.
+    for surface in ("01", "02", "03"):
+        table(tmp_path / f"texture_{surface}/force.csv", dict(zip(("fx_N", "fy_N", "fz_N"), force().T, strict=True)))
+    numbers = np.tile(["01", "02", "03"], 20)
+    table(tmp_path / "ratings.csv", {"rater": np.repeat(np.arange(20), 3), "surface": numbers, "roughness": answers()})
+    draft = drafted(tmp_path)
+    assert draft["files"][0]["pattern"] == "texture_{surface}/force.csv" and "surface_names" not in draft
+
+
+def test_files_that_do_not_fit_together_are_told(foreign):
+    (foreign / "sliding/texture_02/P1_position.csv").unlink()
+    (foreign / "sliding/texture_02/P2_position.csv").unlink()
+    short = pd.read_csv(foreign / "sliding/texture_01/P1_force.csv").head(1000)
+    table(foreign / "sliding/texture_01/P1_force.csv", short)
+    text = str(inspect_folder(foreign, quiet=True))
+    assert "check: there is no file of texture_02/1/0 and 1 more" in text
+    assert "check: lasts 1 s, others 2 s: is the rate right?" in text
+
+
+# --- other forms of recordings
+
+
+def test_one_hdf5_file_for_all(tmp_path):
+    with h5py.File(tmp_path / "all.h5", "w") as file:
+        for surface in range(4):
+            for person in (1, 2):
+                group = file.create_group(f"glass{surface}/P{person}")
+                group["force"], group["pos"] = force().T, position(500)
+                group["force"].attrs["rate"], group["pos"].attrs["rate"] = 1000, 500
+    layout = filled(tmp_path, tmp_path / "l.toml", force="N", position="mm")
+    entries = load_layout(layout).files
+    assert [entry.inside.text for entry in entries] == ["{surface}/{explorer}/force", "{surface}/{explorer}/pos"]
+    convert_folder(tmp_path, layout, tmp_path / "r.h5", quiet=True)
+    with RecordingsFile(tmp_path / "r.h5") as file:
+        assert file.names[0] == "glass0/P1/0" and len(file) == 8
+        np.testing.assert_array_equal(file.read("glass3/P2/0").force, np.float32(force() * [1, 1, -1]))
+
+
+def test_sound_files_hold_lateral_force(tmp_path):
+    for surface in ("felt", "cork"):
+        for repeat in (1, 2):
+            soundfile.write(tmp_path / f"{surface}_{repeat}.wav", 0.5 * np.sin(np.arange(4000) / 9), 2000)
+    (entry,) = drafted(tmp_path)["files"]
+    assert entry["pattern"] == "{surface}_{trial}.wav" and entry["rate"] == 2000
+    assert entry["lateral"]["column"] == 0 and entry["lateral"]["scale"].startswith("TODO: N at full scale")
+    text = draft_layout(inspect_folder(tmp_path, quiet=True)).replace(
+        '"TODO: N at full scale of the sound file"', "2.5"
+    )
+    (tmp_path / "l.toml").write_text(re.sub(r'"TODO: N, mN[^"]*"', '"N"', text).replace("TODO", "x"))
+    convert_folder(tmp_path, tmp_path / "l.toml", tmp_path / "r.h5", quiet=True)
+    with RecordingsFile(tmp_path / "r.h5") as file:
+        assert np.abs(file.read("cork/0/2").lateral).max() == pytest.approx(1.25, rel=1e-3)
+
+
+def test_numbers_without_names(tmp_path):
+    # A table without a header: the first column rises steadily, the name of the file tells the others.
+    for surface in ("felt", "cork"):
+        values = np.column_stack([np.arange(2000) / 1000, force()])
+        np.savetxt(tmp_path / f"{surface}_ft.txt", values, fmt="%.6g")
+    (entry, _) = drafted(tmp_path)["files"]
+    assert entry["time"] == {"column": 0, "unit": "s"}
+    assert {axis: entry["force"][axis] for axis in "xyz"} == {"x": 1, "y": 2, "z": 3}
+    assert entry["force"]["unit"] == "TODO: N, mN, gf, 1 for counts"
+
+
+def test_measured_velocity_is_preferred(foreign):
+    for path in foreign.glob("sliding/*/*_position.csv"):
+        table(
+            path.with_name(path.name.replace("position", "velocity")), {"t": np.arange(1000) / 500, "vx [mm/s]": 80.0}
+        )
+    entries = drafted(foreign)["files"]
+    assert [set(entry) & {"force", "position", "velocity"} for entry in entries] == [{"force"}, {"velocity"}]
+
+
+def test_unlike_files_of_like_names_are_told_apart(tmp_path):
+    columns = dict(zip(("fx", "fy", "fz"), force().T, strict=True))
+    table(tmp_path / "alpha.csv", columns)
+    table(tmp_path / "subjects.csv", {"age": [20, 30]})
+    patterns = [group.files.pattern for group in inspect_folder(tmp_path, quiet=True).groups]
+    assert patterns == ["alpha.csv", "subjects.csv"]
+    (entry, _) = drafted(tmp_path)["files"]
+    assert entry["pattern"] == "TODO: put {surface} where its name stands in alpha.csv"
+
+
+# --- forms of ratings
+
+
+def ratings_of(root):
+    return drafted(root)["ratings"]
+
+
+def test_a_row_an_answer(tmp_path):
+    rows = [(p, m, a) for p in range(10) for m in ("felt", "cork") for a in ("rough-smooth", "bumpy-flat", "wet-dry")]
+    frame = pd.DataFrame(rows, columns=["subject", "material", "attribute"])
+    table(tmp_path / "perception.csv", frame.assign(rating=answers(count=60, high=100)), sep=";")
+    ratings = ratings_of(tmp_path)
+    assert ratings["axes"].keys() == {"roughness", "bumpiness"}
+    assert ratings["axes"]["bumpiness"]["column"] == "bumpy-flat"
+    assert {key: ratings[key] for key in ("form", "rater", "surface", "axis", "answer", "scale")} == {
+        "form": "long",
+        "rater": "subject",
+        "surface": "material",
+        "axis": "attribute",
+        "answer": "rating",
+        "scale": [0, 100],
+    }
+
+
+def test_a_file_a_rater(tmp_path):
+    for rater in range(5):
+        columns = {"sample": ["felt", "cork", "glass"], "smooth_rough": [1, 7, rater], "slippery": [2, 7, 1]}
+        table(tmp_path / f"ratings/participant_{rater}.csv", columns)
+    ratings = ratings_of(tmp_path)
+    assert ratings["pattern"] == "ratings/participant_{rater}.csv" and "rater" not in ratings
+    assert ratings["surface"] == "sample"
+    assert ratings["scale"][1].startswith("TODO: the ends of the scale; answers from 0 to 7")
+
+
+def test_a_file_a_surface(tmp_path):
+    for surface in ("felt", "cork", "glass"):
+        table(tmp_path / f"ratings/{surface}.csv", {"rater": ["a", "b", "c"], "bumpy": [1, 7, 3]})
+    ratings = ratings_of(tmp_path)
+    assert ratings["pattern"] == "ratings/{surface}.csv" and ratings["rater"] == "rater" and "surface" not in ratings
+    assert ratings["scale"] == [1, 7]
+
+
+def test_surfaces_named_like_axes_are_surfaces(tmp_path):
+    counts = {"Fx": [1, 2, 3], "Fy": [1, 1, 2], "Fz": [5, 6, 7]}
+    for surface in ("rough", "smooth"):
+        table(tmp_path / f"{surface}_force.csv", counts)
+    inventory = inspect_folder(tmp_path, quiet=True)
+    assert inventory.ratings is None and inventory.recorded[0].field_of("surface").distinct == ["rough", "smooth"]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_sheet_an_axis(tmp_path, turned):
+    with pd.ExcelWriter(tmp_path / "answers.xlsx") as book:
+        for seed, axis in enumerate(("roughness", "bumpiness", "slipperiness")):
+            values = answers(seed, 1, 7, 20).reshape(4, 5)
+            frame = pd.DataFrame(values, ["felt", "cork", "glass", "wood"], [f"P{i}" for i in range(5)])
+            (frame.T if turned else frame).to_excel(book, sheet_name=axis)
+    for surface in ("felt", "cork", "glass", "wood"):  # force and velocity in one file
+        columns = dict(zip(("fx", "fy", "fz"), force().T, strict=True)) | {"vx": 80.0, "vy": 0.0}
+        table(tmp_path / f"{surface}.csv", columns)
+    ratings = ratings_of(tmp_path)
+    assert ratings["pattern"] == "answers.xlsx" and ratings["sheet"] == "{axis}" and ratings["form"] == "wide"
+    assert (ratings["rows"], ratings["columns"]) == (("rater", "surface") if turned else ("surface", "rater"))
+    assert ratings["scale"] == [1, 7]
+    layout = filled(tmp_path, tmp_path / "l.toml", force="N", velocity="mm/s", rate=1000)
+    assert load_layout(layout).ratings.axes["slipperiness"].turned
+    convert_folder(tmp_path, layout, tmp_path / "r.h5", quiet=True)
+    with RecordingsFile(tmp_path / "r.h5") as file:
+        assert file.surfaces == file.ratings.surfaces == ("cork", "felt", "glass", "wood")
+        rough = answers(0, 1, 7, 20).reshape(4, 5)[1]  # of cork
+        np.testing.assert_allclose(file.ratings.values[:, 0, 0], (rough - 1) / 6 * 8, rtol=1e-6)
+
+
+def test_friction_beside_ratings_is_no_force(tmp_path):
+    table(
+        tmp_path / "answers.csv",
+        {"id": range(60), "texture": range(60), "roughness": answers(), "friction": answers(1)},
+    )
+    inventory = inspect_folder(tmp_path, quiet=True)
+    assert inventory.ratings is not None and not inventory.recorded
+
+
+# --- what cannot be read, and how much is
+
+
+def test_what_is_not_looked_at_is_listed(foreign):
+    (foreign / ".DS_Store").write_text("x")
+    (foreign / "__MACOSX").mkdir()
+    (foreign / "empty.csv").touch()
+    (foreign / "broken.h5").write_bytes(b"nonsense")
+    (foreign / "pickled.npy").write_bytes(b"\x93NUMPY\x01\x00nonsense")
+    (foreign / "README.md").write_text("x")
+    (foreign / "photo.png").write_bytes(b"x")
+    (foreign / "gone.csv").symlink_to(foreign / "nowhere.csv")
+    with h5py.File(foreign / "recordings.h5", "w") as file:
+        file.attrs["format"] = "tactile-recordings"
+    inventory = inspect_folder(foreign, quiet=True)
+    reasons = inventory.files.skipped
+    assert (
+        reasons[".DS_Store"] == "hidden" and reasons["__MACOSX"] == "hidden folder" and reasons["empty.csv"] == "empty"
+    )
+    assert "broken link" in reasons["gone.csv"] and "truncated or no HDF5" in reasons["broken.h5"]
+    assert "cannot be read as npy" in reasons["pickled.npy"] and "already converted" in reasons["recordings.h5"]
+    text = str(inventory)
+    assert all(f"not looked at: {path}: {reason}" in text for path, reason in reasons.items())
+    assert "no tables: 1 .md, 1 .png" in text
+    assert len(tomllib.loads(draft_layout(inventory))["files"]) == 2
+
+
+@given(st.binary(max_size=300), st.sampled_from([".csv", ".xlsx", ".mat", ".h5", ".npy", ".npz", ".wav", ".parquet"]))
+@settings(max_examples=150, deadline=None)
+def test_no_file_stops_the_inspection(tmp_path_factory, content, ending):
+    root = tmp_path_factory.mktemp("junk")
+    (root / f"felt_force{ending}").write_bytes(content)
+    inventory = inspect_folder(root, quiet=True)
+    assert str(inventory) and tomllib.loads(draft_layout(inventory))["format"] == "tactile-layout"
+
+
+_NAMES = st.sampled_from(
+    "ratings answers force texture_1 texture_2 P1 P2 felt 0_1 rough-smooth subject x{1} a\nb session_3 é data".split(
+        " "
+    )
+)
+_COLUMNS = st.sampled_from(
+    ["t", "Fx [N]", "fy", "fz", "x", "y", "vx mm/s", "rater", "texture", "rough-smooth", "bumpy", "attribute", "0", ""]
+)
+_VALUES = st.sampled_from(
+    [[1, 2, 3], [0.5, 0.25, 1], ["rough-smooth", "flat-bumpy", "x"], ["felt", "", "2"], [5, 5, 5]]
+)
+
+
+@given(
+    st.dictionaries(st.tuples(_NAMES, _NAMES), st.dictionaries(_COLUMNS, _VALUES, min_size=1), min_size=1, max_size=5)
+)
+@settings(max_examples=100, deadline=None)
+def test_no_folder_stops_the_inspection(tmp_path_factory, files):
+    root = tmp_path_factory.mktemp("folder")
+    for (folder, name), columns in files.items():
+        table(root / folder / f"{name}.csv", columns)
+    inventory = inspect_folder(root, quiet=True)
+    assert str(inventory) and tomllib.loads(draft_layout(inventory))["files"]
+
+
+def test_few_files_are_opened(tmp_path, monkeypatch):
+    for surface in range(40):
+        for kind in ("force", "position"):
+            table(tmp_path / f"texture_{surface}/P1_{kind}.csv", {"x": [1.0, 2.0], "y": [3.0, 4.0]})
+    opened, real = [], draft_groups.list_tables
+    monkeypatch.setattr(draft_groups, "list_tables", lambda path, *a, **k: opened.append(path) or real(path, *a, **k))
+    inspect_folder(tmp_path, quiet=True)
+    assert len(opened) == len(set(opened)) == 6
+
+
+def test_large_folders_and_tables_are_cut_short(tmp_path, monkeypatch):
+    monkeypatch.setattr(draft_walk, "MOST_FILES", 10)
+    monkeypatch.setattr(draft_groups, "HEAD_ROWS", 50)
+    monkeypatch.setattr("tactile_diffusers.data.folder.draft_columns.HEAD_ROWS", 50)
+    for surface in range(20):
+        table(tmp_path / f"texture_{surface:02d}_force.csv", {"fx": np.arange(100.0), "fy": 0.0, "fz": 1.0})
+    inventory = inspect_folder(tmp_path, quiet=True)
+    (group,) = inventory.groups
+    assert len(inventory.files.files) == 10 and inventory.files.truncated
+    assert group.first.table.rows == 50 and not group.first.complete and group.seconds is None
+    assert "the folder has more files than are listed" in str(inventory)
+
+
+def test_many_files_of_one_sensor_do_not_hide_another(tmp_path, monkeypatch):
+    monkeypatch.setattr(draft_walk, "MOST_IN_FOLDER", 10)
+    for kind in ("force", "position"):
+        for surface in range(15):
+            table(tmp_path / kind / f"{surface:02d}.csv", {"x": [1.0, 2.0], "y": [3.0, 4.0], "z": [1.0, 1.0]})
+    inventory = inspect_folder(tmp_path, quiet=True)
+    assert [len(group.files.names) for group in inventory.groups] == [10, 10] and inventory.files.truncated
+
+
+def test_large_files_that_are_read_as_a_whole_are_not_opened(tmp_path, monkeypatch):
+    monkeypatch.setattr(draft_groups, "LARGEST_OPENED", 1000)
+    np.savez(tmp_path / "felt.npz", force=force())
+    assert "read as a whole: not opened" in inspect_folder(tmp_path, quiet=True).files.skipped["felt.npz"]
+
+
+@pytest.mark.parametrize("content", [{}, {"alpha": [1.5, 2.5], "beta": [3.5, 1.0]}])
+def test_nothing_recognised(tmp_path, content):
+    if content:
+        table(tmp_path / "data.csv", content)
+    inventory = inspect_folder(tmp_path, quiet=True)
+    assert "check: no force was recognised" in str(inventory) and "no ratings were recognised" in str(inventory)
+    (entry,) = drafted(tmp_path)["files"]
+    assert entry["pattern"].startswith("TODO") and entry["force"].startswith("TODO")
+
+
+def test_no_folder(tmp_path):
+    with pytest.raises(FileNotFoundError, match="There is no folder .*nowhere"):
+        inspect_folder(tmp_path / "nowhere", quiet=True)

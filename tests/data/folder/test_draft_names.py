@@ -1,0 +1,106 @@
+"""Names of files as patterns, and units in names of columns: pure text."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tactile_diffusers.data.folder.draft_columns import split_unit
+from tactile_diffusers.data.folder.draft_names import assign_roles, group_names
+from tactile_diffusers.data.folder.draft_ratings import surface_names
+from tactile_diffusers.data.folder.patterns import Pattern
+
+
+@pytest.mark.parametrize(
+    "names, patterns",
+    [
+        (
+            [f"sliding/texture_{t:02d}/P{p}_{k}.csv" for t in range(5) for p in (1, 2) for k in ("force", "position")],
+            ["sliding/{surface}/P{explorer}_force.csv", "sliding/{surface}/P{explorer}_position.csv"],
+        ),
+        (
+            [f"data/force/{t}_{d}_{v}_500_{r}.csv" for t in range(9) for d in (0, 45) for v in (20, 40) for r in "01"],
+            ["data/force/{surface}_{trial.1}_{trial.2}_500_{trial.3}.csv"],
+        ),
+        (
+            [f"{s}/explorer-0/0_force_10000Hz.npy" for s in ("0000-glass", "0001-felt")],
+            ["{surface}/{explorer}/0_force_10000Hz.npy"],
+        ),
+        (
+            [f"textures/{s}/S{p}_run{r}.mat" for s in "ABC" for p in (1, 2) for r in (1, 2)],
+            ["textures/{surface}/S{explorer}_run{trial}.mat"],
+        ),
+        (  # S before a texture: the subject
+            [f"S{p}/texture_{s}.csv" for s in range(3) for p in (1, 2)],
+            ["{explorer}/texture_{surface}.csv"],
+        ),
+        (
+            [f"data/texture_{t}/{k}" for k in ("force", "vel") for t in (1, 2)],
+            ["data/{surface}/force", "data/{surface}/vel"],
+        ),
+        ([f"{s}_{r}.wav" for s in ("felt", "cork", "Sandpaper80") for r in (1, 2)], ["{surface}_{trial}.wav"]),
+        ([f"mat{m}_v{v}mms.txt" for m in range(4) for v in (20, 40)], ["mat{surface}_v{trial}mms.txt"]),
+        ([f"{s}/P1.csv" for s in ("rough felt", "cork", "Sandpaper_P80")], ["{surface}/P{explorer}.csv"]),
+        (["ratings.csv", "forces.csv"], ["ratings.csv", "forces.csv"]),
+        (["a*b{1}/x1.csv", "a*b{1}/x2.csv"], ["a*b*1*/x{surface}.csv"]),
+    ],
+)
+def test_names_become_patterns(names, patterns):
+    groups = group_names(names)
+    for group in groups:
+        assign_roles(group.fields)
+    assert [group.pattern for group in groups] == patterns
+
+
+_WORDS = st.lists(
+    st.sampled_from(["felt", "cork", "glass", "suede", "Sandpaper", "wood grain"]), min_size=2, unique=True
+)
+_NUMBERS = st.lists(st.integers(0, 200), min_size=2, max_size=4, unique=True)
+
+
+@given(
+    _WORDS | _NUMBERS.map(lambda numbers: [f"texture_{number:03d}" for number in numbers]),
+    _NUMBERS,
+    _NUMBERS,
+    st.sampled_from(["{0}/P{1}_trial{2}_force.csv", "{0}/participant-{1}/rep{2}.h5", "trial{2}/{0}/subject {1}.mat"]),
+)
+@settings(max_examples=200, deadline=None)
+def test_patterns_read_the_names_back(surfaces, explorers, trials, form):
+    # Whatever the order of the folders, each name gives back who explored what: the pattern is read by `Pattern`.
+    truth = {form.format(s, e, t): (s, e, t) for s in surfaces for e in explorers for t in trials}
+    (group,) = group_names(list(truth))
+    assign_roles(group.fields)
+    pattern = Pattern(group.pattern)
+    for name, (surface, explorer, trial) in truth.items():
+        fields = pattern.match(name)
+        assert fields["surface"] == surface
+        assert fields["explorer"].endswith(str(explorer)) and fields["trial"].endswith(str(trial))
+
+
+def test_names_that_differ_are_paired():
+    assert surface_names(["1", "2"], ["texture_01", "texture_02"]) == {"1": "texture_01", "2": "texture_02"}
+    assert surface_names(["Fine Felt", "cork"], ["fine_felt", "cork"]) == {"Fine Felt": "fine_felt"}
+    assert surface_names(["a", "b"], ["a", "b", "c"]) == {}
+    pairs = surface_names(["Sandpaper P80", "x"], ["12", "13"])
+    assert all(value.startswith("TODO: which of 12, 13") for value in pairs.values())
+
+
+@pytest.mark.parametrize(
+    "name, base, unit",
+    [
+        ("Fx [N]", "Fx", "N"),
+        ("fz (mN)", "fz", "mN"),
+        ("time_ms", "time", "ms"),
+        ("vx_mm_s", "vx", "mm/s"),
+        ("pos_x_mm", "pos_x", "mm"),
+        ("Normal force / N", "Normal force", "N"),
+        ("position x in µm", "position x", "um"),
+        ("speed mm/s", "speed", "mm/s"),
+        ("T [°C]", "T", "°C"),
+        ("fx_counts", "fx", "1"),
+        ("F_N", "F_N", None),  # the normal force, not newtons
+        ("rough-smooth", "rough-smooth", None),
+        ("x", "x", None),
+    ],
+)
+def test_units_in_names(name, base, unit):
+    assert split_unit(name) == (base, unit)

@@ -1,0 +1,207 @@
+"""The whole route: recordings -> folder -> layout -> recordings -> segments, against the direct route."""
+
+import re
+
+import h5py
+import numpy as np
+import pytest
+
+from tactile_diffusers.data import RecordingsFile, generate_recordings, prepare_recordings
+from tactile_diffusers.data.folder.convert import convert_folder
+from tactile_diffusers.data.folder.draft import draft_layout, inspect_folder
+from tactile_diffusers.data.folder.export import EXPORT_KINDS, export_folder
+from tactile_diffusers.data.folder.layout import load_layout
+
+#: Answers to every TODO in the draft of an exported folder.
+ANSWERS = {
+    "source": "virtual surfaces",
+    "licence": "CC0-1.0",
+    "roughness": "rough",
+    "bumpiness": "bumpy",
+    "slipperiness": "slippery",
+    "force": "N",
+    "velocity": "mm/s",
+}
+
+
+def assert_same_recordings(path, expected):
+    with RecordingsFile(path) as file, RecordingsFile(expected) as other:
+        assert file.names == other.names and file.unit == other.unit
+        for name in file.names:
+            one, two = file.read(name), other.read(name)
+            assert (one.rate, one.velocity_rate) == (two.rate, two.velocity_rate)
+            np.testing.assert_array_equal(one.force, two.force)
+            np.testing.assert_array_equal(one.velocity, two.velocity)
+        for name in ("raters", "surfaces", "axes"):
+            assert getattr(file.ratings, name) == getattr(other.ratings, name)
+        np.testing.assert_array_equal(file.ratings.values, other.ratings.values)
+        for name in ("source", "licence"):
+            assert file.attributes[name] == other.attributes[name]
+
+
+def datasets(path):
+    """All datasets of an HDF5 file: {name: array}."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+    return found
+
+
+def prepared(recordings):
+    path = recordings.with_name("prepared.h5")
+    prepare_recordings(recordings, path, validation=1, test=1, quiet=True)
+    return path
+
+
+def assert_same_segments(path, expected):
+    """Textures, index, ratings, splits: every dataset of the prepared file, bit for bit."""
+    ours, theirs = datasets(path), datasets(expected)
+    assert ours.keys() == theirs.keys() and len(ours["windows/filtered/start"]) > 5
+    for name, values in theirs.items():
+        np.testing.assert_array_equal(ours[name], values, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory):
+    path = tmp_path_factory.mktemp("source") / "recordings.h5"
+    generate_recordings(path, surfaces=4, seconds=9, explorers=1, seed=3, quiet=True)
+    return path
+
+
+@pytest.fixture(scope="module")
+def direct(source):
+    return prepared(source)
+
+
+@pytest.fixture(scope="module")
+def exported(source, tmp_path_factory):
+    """A function (kind) -> the folder of that kind, exported once."""
+    root = tmp_path_factory.mktemp("exported")
+
+    def folder(kind):
+        if not (root / kind).exists():
+            export_folder(source, root / kind, kind, quiet=True)
+        return root / kind
+
+    return folder
+
+
+@pytest.mark.parametrize("kind", EXPORT_KINDS)
+def test_same_recordings_and_segments(exported, source, direct, tmp_path, kind):
+    folder, output = exported(kind), tmp_path / "recordings.h5"
+    report = convert_folder(folder, folder / "layout.toml", output, quiet=True)
+    assert report.recordings == 4 and not report.left_out
+    assert_same_recordings(output, source)
+    assert_same_segments(prepared(output), direct)
+
+
+def answered(draft):
+    """The draft with every TODO answered: of a line with several quoted TODOs, all are the same."""
+    lines = []
+    for line in draft.splitlines():
+        key = line.partition(" = ")[0]
+        lines.append(re.sub(r'"TODO[^"]*"', lambda _: f'"{ANSWERS[key]}"', line))  # noqa: B023 - used at once
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("kind", EXPORT_KINDS)
+def test_inspected_drafted_and_filled_in(exported, source, tmp_path, kind):
+    folder, layout, output = exported(kind), tmp_path / "drafted.toml", tmp_path / "recordings.h5"
+    draft = draft_layout(inspect_folder(folder, quiet=True))
+    layout.write_text(draft)
+    with pytest.raises(ValueError, match="drafted.toml: `source` = 'TODO.* is still to be filled in"):
+        load_layout(layout)
+    layout.write_text(answered(draft))
+    convert_folder(folder, layout, output, quiet=True)
+    assert_same_recordings(output, source)
+
+
+def rewrite(folder, ending, header, columns):
+    """Rewrites all csv files of an ending with `columns(values)` under `header`; values are (rows, 2 or 3) float64."""
+    for path in folder.glob(f"*/*/*{ending}"):
+        rows = columns(np.loadtxt(path, delimiter=",", skiprows=1))
+        line = ",".join(["%.9g"] * rows.shape[1]) + "\n"
+        path.write_text(header + "\n" + line * len(rows) % tuple(rows.ravel()))
+
+
+def edit_layout(folder, *changes):
+    text = (folder / "layout.toml").read_text()
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    (folder / "layout.toml").write_text(text)
+
+
+def test_time_columns_instead_of_rates(source, direct, tmp_path):
+    # Force in ms from 3.2 s on, motion in s from 3.1 s on: the conversion crops the motion and finds both rates.
+    folder, output = tmp_path / "folder", tmp_path / "recordings.h5"
+    export_folder(source, folder, quiet=True)
+
+    def stamped(values, start, rate, unit):
+        return np.column_stack([(start + np.arange(len(values)) / rate) / unit, values])
+
+    def early(values):
+        return np.concatenate([np.repeat(values[:1], 50, axis=0), values])
+
+    rewrite(folder, "force_10000Hz.csv", "time,fx_N,fy_N,fz_N", lambda v: stamped(v, 3.2, 10_000, 1e-3))
+    rewrite(folder, "velocity_500Hz.csv", "time,vx_mm_s,vy_mm_s", lambda v: stamped(early(v), 3.1, 500, 1))
+    edit_layout(
+        folder,
+        ("rate = 10000", 'time = { column = "time", unit = "ms" }'),
+        ("rate = 500", 'time = { column = "time", unit = "s" }'),
+    )
+    convert_folder(folder, folder / "layout.toml", output, quiet=True)
+    assert_same_recordings(output, source)
+    assert_same_segments(prepared(output), direct)
+
+
+@pytest.fixture(scope="module")
+def position_folder(source, tmp_path_factory):
+    """The velocity of each recording integrated to a position in mm, which the layout names."""
+    folder = tmp_path_factory.mktemp("position") / "folder"
+    export_folder(source, folder, "npy", quiet=True)
+    for path in folder.glob("*/*/*velocity*"):
+        velocity = np.load(path).astype(np.float64)
+        steps = (velocity[1:] + velocity[:-1]) / (2 * 500)
+        np.save(path, np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]))
+    edit_layout(folder, ("velocity = {", "position = {"), ('unit = "mm/s"', 'unit = "mm"'))
+    return folder
+
+
+def converted_from_position(folder, tmp_path, velocity):
+    layout, output = tmp_path / "layout.toml", tmp_path / "recordings.h5"
+    layout.write_text((folder / "layout.toml").read_text() + velocity)
+    convert_folder(folder, layout, output, quiet=True)
+    return datasets(prepared(output))
+
+
+def test_position_instead_of_velocity(position_folder, direct, tmp_path):
+    # A short window suits a position without noise. It rounds turnarounds (80 ms) a little: the direction of the force
+    # and the instants at which limits are crossed move. Measured: 6 samples, 0.1 % of the texture, 0.14 mm/s.
+    ours = converted_from_position(position_folder, tmp_path, "[velocity]\nwindow = 0.02\n")
+    theirs = datasets(direct)
+    for subset, count in (("filtered", 5), ("full", 20)):
+        index = {name: ours[f"windows/{subset}/{name}"] for name in ("recording", "start", "level", "speed")}
+        expected = {name: theirs[f"windows/{subset}/{name}"] for name in index}
+        assert len(index["start"]) > count
+        np.testing.assert_array_equal(index["recording"], expected["recording"])
+        np.testing.assert_allclose(index["start"], expected["start"], atol=20)
+        np.testing.assert_allclose(index["level"], expected["level"], atol=1e-3)
+        np.testing.assert_allclose(index["speed"], expected["speed"], atol=0.5)
+    name = "windows/filtered/friction_coefficient"
+    np.testing.assert_allclose(ours[name], theirs[name], atol=5e-4)
+    np.testing.assert_array_equal(ours["ratings/mean"], theirs["ratings/mean"])
+    offsets, starts = theirs["offset/10000"], theirs["windows/filtered/start"]
+    for recording, start in zip(theirs["windows/filtered/recording"], starts, strict=True):
+        segment = slice(offsets[recording] + start, offsets[recording] + start + 2**14)
+        texture, other = theirs["lateral/10000"][segment], ours["lateral/10000"][segment]
+        assert np.std(other - texture) < 0.005 * np.std(texture)
+
+
+def test_position_with_the_default_window(position_folder, direct, tmp_path):
+    # 50 ms is meant for noisy stages: turnarounds are rounded by up to 11 mm/s, and where the low-passed velocity
+    # nearly passes through zero the direction may turn the other way round. Elsewhere (99 %): 1 % of the texture.
+    lateral = converted_from_position(position_folder, tmp_path, "")["lateral/10000"]
+    expected = datasets(direct)["lateral/10000"]
+    assert lateral.shape == expected.shape
+    assert np.quantile(np.abs(lateral - expected), 0.99) < 0.01 * np.std(expected)

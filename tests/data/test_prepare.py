@@ -1,0 +1,309 @@
+"""Options of the preparation: what is held out, what is done about turnarounds, what is refused, and the account."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from tactile_diffusers.data import (
+    PreparedDataset,
+    RecordingsFile,
+    RecordingsWriter,
+    SegmentLimits,
+    pool_ratings,
+    prepare_recordings,
+)
+from tactile_diffusers.data.recordings import RaterScores
+from tactile_diffusers.data.segments import REASONS
+from tactile_diffusers.data.splits import SPLITS, HoldOut
+from tactile_diffusers.data.turnarounds import MASK_SECONDS
+from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES, SEGMENT_SECONDS
+
+SURFACES = ("0-rubber", "1-wood", "2-wood", "3-metal", "4-rubber", "5-glass", "6-paper")
+RATERS = ("r1", "r2", "r3", "r4", "r10")
+HARD = HoldOut(surfaces=("*-rubber",), explorers=("e2",), raters=("r4", "r1?"))
+
+
+@pytest.fixture
+def answers():
+    return np.random.default_rng(0).integers(0, 9, (len(RATERS), len(SURFACES), 3)).astype(np.float32)
+
+
+@pytest.fixture
+def collection(tmp_path, recording_maker, answers):
+    """Seven surfaces of five classes, two explorers, five raters."""
+    path = tmp_path / "r.h5"
+    with RecordingsWriter(path, source="a test", licence="CC0-1.0") as writer:
+        for number, surface in enumerate(SURFACES):
+            for explorer in ("e1", "e2"):
+                writer.add_recording(surface, explorer, "0", **recording_maker(seconds=3.0, seed=number))
+        writer.set_ratings(answers, RATERS, SURFACES, RATING_AXES)
+    return path
+
+
+def members(path, split):
+    """Surfaces and explorers of a split."""
+    data = PreparedDataset(path, split)
+    names = [data.recordings[number].split("/") for number in data.recording_ids]
+    return {name[0] for name in names}, {name[1] for name in names}
+
+
+def test_hard_split_is_new_in_every_respect(collection, tmp_path):
+    report = prepare_recordings(collection, tmp_path / "p.h5", hold_out=HARD, quiet=True)
+    ordinary = {name: members(tmp_path / "p.h5", name) for name in SPLITS[:3]}
+    assert members(tmp_path / "p.h5", "hard") == ({"0-rubber", "4-rubber"}, {"e2"})
+    assert set.union(*(surfaces for surfaces, _ in ordinary.values())) == set(SURFACES) - {"0-rubber", "4-rubber"}
+    assert all(explorers == {"e1"} for _, explorers in ordinary.values())
+    everything = PreparedDataset(tmp_path / "p.h5", "all")
+    assert len(everything) == sum(len(PreparedDataset(tmp_path / "p.h5", name)) for name in ordinary)
+    assert everything.splits.count("hard") == 2 and everything.attributes["hold_out"]["explorers"] == ["e2"]
+    assert report.surfaces == {"train": 3, "validation": 1, "test": 1, "hard": 2}
+    assert report.segments["filtered"] == {"train": 6, "validation": 2, "test": 2, "hard": 4}
+    assert "hard 2" in str(report)
+
+
+def test_hard_ratings_are_the_held_out_raters(collection, tmp_path, answers):
+    prepare_recordings(collection, tmp_path / "p.h5", hold_out=HARD, quiet=True)
+    train, hard = (PreparedDataset(tmp_path / "p.h5", split) for split in ("train", "hard"))
+    training = np.array([split == "train" for split in train.splits])
+    for data, chosen in ((train, [0, 1, 2]), (hard, [3, 4])):
+        names = tuple(RATERS[number] for number in chosen)
+        expected = pool_ratings(RaterScores(answers[chosen], names, SURFACES, RATING_AXES), SURFACES, training)
+        np.testing.assert_array_equal(data.surface_ratings, expected.mean)
+        np.testing.assert_array_equal(data.ratings_mean, expected.raw_mean)
+        np.testing.assert_array_equal(data.reliability.mean_correlation, expected.reliability.mean_correlation)
+        assert data.surface_ratings_count.max() == len(chosen)
+        np.testing.assert_array_equal(data[0]["ratings"], expected.mean[data.surface_ids[0]])
+
+
+@pytest.mark.parametrize(
+    "hold_out, hard, explorers",
+    [
+        (HoldOut(surfaces=("*-wood", "3-*")), {"1-wood", "2-wood", "3-metal"}, {"e1", "e2"}),
+        (HoldOut(explorers=("e2",)), set(SURFACES), {"e2"}),
+        (HoldOut(raters=("r1",)), set(SURFACES), {"e1", "e2"}),
+    ],
+)
+def test_a_kind_without_patterns_is_not_held_out(collection, tmp_path, hold_out, hard, explorers):
+    prepare_recordings(collection, tmp_path / "p.h5", hold_out=hold_out, quiet=True)
+    assert members(tmp_path / "p.h5", "hard") == (hard, explorers)
+    surfaces, who = members(tmp_path / "p.h5", "all")
+    assert surfaces == (set(SURFACES) - hard if hold_out.surfaces else set(SURFACES))
+    assert who == ({"e1"} if hold_out.explorers else {"e1", "e2"})
+    raters = PreparedDataset(tmp_path / "p.h5", "hard").surface_ratings_count.max()
+    assert raters == (1 if hold_out.raters else 5)
+
+
+def test_without_hold_out_there_is_no_hard_split(collection, tmp_path):
+    report = prepare_recordings(collection, tmp_path / "p.h5", quiet=True)
+    assert "hard" not in str(report)
+    with pytest.raises(ValueError, match="no filtered segment in the split 'hard'"):
+        PreparedDataset(tmp_path / "p.h5", "hard")
+
+
+@pytest.mark.parametrize(
+    "hold_out, message",
+    [
+        (dict(surfaces=("*-leather",)), r"`hold_out.surfaces`: '\*-leather' matches none of the 7: 0-rubber, 1-wood"),
+        (dict(surfaces=("*-wood", "wood")), r"`hold_out.surfaces`: 'wood' matches none"),
+        (dict(surfaces=("*",)), r"`hold_out.surfaces` \('\*',\) match all 7 .*nothing is left for training"),
+        (dict(explorers=("E2",)), r"`hold_out.explorers`: 'E2' matches none of the 2: e1, e2"),
+        (dict(raters=("r*",)), r"`hold_out.raters` .* match all 5"),
+        (dict(surfaces=("[0-4]*",)), "leave none of 2 surfaces for training"),
+    ],
+)
+def test_what_cannot_be_held_out_is_refused(collection, tmp_path, hold_out, message):
+    with pytest.raises(ValueError, match=message):
+        prepare_recordings(collection, tmp_path / "p.h5", hold_out=HoldOut(**hold_out), quiet=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_recordings_that_leave_a_split_empty(tmp_path, recording_maker):
+    with RecordingsWriter(tmp_path / "r.h5", source="a test", licence="CC0-1.0") as writer:
+        for surface, explorer in (("a", "e1"), ("b", "e1"), ("c", "e2")):
+            writer.add_recording(surface, explorer, "0", **recording_maker(seconds=2.0))
+    for hold_out, split in (
+        (HoldOut(surfaces=("a",), explorers=("e2",)), "hard"),
+        (HoldOut(explorers=("e1",), surfaces=("c",)), "train"),
+    ):
+        with pytest.raises(ValueError, match=f"leaves no recording for the split '{split}': hold out less"):
+            prepare_recordings(
+                tmp_path / "r.h5", tmp_path / "p.h5", validation=0, test=0, hold_out=hold_out, quiet=True
+            )
+    with pytest.raises(ValueError, match="`hold_out.raters`: .*r.h5 has no ratings"):
+        prepare_recordings(tmp_path / "r.h5", tmp_path / "p.h5", hold_out=HoldOut(raters=("r",)), quiet=True)
+
+
+@pytest.mark.parametrize("arguments", [{}, {"surfaces": "*-wood"}, {"raters": ("",)}, {"explorers": (3,)}])
+def test_hold_out_refuses(arguments):
+    with pytest.raises(ValueError, match="pattern"):
+        HoldOut(**arguments)
+
+
+@pytest.fixture
+def strokes(tmp_path, recording_maker):
+    """Three surfaces; the finger turns at 2 and 5 s of 8 s."""
+    path = tmp_path / "strokes.h5"
+    with RecordingsWriter(path, source="a test", licence="CC0-1.0") as writer:
+        for number, surface in enumerate("abc"):
+            recording = recording_maker(seconds=8.0, seed=number)
+            backwards = (np.arange(4000) >= 1000) & (np.arange(4000) < 2500)
+            recording["velocity"][backwards] *= -1
+            recording["force"][np.repeat(backwards, 20), :2] *= -1
+            writer.add_recording(surface, "e", "0", **recording)
+    return path
+
+
+def prepared_with(path, turnarounds):
+    target = path.with_name(f"{turnarounds}.h5")
+    report = prepare_recordings(path, target, quiet=True, validation=0, test=0, turnarounds=turnarounds)
+    return PreparedDataset(target), report
+
+
+def test_turnarounds_are_stored_where_they_are(strokes):
+    for rate in (DEVICE_RATE, 2500):
+        prepared_with(strokes, "keep")
+        data = PreparedDataset(strokes.with_name("keep.h5"), sampling_rate=rate)
+        for index in range(len(data)):
+            positions = data.turnaround_positions(index)
+            assert len(positions) == data.turnarounds[index]
+            seconds = (data.starts[index] + positions) / rate
+            # the direction has 2 ms
+            assert all(min(abs(at - 2), abs(at - 5)) < 0.004 for at in seconds)
+            assert ((positions >= 0) & (positions < data.segment_samples)).all()
+    assert data.turnarounds.sum() > 0
+
+
+def test_level_with_and_without_turnarounds(strokes):
+    keep, _ = prepared_with(strokes, "keep")
+    turning = keep.turnarounds > 0
+    assert turning.any() and not turning.all()
+    assert (keep.levels - keep.levels_apart)[turning].min() > 0.5  # a step of 0.6 N against 10 mN of noise
+    np.testing.assert_allclose(keep.levels_apart[~turning], keep.levels[~turning], atol=0.5)
+    for index in np.flatnonzero(turning)[:3]:
+        texture = keep.textures(index)[0].astype(np.float64)
+        for at in keep.turnaround_positions(index):
+            texture[max(0, at - 300) : at + 300] = np.nan
+        # float32
+        assert keep.levels_apart[index] == pytest.approx(0.5 * np.log(np.nanmean(texture**2)), abs=1e-5)
+
+
+def test_exclude_and_mask(strokes):
+    (keep, _), (mask, _), (exclude, report) = (prepared_with(strokes, name) for name in ("keep", "mask", "exclude"))
+    assert len(keep) == len(mask) and (keep.turnarounds == mask.turnarounds).all()
+    assert len(exclude) < len(keep) and not exclude.turnarounds.any()
+    half = MASK_SECONDS / 2
+    begins = exclude.starts / DEVICE_RATE
+    for at in (2, 5):
+        assert ((begins + SEGMENT_SECONDS <= at - half + 0.004) | (begins >= at + half - 0.004)).all()
+    assert report.seconds["filtered"]["turnaround"] == pytest.approx(3 * 2 * MASK_SECONDS)
+    steady = exclude.levels.mean()
+    np.testing.assert_allclose(mask.levels, steady, atol=0.05)
+    assert keep.levels[keep.turnarounds > 0].min() > steady + 0.5
+    for data in (keep, mask, exclude):
+        assert data.attributes["turnarounds"] in ("keep", "mask", "exclude")
+        # the swing at the turnaround is not part of it; 2 % is what the smoothed direction loses beside it
+        np.testing.assert_allclose(data.friction_coefficients, 0.6, rtol=0.02)
+
+
+def test_unknown_turnarounds_are_refused_before_anything_is_read(tmp_path):
+    with pytest.raises(ValueError, match="`turnarounds` must be one of"):
+        prepare_recordings(tmp_path / "absent.h5", tmp_path / "p.h5", turnarounds="drop")
+
+
+def test_account(tmp_path, recording_maker, recordings_writer):
+    recordings = {"a": recording_maker(seconds=5.0), "b": recording_maker(seconds=4.0, speed=20.0, seed=1)}
+    recordings["c"] = recording_maker(seconds=4.0, seed=2)
+    recordings["c"]["force"][20_000:20_100] = np.nan
+    recordings["c"]["force"][30_000:30_100, 0] = 1.0
+    path = recordings_writer(tmp_path / "r.h5", recordings)
+    report = prepare_recordings(path, tmp_path / "p.h5", validation=0, test=0, quiet=True)
+    data = PreparedDataset(tmp_path / "p.h5")
+    account = data.account
+    assert account["recordings"] == ("a/explorer/0", "b/explorer/0", "c/explorer/0") == data.recordings
+    assert account["reasons"] == REASONS
+    for subset in ("filtered", "full"):
+        seconds = account["seconds"][subset]
+        np.testing.assert_allclose(seconds.sum(axis=1), [5, 4, 4])
+        assert report.seconds[subset] == pytest.approx(dict(zip(REASONS, seconds.sum(axis=0), strict=True)))
+    filtered = dict(zip(REASONS, account["seconds"]["filtered"].T, strict=True))
+    np.testing.assert_allclose(filtered["speed outside limits"], [0, 3.8, 0])
+    np.testing.assert_allclose(filtered["missing (NaN)"], [0, 0, 0.01])
+    np.testing.assert_allclose(filtered["saturated"], [0, 0, 0.01])
+    np.testing.assert_allclose(filtered["used"][0], 4.8)
+    assert "saturated samples excluded, in 1 recordings, first c/explorer/0 (the first is 30000)" in report.notes
+    assert "missing samples (NaN) excluded, in 1 recordings, first c/explorer/0" in report.notes
+
+
+def test_suspicious_forces_are_noted_once(tmp_path, recording_maker, recordings_writer):
+    recordings = {name: recording_maker(friction=1.4, seed=i) for i, name in enumerate("abc")}
+    path = recordings_writer(tmp_path / "r.h5", recordings)
+    report = prepare_recordings(path, tmp_path / "p.h5", quiet=True)
+    note = (
+        "z is not the largest force on average: swapped axes, or friction above 1, in 3 recordings, first a/explorer/0"
+    )
+    assert [note] == [line.split(" (mean force")[0] for line in report.notes if line.startswith("z is not")]
+
+
+@pytest.mark.parametrize(
+    "factor, axes, message", [(1000, "xyz", "divide by 1000"), (1, "zyx", "x looks like the normal")]
+)
+def test_unusable_forces_leave_no_file(tmp_path, recordings_writer, factor, axes, message):
+    angle = 6.0 * np.arange(40_000) / DEVICE_RATE
+    force = factor * np.stack([0.3 * np.cos(angle), 0.3 * np.sin(angle), np.full(40_000, 0.5)], axis=-1)
+    force = force[:, ["xyz".index(axis) for axis in axes]]
+    velocity = 80 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)[::20]
+    recording = dict(force=force, force_rate=DEVICE_RATE, velocity=velocity, velocity_rate=500)
+    path = recordings_writer(tmp_path / "r.h5", {name: recording for name in "abc"})
+    with pytest.raises(ValueError, match=f"r.h5, /recordings/a/explorer/0/force: .*{message}"):
+        prepare_recordings(path, tmp_path / "p.h5", quiet=True)
+    assert [file.name for file in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_reliability_is_stored_and_printed(collection, tmp_path):
+    report = prepare_recordings(collection, tmp_path / "p.h5", quiet=True)
+    stored = PreparedDataset(tmp_path / "p.h5").reliability
+    assert stored.axes == RATING_AXES
+    np.testing.assert_array_equal(stored.alpha, report.reliability.alpha)
+    assert f"roughness: mean inter-rater correlation {stored.mean_correlation[0]:.2f} (10 pairs" in str(report)
+
+
+def test_lateral_force_alone(tmp_path):
+    """No normal force and no velocity: limits are skipped, what depends on them is NaN, the rest is there."""
+    rng = np.random.default_rng(0)
+    with RecordingsWriter(tmp_path / "r.h5", source="a test", licence="CC0-1.0") as writer:
+        for surface in "abc":
+            lateral = 0.3 + 0.01 * rng.standard_normal(40_000)
+            writer.add_recording(surface, "e", "0", lateral=lateral, lateral_rate=DEVICE_RATE)
+    report = prepare_recordings(tmp_path / "r.h5", tmp_path / "p.h5", validation=1, test=1, quiet=True)
+    for name in ("normal_force", "speed"):
+        assert f"no channel for the limits of {name}: skipped, in 3 recordings, first a/e/0" in report.notes
+    data = PreparedDataset(tmp_path / "p.h5")
+    assert len(data) == len(PreparedDataset(tmp_path / "p.h5", subset="full")) > 0
+    assert np.isnan(data.friction_coefficients).all() and np.isnan(data.speeds).all() and data.reliability is None
+    assert np.isfinite(data.levels).all() and np.isfinite(data.textures(range(len(data)))).all()
+    assert data.surface_ratings_count.max() == 0
+
+
+def test_files_of_another_version_are_refused_with_the_remedy(virtual_prepared, tmp_path):
+    (tmp_path / "p.h5").write_bytes(virtual_prepared.read_bytes())
+    with h5py.File(tmp_path / "p.h5", "r+") as file:
+        file.attrs["version"] = 1
+    with pytest.raises(
+        ValueError, match="no prepared data set of version 2 .*version=1.*write one with examples/prepare"
+    ):
+        PreparedDataset(tmp_path / "p.h5")
+
+
+def test_settings_come_back(collection, tmp_path):
+    limits = SegmentLimits(normal_force=(0.3, 0.7), overlap=0.25)
+    prepare_recordings(collection, tmp_path / "p.h5", limits=limits, hold_out=HARD, turnarounds="exclude", quiet=True)
+    attributes = PreparedDataset(tmp_path / "p.h5").attributes
+    assert (
+        SegmentLimits(**{k: tuple(v) if isinstance(v, list) else v for k, v in attributes["limits"].items()}) == limits
+    )
+    assert HoldOut(**attributes["hold_out"]) == HARD and attributes["turnarounds"] == "exclude"
+    assert json.loads(json.dumps(attributes)) == attributes
+    with RecordingsFile(collection) as source:
+        assert attributes["licence"] == source.attributes["licence"]

@@ -1,0 +1,96 @@
+"""SENS3: the template names what is to be filled in, and a made-up folder of its kind is converted."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tactile_diffusers.data import RecordingsFile
+from tactile_diffusers.data.folder import load_layout
+from tactile_diffusers.data.sens3 import SENS3_PAIRS, convert_sens3, sens3_layout
+from tactile_diffusers.signal import DEVICE_RATE
+
+
+def filled(folder):
+    """The template with every TODO answered as somebody would."""
+    text = sens3_layout()
+    answers = [
+        (
+            "TODO: for example sliding/{surface}/P{explorer}_{trial}_force.csv",
+            "sliding/{surface}/P{explorer}_{trial}_force.csv",
+        ),
+        (
+            "TODO: for example sliding/{surface}/P{explorer}_{trial}_position.csv",
+            "sliding/{surface}/P{explorer}_{trial}_pos.csv",
+        ),
+        ("TODO: for example ratings.csv", "ratings.csv"),
+        ("TODO: column along the surface", "Fx"),
+        ("TODO: the other one along the surface", "Fy"),
+        ("TODO: the normal one", "Fz"),
+        ("TODO: N or mN", "N"),
+        ("TODO: mm, cm, m or um", "mm"),
+        ("TODO: column with the participant", "participant"),
+        ("TODO: column with the surface", "texture"),
+        ("TODO: rough-smooth", "rough-smooth"),
+        ("TODO: flat-bumpy", "flat-bumpy"),
+        ("TODO: sticky-slippery", "sticky-slippery"),
+        ("TODO: rough or smooth", "smooth"),
+        ("TODO: flat or bumpy", "bumpy"),
+        ("TODO: sticky or slippery", "slippery"),
+        ('x = "TODO: column", y = "TODO: column"', 'x = "px", y = "py"'),
+        ('"TODO: 1 if pressing is positive in z, otherwise -1"', "-1"),
+        ('"TODO: Hz, or remove this line and give `time`"', "500"),
+    ]
+    for todo, answer in answers:
+        assert todo in text
+        text = text.replace(todo, answer)
+    text = re.sub(r'kind = "TODO[^"]*"', 'kind = "csv"', text)
+    assert "TODO" not in text.split("\n\n", 1)[1]
+    path = folder / "layout.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rng = np.random.default_rng(0)
+    time = np.arange(2 * DEVICE_RATE) / DEVICE_RATE
+    lateral = 0.3 + 0.01 * rng.standard_normal(len(time))
+    for surface in ("01", "02"):
+        (tmp_path / "sliding" / surface).mkdir(parents=True)
+        force = pd.DataFrame({"Fx": lateral, "Fy": 0 * lateral, "Fz": -0.5 - 0.1 * lateral})
+        force.to_csv(tmp_path / "sliding" / surface / "P1_1_force.csv", index=False)
+        position = pd.DataFrame({"px": 80 * time[::20], "py": 0 * time[::20]})
+        position.to_csv(tmp_path / "sliding" / surface / "P1_1_pos.csv", index=False)
+    names = ["-".join(pair) for pair in SENS3_PAIRS]
+    rows = [[f"R{r}", surface, *rng.integers(0, 9, 8)] for r in range(12) for surface in ("01", "02")]
+    pd.DataFrame(rows, columns=["participant", "texture", *names]).to_csv(tmp_path / "ratings.csv", index=False)
+    return tmp_path
+
+
+def test_the_template_names_what_is_to_be_filled_in(tmp_path):
+    (tmp_path / "layout.toml").write_text(sens3_layout())
+    with pytest.raises(ValueError, match=r"layout.toml: `files\[0\].pattern` = 'TODO: .*' is still to be filled in"):
+        convert_sens3(tmp_path, tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+
+
+def test_a_folder_of_its_kind(folder):
+    layout = load_layout(filled(folder))
+    assert layout.source == "SENS3 (www.sens3.net, arXiv 2401.01818)" and "SENS3" in layout.licence
+    report = convert_sens3(folder, folder / "layout.toml", folder / "r.h5", quiet=True)
+    assert report.remarks == ["2 surfaces, SENS3 has 50", "1 explorers, SENS3 has 2"]  # 12 raters and 10 kHz fit
+    table = pd.read_csv(folder / "ratings.csv", dtype={"texture": str})
+    with RecordingsFile(folder / "r.h5") as file:
+        recording = file.read("01/1/1")
+        scores = file.ratings
+    assert recording.rate == DEVICE_RATE and recording.velocity_rate == 500
+    np.testing.assert_allclose(recording.velocity[:, 0], 80, rtol=1e-4)
+    assert (recording.force[:, 2] > 0.4).all()  # pressing is positive
+    first = table[table["participant"] == "R0"]
+    np.testing.assert_array_equal(scores.values[0, :, 0], 8 - first["rough-smooth"])
+    np.testing.assert_array_equal(scores.values[0, :, 2], first["sticky-slippery"])
+
+
+def test_eight_pairs():
+    assert len(SENS3_PAIRS) == 8 and SENS3_PAIRS[:3] == (("rough", "smooth"), ("flat", "bumpy"), ("sticky", "slippery"))
