@@ -85,7 +85,8 @@ def test_benchmark_compares_solvers(checkpoint, prepared, tmp_path, monkeypatch)
     assert set(report["trained"]) == {"lctg", "dale", "real_ktd", "rules"}
     assert report["trained"]["lctg"]["order 2, both_ends"]["4"]["nine_band_db"]["mean"] > 0
     assert report["analytic"]["orders"]["rotation_2"]["uniform"] > 1.8
-    assert "Trained LCTG" in readme.read_text() and (out / "scheduler.png").stat().st_size > 20_000
+    assert "Trained LCTG" in (out / "scheduler.md").read_text() and (out / "scheduler.png").stat().st_size > 20_000
+    assert "order 2, both_ends, 10" in readme.read_text()
 
 
 def test_publish_halves_the_weights_and_keeps_the_texture(checkpoint, prepared, tmp_path):
@@ -108,6 +109,7 @@ def test_publish_halves_the_weights_and_keeps_the_texture(checkpoint, prepared, 
     (out / "old").write_text("replaced as a whole")
     assert publish.main(f"--checkpoint {checkpoint} --runs {run} --data {prepared} --output {out}".split()) == 0
     card = (out / "README.md").read_text()
+    assert "Normal force 0.4-0.6 N" in card
     assert "--seed 3 --train_data_dir prepared.h5" in card and "1 minutes" in card and "velocity 0.250" in card
     assert not (out / "old").exists() and (out / "loss_run.png").exists()
     full = TactileTexturePipeline.from_pretrained(str(checkpoint))

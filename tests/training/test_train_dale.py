@@ -93,9 +93,10 @@ def test_sixty_steps_reduce_the_loss(train, tmp_path):
         logs.append({key: value for entry in _read_log(output) for key, value in entry.items()})
     first, last = logs  # means over step 1 and over steps 51 to 60
     assert first["train/velocity"] == pytest.approx(1.0, abs=0.2)  # v = 0 at the start, of states of unit variance
-    # latents of an encoder of two steps are almost white: what can be learned of them in a minute is little but clear,
-    # level and friction follow from the ratings much sooner
-    assert last["train/velocity"] < 0.93 * first["train/velocity"]
+    # latents of an encoder of two steps are almost white: what can be learned of them in a minute is little but clear
+    # (a velocity of zero scores 1 in expectation, single batches differ by a few hundredths), level and friction follow
+    # from the ratings much sooner
+    assert last["train/velocity"] < 0.94
     assert last["train/scalars"] < 0.75 * first["train/scalars"]
     assert last["train/loss"] < 0.9 * first["train/loss"]
     # on a surface it has not seen

@@ -13,6 +13,8 @@ _FEW, _MANY = "4", "10"
 _SPACINGS = ("uniform", "both_ends", "log_snr")
 #: Standard deviations of components in the table.
 _SPREADS = (0.03, 0.1, 0.3, 1.0, 3.0)
+#: Samplers that the summary compares.
+_COMPARED = ("order 2, both_ends", "diffusers DDIM", "diffusers DPM-Solver++ 2M")
 # segments of the comparison of all rules
 _RULE_SEGMENTS = 16
 
@@ -103,28 +105,44 @@ def step_cost(pipe, repeats=200):
 
 def markdown(report):
     """The report's tables."""
-    from ..evaluation.solver_study import settled_at
-    from ..evaluation.tables import markdown_table
-
     parts = ["### Sampler", report["about"]]
     if report.get("trained"):
         for stage in ("lctg", "dale"):
             if stage in report["trained"]:
                 parts += [f"#### Trained {stage.upper()}", _trained_table(report["trained"][stage])]
-        settled = {
-            metric: {name: settled_at(by, metric) for name, by in report["trained"]["lctg"].items()}
-            for metric in ("nine_band_db", "ktd")
-        }
-        parts += ["Fewest steps within one standard error of the best:", markdown_table(settled)]
+        parts.append(_settled_table(report))
     parts += ["#### All that was tried", _rules_table(report)]
     parts += [
         f"#### Level of one Gaussian component, {_MANY} steps, dB, by standard deviation",
         _component_table(report),
     ]
+    return "\n\n".join([*parts, _step_cost_line(report)]) + "\n"
+
+
+def summary(report):
+    """What a README shows: ours against the usual samplers on the trained decoder; all of it is in scheduler.md."""
+    parts = [report["about"]]
+    if report.get("trained"):
+        chosen = {name: by for name, by in report["trained"]["lctg"].items() if name in _COMPARED}
+        parts += [_trained_table(chosen, ("3", "5", "10", "25")), _settled_table(report)]
+    return "\n\n".join([*parts, _step_cost_line(report)]) + "\n"
+
+
+def _settled_table(report):
+    from ..evaluation.solver_study import settled_at
+    from ..evaluation.tables import markdown_table
+
+    settled = {
+        metric: {name: settled_at(by, metric) for name, by in report["trained"]["lctg"].items()}
+        for metric in ("nine_band_db", "ktd")
+    }
+    return f"Fewest steps within one standard error of the best:\n\n{markdown_table(settled)}"
+
+
+def _step_cost_line(report):
     costs = report["costs"]
     share = {name: f"{100 * costs['scheduler step'] / costs[name]:.2f} %" for name in ("LCTG", "DALE") if name in costs}
-    parts.append(f"One step of the sampler costs {', '.join(f'{s} of {n}' for n, s in share.items())} at batch 1.")
-    return "\n\n".join(parts) + "\n"
+    return f"One step of the sampler costs {', '.join(f'{s} of {n}' for n, s in share.items())} at batch 1."
 
 
 def _rules_table(report):
@@ -163,12 +181,12 @@ def _component_table(report):
     return markdown_table(rows)
 
 
-def _trained_table(by_scheduler):
+def _trained_table(by_scheduler, steps=("3", "4", "5", "10", "25", "100")):
     from ..evaluation.tables import markdown_table
 
     rows = {}
     for name, by_steps in by_scheduler.items():
-        for count in ("3", "4", "5", "10", "25", "100"):
+        for count in steps:
             if count in by_steps:
                 entry = dict(by_steps[count])
                 entry.pop("bands_db", None)
@@ -238,7 +256,7 @@ def plot(report, output_path):
 
 
 def run(arguments, pipe):
-    """Measures, writes scheduler.json, scheduler.md and scheduler.png, and returns the Markdown."""
+    """Measures, writes scheduler.json, scheduler.md and scheduler.png, and returns the summary in Markdown."""
     from ..data import PreparedDataset
     from ..evaluation.solver_study import REFERENCE_STEPS
 
@@ -267,4 +285,4 @@ def run(arguments, pipe):
     if arguments.readme is not None:
         folder = arguments.readme.parent / "examples" / "results" / arguments.readme_name
         readme.copy_results(arguments.output, folder, ("scheduler.*",))
-    return text
+    return summary(report)
