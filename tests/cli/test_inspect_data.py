@@ -65,4 +65,5 @@ def test_bad_files(files, tmp_path, capsys, flags, message):
     assert main(flags.format(files=files, tmp=tmp_path).split() + ["--quiet"]) == 2
     printed = capsys.readouterr()
     assert printed.err.startswith("inspect_data.py: error:") and message in printed.err
-    assert "Traceback" not in printed.err and not list(tmp_path.iterdir())
+    assert "Traceback" not in printed.err and "default limits" not in printed.err  # they are not at fault
+    assert not list(tmp_path.iterdir())

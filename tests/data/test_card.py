@@ -4,6 +4,7 @@ import copy
 import json
 import re
 
+import h5py
 import numpy as np
 import pytest
 from PIL import Image
@@ -13,6 +14,9 @@ from tactile_diffusers.data import PreparedDataset, RaterScores, RecordingsWrite
 from tactile_diffusers.data.card import describe, write_card
 from tactile_diffusers.data.card.advice import warnings_of
 from tactile_diffusers.data.card.answers import describe_answers, relate
+from tactile_diffusers.data.card.markdown import markdown
+from tactile_diffusers.data.folder import ConversionReport
+from tactile_diffusers.data.folder.lag import Lag
 from tactile_diffusers.data.splits import HoldOut
 from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES
 
@@ -293,6 +297,20 @@ def test_prepared_from_others_is_refused(virtual_recordings, slides, tmp_path):
     with pytest.raises(ValueError, match="slides_prepared.h5 was not prepared from .*recordings.h5.*--prepared"):
         write_card(virtual_recordings, tmp_path / "card", prepared, quiet=True)
     assert not (tmp_path / "card").exists() and not list(tmp_path.glob(".card*"))
+
+
+def test_what_the_conversion_noted_is_told(slides, tmp_path, undrawn):
+    recordings, prepared = slides({"a": {}})
+    report = ConversionReport(
+        recordings=1, left_out={"b/0/0": "no file with force"}, lags={"a/0/0": Lag(0.02, 0.3, 0.9)}
+    )
+    report.note("samples saturated, NaN", 40, "a.csv at 0.2 s")
+    with h5py.File(recordings, "a") as file:
+        file.attrs["conversion"] = report.as_json()
+    text = markdown(write_card(recordings, tmp_path / "card", prepared, quiet=True), [])
+    for line in ("40 samples saturated, NaN; first a.csv at 0.2 s", "left out: b/0/0: no file with force", "+20.0 ms"):
+        assert line in text
+    assert '{"' not in text  # no JSON
 
 
 def test_older_card_is_replaced_and_nothing_else(slides, tmp_path, undrawn):

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import shutil
 
 import h5py
 import numpy as np
@@ -121,6 +122,24 @@ def test_opening_loads_no_texture(virtual_prepared, rate):
     data.textures([0, 5])
     # what is held, and sent to worker processes, is the index: windows and names, no recording
     assert len(pickle.dumps(data)) < 0.01 * virtual_prepared.stat().st_size
+
+
+def test_a_file_that_is_replaced_does_not_mix_with_the_old_index(virtual_prepared, virtual_recordings, tmp_path):
+    path = tmp_path / "p.h5"
+    shutil.copy(virtual_prepared, path)
+    data = PreparedDataset(path, "all")
+    prepare_recordings(virtual_recordings, path, band=(20, 500), quiet=True)
+    np.testing.assert_array_equal(data.textures([0, 3]), PreparedDataset(virtual_prepared, "all").textures([0, 3]))
+
+
+def test_compressed_lateral_force_is_refused(virtual_prepared, tmp_path):
+    shutil.copy(virtual_prepared, tmp_path / "p.h5")
+    with h5py.File(tmp_path / "p.h5", "r+") as file:
+        values = file["lateral/10000"][()]
+        del file["lateral/10000"]
+        file.create_dataset("lateral/10000", data=values, compression="gzip")
+    with pytest.raises(ValueError, match="p.h5: lateral force is chunked or compressed. Prepare"):
+        PreparedDataset(tmp_path / "p.h5")
 
 
 def test_max_samples_spreads_over_the_view(virtual_prepared):

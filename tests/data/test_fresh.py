@@ -54,6 +54,9 @@ def test_ratings_of_a_file_with_other_raters():
         name: attributes[name] for name in ("raters", "agreement", "rater_moisture", "axis_correlation")
     }
     assert rater_settings({"agreement": 2.0})["raters"] == 12  # a file without the others
+    # as an HDF5 file gives them
+    stored = rater_settings({"raters": np.int64(3), "agreement": np.float64(2.0)})
+    np.testing.assert_array_equal(fresh_ratings(20, 3, **stored), fresh_ratings(20, 3, agreement=2.0, raters=3))
     surfaces = [VirtualSurface(SEED, FIRST_FRESH + number) for number in range(20)]
     asked = [2, 7, 14]  # the others are held out
     answers = np.stack([s.answers(draw_raters(SEED, 15), 3.0, 0.25, 0.5)[asked] for s in surfaces], axis=1)

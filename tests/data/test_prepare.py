@@ -1,6 +1,7 @@
 """Options of the preparation: what is held out, what is done about turnarounds, what is refused, and the account."""
 
 import json
+import shutil
 
 import h5py
 import numpy as np
@@ -75,6 +76,35 @@ def test_hard_ratings_are_the_held_out_raters(collection, tmp_path, answers):
         np.testing.assert_array_equal(data.reliability.mean_correlation, expected.reliability.mean_correlation)
         assert data.surface_ratings_count.max() == len(chosen)
         np.testing.assert_array_equal(data[0]["ratings"], expected.mean[data.surface_ids[0]])
+
+
+def test_what_is_held_out_leaves_no_trace_in_ordinary_splits(collection, tmp_path):
+    shutil.copy(collection, tmp_path / "other.h5")
+    rng = np.random.default_rng(1)
+    with h5py.File(tmp_path / "other.h5", "r+") as file:
+        # every recording of a held-out surface or explorer, every answer about such a surface or by such a rater
+        held = [f"{s}/{e}" for s in SURFACES for e in ("e1", "e2") if e == "e2" or s.endswith("rubber")]
+        for name in held:
+            force = file[f"recordings/{name}/0/force"]
+            force[:, 0] = 2 * force[:, 0] + 0.01 * rng.standard_normal(len(force))
+        values = file["ratings/values"][()]
+        of_surfaces = np.array([name.endswith("rubber") for name in SURFACES])
+        values[:, of_surfaces], values[3:] = 8 - values[:, of_surfaces], 8 - values[3:]
+        file["ratings/values"][...] = values
+    for name in ("r", "other"):
+        prepare_recordings(tmp_path / f"{name}.h5", tmp_path / f"p-{name}.h5", hold_out=HARD, quiet=True)
+    for split in (*SPLITS[:3], "all"):
+        one, other = (PreparedDataset(tmp_path / f"p-{name}.h5", split) for name in ("r", "other"))
+        assert len(one) == len(other) > 0
+        for first, second in zip(one, other, strict=True):
+            assert first.keys() == second.keys()
+            for key in first:
+                np.testing.assert_array_equal(first[key], second[key])
+        np.testing.assert_array_equal(one.ratings_mean, other.ratings_mean)
+        np.testing.assert_array_equal(one.ratings_scale, other.ratings_scale)
+    hard = [PreparedDataset(tmp_path / f"p-{name}.h5", "hard") for name in ("r", "other")]
+    assert hard[0].levels.mean() + 0.3 < hard[1].levels.mean()
+    assert (hard[0].surface_ratings != hard[1].surface_ratings).any()
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,10 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--draft {tmp}/l.toml --output {tmp}/r.h5", "--draft belongs to --inspect"),
         ("--export-kind csv --output {tmp}/r.h5", "--export-kind belongs to --export-folder"),
         ("--export-folder {tmp}/f", "needs --recordings"),
+        ("--export-folder {tmp}/f --recordings x --root {tmp} --output {tmp}/r.h5", "leave out --output, --root"),
+        ("--inspect {tmp} --prepared {tmp}/p.h5 --seed 1", "--inspect does one thing, and stops: leave out"),
+        ("--inspect {tmp} --draft {tmp}/nowhere/l.toml", "nowhere of l.toml does not exist"),
+        ("--calibrate --surfaces 3", "leave out --surfaces"),
         ("--inspect {tmp}/no", "no"),
         ("--output {tmp}/r.h5 --surfaces 0", "`surfaces`"),
         ("--output {tmp}/r.h5 --seconds 1", "`seconds`"),
@@ -96,6 +100,9 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --overlap 1", "`overlap`"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --surfaces 2", "leave none of 2 surfaces"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --no-limits --speed 10 20", "contradicts"),
+        ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --hold-out-explorers explorer-2", "matches none of the 2"),
+        ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --hold-out-raters rater-12", "matches none of the 12"),
+        ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --hold-out-surfaces *-velvet", "matches none of the 50"),
     ],
 )
 def test_refusals_come_before_any_work(tmp_path, capsys, flags, message):

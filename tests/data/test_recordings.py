@@ -94,9 +94,38 @@ def damage_layout(file):
     file.move("recordings/a/explorer/0/force", "recordings/a/force")
 
 
+def damage_source(file):
+    del file.attrs["source"]
+
+
+def damage_rate_text(file):
+    file["recordings/a/explorer/0/force"].attrs["rate"] = "10000"
+
+
+def damage_rate_list(file):
+    file["recordings/a/explorer/0/velocity"].attrs["rate"] = [500.0]
+
+
+def damage_numbers(file):
+    group = file["recordings/a/explorer/0"]
+    values, attributes = group["force"][()], dict(group["force"].attrs)
+    del group["force"]
+    group.create_dataset("force", data=values.astype("S20")).attrs.update(attributes)
+
+
+def damage_group(file):
+    del file["recordings"]
+    file["recordings"] = np.zeros(4)
+
+
 @pytest.mark.parametrize(
     "damage, message",
     [
+        (damage_source, "r.h5, /: lacks the attribute `source`"),
+        (damage_rate_text, "/recordings/a/explorer/0/force: has no positive attribute `rate`"),
+        (damage_rate_list, "/recordings/a/explorer/0/velocity: has no positive attribute `rate`"),
+        (damage_numbers, r"/recordings/a/explorer/0/force: holds \|S20, no real numbers. Store it as float32"),
+        (damage_group, "r.h5, /recordings: there is no recording"),
         (damage_layout, "r.h5, /recordings/a: is no group of groups.*Arrange recordings as"),
         (damage_format, "r.h5, /: format='something'.*Convert the source"),
         (damage_rate, "r.h5, /recordings/a/explorer/0/force: has no positive attribute `rate`.*Add the sampling rate"),
@@ -153,6 +182,16 @@ def test_swapped_axes_and_suspicious_forces(tmp_path, recording_maker, recording
         ):
             file.read("a/explorer/0")
         assert file.read("b/explorer/0").notes == ("samples above 100 N excluded (1, first at sample 1234)",)
+
+
+def test_infinite_values_are_missing(tmp_path, recording_maker, recordings_writer):
+    recording = recording_maker()
+    recording["force"][:2, 2] = np.inf, -np.inf
+    recording["velocity"][7, 1] = np.inf
+    with RecordingsFile(recordings_writer(tmp_path / "r.h5", {"a": recording})) as file:
+        read = next(iter(file))
+    assert np.argwhere(np.isnan(read.force)).tolist() == [[0, 2], [1, 2]] and not np.isinf(read.force).any()
+    assert np.argwhere(np.isnan(read.velocity)).tolist() == [[7, 1]] and read.notes == ()
 
 
 def test_millinewtons_are_suspected(tmp_path, recording_maker, recordings_writer):

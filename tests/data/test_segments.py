@@ -416,3 +416,8 @@ def test_uncalibrated_axes_have_no_normal_force():
     recording.unit = "1"
     windows = windows_of(recording)
     assert windows.skipped == ("normal_force",) and len(windows.start) and np.isnan(windows.friction_coefficient).all()
+
+
+def test_dead_sensor_is_refused():
+    with pytest.raises(ValueError, match="the sensor was dead"):
+        channels(recording_of(np.zeros((40_000, 3)), np.tile([80.0, 0.0], (2000, 1))))

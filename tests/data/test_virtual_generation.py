@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -131,6 +132,43 @@ def alive(pid):
 def started(pid):
     """When a process began, in ticks."""
     return int(open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()[19])
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="needs fork")
+def test_a_kill_while_surfaces_are_put_together_litters_nothing(tmp_path, monkeypatch):
+    path = tmp_path / "r.h5"
+    monkeypatch.setattr(RecordingsWriter, "set_truth", lambda *_: os.kill(os.getpid(), signal.SIGKILL))
+    process = multiprocessing.get_context("fork").Process(target=generate_recordings, args=(path, 2), kwargs=SETTINGS)
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    assert [file.name for file in tmp_path.iterdir()] == ["r.h5.partial"] and len(parts_of(path)) == 2
+    monkeypatch.undo()
+    parts = tmp_path / "r.h5.partial"
+    assert list(parts.glob(".*.tmp"))
+    generate._open_parts(path, Collection(seconds=2.0, explorers=1, seed=5))
+    assert not list(parts.glob(".*.tmp"))  # so that disk need not hold it beside the next attempt
+    generate_recordings(path, 2, **SETTINGS)
+    assert [file.name for file in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_surfaces_that_a_kill_leaves_at_the_end_do_not_pass_for_others(tmp_path, monkeypatch):
+    path, unlink = tmp_path / "r.h5", Path.unlink
+
+    def interrupted(file, **options):
+        if file.name == "1.h5":
+            raise KeyboardInterrupt
+        unlink(file, **options)
+
+    monkeypatch.setattr(Path, "unlink", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        generate_recordings(path, 3, **SETTINGS)
+    monkeypatch.undo()
+    whole = path.read_bytes()
+    with pytest.raises(ValueError, match="surfaces of other settings"):
+        generate_recordings(path, 3, **{**SETTINGS, "seed": 6})
+    generate_recordings(path, 3, **SETTINGS)
+    assert path.read_bytes() == whole and [file.name for file in tmp_path.iterdir()] == ["r.h5"]
 
 
 def test_other_settings_do_not_mix(tmp_path, monkeypatch):

@@ -5,8 +5,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tactile_diffusers.data import PreparedDataset, generate_recordings, prepare_recordings
-from tactile_diffusers.data.virtual import FIRST_FRESH, fresh_ratings, fresh_textures
+from tactile_diffusers.data import (
+    HoldOut,
+    PreparedDataset,
+    SegmentLimits,
+    generate_recordings,
+    prepare_recordings,
+)
+from tactile_diffusers.data.virtual import FIRST_FRESH, VirtualSurface, fresh_ratings, fresh_textures
 from tactile_diffusers.evaluation import truth
 from tactile_diffusers.evaluation.truth import (
     KERNEL_WIDTH,
@@ -237,6 +243,37 @@ def test_file_s_own_ratings_are_reproduced(prepared):
             patch.setattr("tactile_diffusers.data.virtual.fresh.FIRST_FRESH", number)
             again = fresh_ratings(1, facts["seed"], facts["agreement"], training)
         np.testing.assert_array_equal(again[0], data.surface_ratings[number])
+
+
+def test_what_is_held_out_takes_no_part(tmp_path, monkeypatch):
+    generate_recordings(tmp_path / "r.h5", surfaces=9, seconds=4, explorers=3, seed=4, quiet=True)
+    names = PreparedDataset(_without_limits(tmp_path / "r.h5", tmp_path / "whole.h5"), "all").surfaces
+    material = names[0].split("-")[1]
+    hold_out = HoldOut(surfaces=(f"*-{material}",), explorers=("explorer-1",), raters=("rater-0", "rater-5"))
+    prepared = _without_limits(tmp_path / "r.h5", tmp_path / "p.h5", hold_out=hold_out)
+    explored, asked = [], {}
+
+    def explore(number, **settings):
+        explored.append((number, settings["explorers"]))
+        return fresh_textures(number, **settings)
+
+    def rate(*args, **settings):
+        asked.update(settings)
+        return fresh_ratings(*args, **settings)
+
+    monkeypatch.setattr(truth, "fresh_textures", explore)
+    monkeypatch.setattr(truth, "fresh_ratings", rate)
+    virtual_truth(PreparedDataset(prepared, "hard"), REQUESTS, describe, surfaces=20, candidates=60, seconds=4.0)
+    assert any(VirtualSurface(4, FIRST_FRESH + n).parameters.material == material for n in range(60))
+    assert all(VirtualSurface(4, number).parameters.material != material for number, _ in explored)
+    assert {tuple(explorers) for _, explorers in explored} == {(0, 2)}
+    assert list(asked["raters"]) == [n for n in range(12) if n not in (0, 5)]
+
+
+def _without_limits(recordings, prepared, **options):
+    limits = SegmentLimits().without_conditions()
+    prepare_recordings(recordings, prepared, limits, validation=1, test=1, quiet=True, **options)
+    return prepared
 
 
 def test_surfaces_without_a_segment_are_tried_again_then_dropped(prepared, monkeypatch):

@@ -21,7 +21,7 @@ from ..data import (
 )
 from ..data.files import atomic_path
 from ..signal import BAND_HZ, DEVICE_RATE
-from .prepare_data_args import SOURCE_FLAGS, build_parser, check, check_export
+from .prepare_data_args import SOURCE_FLAGS, build_parser, check, check_alone, check_export
 
 
 def _preparation(args):
@@ -46,7 +46,6 @@ def _preparation(args):
         split_surfaces(args.surfaces, validation, test, args.split_seed)
         if args.seconds < limits.seconds:
             raise ValueError(f"--seconds must be at least one segment, {limits.seconds} s, got {args.seconds}.")
-    held = {kind: tuple(getattr(args, f"hold_out_{kind}")) for kind in ("surfaces", "explorers", "raters")}
     return dict(
         limits=limits,
         band=band,
@@ -56,9 +55,24 @@ def _preparation(args):
         test=test,
         split_seed=args.split_seed,
         turnarounds=args.turnarounds,
-        hold_out=HoldOut(**held) if any(held.values()) else None,
+        hold_out=_hold_out(args),
         quiet=args.quiet,
     )
+
+
+def _hold_out(args):
+    """What is held out; of a virtual collection the names are known before it is made, so they are checked."""
+    held = {kind: tuple(getattr(args, f"hold_out_{kind}")) for kind in ("surfaces", "explorers", "raters")}
+    if not any(held.values()):
+        return None
+    hold_out = HoldOut(**held)
+    if args.source == "virtual":
+        if hold_out.surfaces:
+            names = [virtual.VirtualSurface(args.seed, index).name for index in range(args.surfaces)]
+            hold_out.matches("surfaces", names)
+        hold_out.matches("explorers", [f"explorer-{number}" for number in range(args.explorers)])
+        hold_out.matches("raters", [f"rater-{number}" for number in range(args.raters)])
+    return hold_out
 
 
 def _calibrate():
@@ -103,6 +117,7 @@ def _recordings(args):
 
 
 def _run(parser, args):
+    check_alone(parser, args)
     if args.calibrate:
         return _calibrate()
     if args.inspect is not None:

@@ -29,6 +29,8 @@ SOURCE_FLAGS = {
     "biotac": {"root": _REQUIRED, "output": _REQUIRED},
     "recordings": {"recordings": _REQUIRED},
 }
+#: Flags that stand for work of their own, and flags of sources that they need.
+ALONE = {"inspect": set(), "export_folder": {"recordings"}, "calibrate": set()}
 DESCRIPTION = """\
 Brings recordings into one file (recordings.h5) and prepares a data set from it.
 
@@ -127,7 +129,6 @@ def _add_splits(group):
 
 def check(parser, args):
     """Fills the defaults of the source and refuses what does not fit it, before any work."""
-    _check_alone(parser, args)
     flags = SOURCE_FLAGS[args.source]
     for source, others in SOURCE_FLAGS.items():
         for name in others:
@@ -153,11 +154,21 @@ def check_export(parser, args):
     _must_exist(parser, args, "recordings")
 
 
-def _check_alone(parser, args):
-    if args.draft is not None:
-        parser.error("--draft belongs to --inspect.")
-    if args.export_kind is not None:
-        parser.error("--export-kind belongs to --export-folder.")
+def check_alone(parser, args):
+    """Refuses flags of other work beside --inspect, --export-folder or --calibrate, and theirs without them."""
+    for name, owner in (("draft", "inspect"), ("export_kind", "export_folder")):
+        if getattr(args, name) is not None and getattr(args, owner) is None:
+            parser.error(f"{_flag(name)} belongs to {_flag(owner)}.")
+    given = [name for name, value in vars(args).items() if value is not None and value is not False]
+    alone = next((name for name in ALONE if name in given), None)
+    if alone is None:
+        return
+    others = {name for flags in SOURCE_FLAGS.values() for name in flags} | {"prepared", *ALONE}
+    unused = ", ".join(_flag(name) for name in sorted(given) if name in others - ALONE[alone] - {alone})
+    if unused:
+        parser.error(f"{_flag(alone)} does one thing, and stops: leave out {unused}.")
+    if args.draft is not None and not args.draft.parent.is_dir():
+        parser.error(f"the folder {args.draft.parent} of {args.draft.name} does not exist: create it first.")
 
 
 def _flag(name):

@@ -10,6 +10,7 @@ The optional group `/truth` holds what is known of the surfaces beside the recor
 """
 
 from dataclasses import dataclass
+from numbers import Real
 
 import h5py
 import numpy as np
@@ -201,7 +202,7 @@ class RecordingsFile:
     """Reads `recordings.h5`; iterating yields one `Recording` after the other, so that one is in memory at a time.
 
     The structure of the whole file is checked when it is opened, values when a recording is read. A NaN in a recording
-    is no error: preparation excludes it and says so.
+    is no error: preparation excludes it and says so. An infinite value becomes NaN.
 
     Args:
         path (`str` or `Path`): the file.
@@ -243,7 +244,10 @@ class RecordingsFile:
         if attributes.get("format") != FORMAT or attributes.get("version") != VERSION:
             found = f"format={attributes.get('format')!r}, version={attributes.get('version')!r}"
             self._fail("/", f"{found} instead of {FORMAT!r}, {VERSION}", "Convert the source with RecordingsWriter.")
-        if not len(self._file.get("recordings", ())):
+        if "source" not in attributes:
+            self._fail("/", "lacks the attribute `source`", "Add where the recordings come from.")
+        recordings = self._file.get("recordings")
+        if not isinstance(recordings, h5py.Group) or not len(recordings):
             self._fail("/recordings", "there is no recording", "Add at least one with RecordingsWriter.")
         self.names, self.lengths, units = [], [], set()
         for surface in self._subgroups(self._file["recordings"]):
@@ -275,14 +279,17 @@ class RecordingsFile:
                 continue
             dataset = group[name]
             units = FORCE_UNITS if name != "velocity" else (VELOCITY_UNIT,)
-            if "rate" not in dataset.attrs or not dataset.attrs["rate"] > 0:
+            rate = dataset.attrs.get("rate")
+            if not isinstance(rate, Real) or not rate > 0:
                 self._fail(dataset.name, "has no positive attribute `rate`", "Add the sampling rate in Hz.")
             if dataset.attrs.get("unit") not in units:
                 found = dataset.attrs.get("unit")
                 self._fail(dataset.name, f"attribute `unit` is {found!r}", f"Convert the data to one of {units}.")
             if dataset.ndim != 1 + len(columns) or dataset.shape[1:] != columns:
                 self._fail(dataset.name, f"has shape {dataset.shape}", f"Store (samples, *{columns}).")
-            seconds = len(dataset) / dataset.attrs["rate"]
+            if dataset.dtype.kind not in "fiu":
+                self._fail(dataset.name, f"holds {dataset.dtype}, no real numbers", "Store it as float32.")
+            seconds = len(dataset) / rate
             if seconds < SEGMENT_SECONDS:
                 problem = f"lasts {seconds:.3g} s, less than one segment of {SEGMENT_SECONDS} s"
                 self._fail(dataset.name, problem, "Leave it out, or check its `rate`.")
@@ -311,10 +318,10 @@ class RecordingsFile:
         group = self._file[f"recordings/{name}"]
         surface, explorer, trial = name.split("/")
         field = "force" if "force" in group else "lateral"
-        values = group[field][()].astype(np.float32, copy=False)
+        values = _finite(group[field])
         unit = str(group[field].attrs["unit"])
         notes = check_forces(values, f"{self.path}, {group[field].name}", unit)
-        velocity = group["velocity"][()].astype(np.float32, copy=False) if "velocity" in group else None
+        velocity = _finite(group["velocity"]) if "velocity" in group else None
         return Recording(
             surface,
             explorer,
@@ -370,6 +377,13 @@ class RecordingsFile:
         if unknown:
             self._fail("/ratings/surfaces", f"{unknown[:3]} have no recording", "Use the names of the groups.")
         return RaterScores(values, *names)
+
+
+def _finite(dataset):
+    """Values as float32; an infinite one is missing."""
+    values = dataset[()].astype(np.float32, copy=False)
+    values[np.isinf(values)] = np.nan
+    return values
 
 
 def _check_ratings(values, shape, where):

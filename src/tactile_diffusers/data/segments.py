@@ -160,7 +160,8 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
         `Channels`.
 
     Raises:
-        ValueError: if the recording has 3-D force but no velocity, or no usable sample, or `turnarounds` is unknown.
+        ValueError: if the recording has 3-D force but no velocity, no usable sample or the same force in all samples,
+            or `turnarounds` is unknown.
     """
     samples, rate = recording.samples, recording.rate
     speed, angle, positions = None, None, np.empty(0, dtype=np.int64)
@@ -177,6 +178,8 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
     lateral = np.where(broken, np.nan, lateral)
     if np.isnan(lateral).all():
         raise ValueError(f"{recording.name} has no sample that is neither missing nor saturated. Leave it out.")
+    if np.nanmin(force) == np.nanmax(force):
+        raise ValueError(f"{recording.name} has the same force in all samples: the sensor was dead. Leave it out.")
     flipped = recording.force is not None and bool(np.nanmean(lateral) < 0)
     lateral = -lateral if flipped else lateral
     lateral, excluded = treat_turnarounds(lateral, positions, rate, turnarounds)

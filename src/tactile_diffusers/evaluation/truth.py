@@ -8,12 +8,20 @@ self-normalised weights.
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 import numpy as np
 from tqdm import tqdm
 
 from ..data import HoldOut, PreparedDataset, SegmentLimits
-from ..data.virtual import FIRST_FRESH, RECIPE_VERSION, fresh_ratings, fresh_textures, rater_settings
+from ..data.virtual import (
+    FIRST_FRESH,
+    RECIPE_VERSION,
+    VirtualSurface,
+    fresh_ratings,
+    fresh_textures,
+    rater_settings,
+)
 from ..signal import RATING_AXES
 from .statistics import jackknife_interval
 
@@ -198,7 +206,7 @@ def virtual_truth(
 ):
     """The truth of requests to a model of virtual surfaces, from fresh surfaces of the same collection.
 
-    Explorers and raters are those of the ordinary splits; what is held out takes no part.
+    Surfaces, explorers and raters are like those of the ordinary splits; what is held out takes no part.
 
     Args:
         dataset (`PreparedDataset`): of virtual surfaces, at its native rate: it says which collection, raters, limits
@@ -228,7 +236,9 @@ def virtual_truth(
     asked = rater_settings(facts)
     asked["raters"] = _ordinary(facts, "raters", [f"rater-{number}" for number in range(asked["raters"])])
     ratings = fresh_ratings(candidates, facts["seed"], training=numbers, **asked)
-    drawn, importance = draw_surfaces(ratings, requests, surfaces, seed)
+    met = _ordinary_candidates(facts, candidates)
+    drawn, importance = draw_surfaces(ratings[met], requests, surfaces, seed)
+    drawn = met[drawn]
     limits = SegmentLimits(**facts["limits"])
     settings = dict(
         seed=facts["seed"],
@@ -318,6 +328,15 @@ def _ordinary(facts, kind, names):
     """Numbers of the raters or explorers that are not held out, from names such as "rater-3"."""
     held = HoldOut(**facts["hold_out"]).matches(kind, names) if facts["hold_out"] else [False] * len(names)
     return [int(name.rsplit("-", 1)[1]) for name, out in zip(names, held, strict=True) if not out]
+
+
+def _ordinary_candidates(facts, candidates):
+    """Which of the fresh surfaces are of no class that is held out: (n,) int64."""
+    if not facts["hold_out"] or not facts["hold_out"]["surfaces"]:
+        return np.arange(candidates)
+    names = [VirtualSurface(facts["seed"], FIRST_FRESH + number).name for number in range(candidates)]
+    patterns = facts["hold_out"]["surfaces"]
+    return np.flatnonzero([not any(fnmatchcase(name, pattern) for pattern in patterns) for name in names])
 
 
 def _check_virtual(dataset, requests, surfaces, per_surface):

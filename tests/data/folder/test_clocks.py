@@ -196,6 +196,14 @@ def test_lag_of_lateral_force_along_one_line(shift):
     assert residual_lag(force, 1000.0, velocity, 1000.0).seconds == pytest.approx(shift, abs=2e-3)
 
 
+def test_a_force_that_does_not_follow_shows_no_lag():
+    """Noise correlates with the direction by chance: a lag told from that would be acted on."""
+    _, velocity = strokes()
+    for seed in range(5):
+        noise = column(np.random.default_rng(seed).standard_normal(len(velocity)))
+        assert residual_lag(noise, 1000.0, velocity, 1000.0) is None
+
+
 def test_what_never_turns_shows_no_lag():
     force, velocity = strokes()
     assert residual_lag(np.abs(force), 1000.0, np.abs(velocity), 1000.0) is None

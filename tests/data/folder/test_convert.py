@@ -377,6 +377,30 @@ def test_suspicious_units_and_rates_are_noted(rig):
     assert "at 1000 and 500 Hz" in str(report) and "needs one rate" in str(report)
 
 
+def test_wrong_sign_of_pressing_is_noted(rig):
+    rig.edit(rig.force(), lambda table: table.assign(fz=-table["fz"]))
+    assert rig.convert().notes["recordings: z is negative on average: is `normal_sign` right?"] == [1, str(rig.force())]
+    rig.edit(rig.force("felt"), lambda table: table.assign(fz=-table["fz"]))
+    rig.layout = rig.layout.replace('unit = "N"', 'unit = "N", normal_sign = -1')
+    assert not rig.convert().notes
+
+
+def test_force_and_motion_of_different_length_are_noted(rig):
+    """A file without time stamps whose declared rate is wrong, and a file that was cut off."""
+    rig.edit(rig.motion(), lambda table: table[: int(0.75 * len(table))])
+    kind = "recordings: force and motion differ in length: is a rate wrong, or a file cut off?"
+    assert rig.convert().notes[kind] == [1, f"{rig.motion()} (2.25 s, {rig.force()} 3 s)"]
+    stamps, (before, after) = 'time = { column = "t", unit = "s" }', rig.layout.split("[[files]]")[1:]
+    rig.layout = f"{HEAD}[[files]]{before}[[files]]{after.replace(stamps, 'rate = 25')}"
+    assert rig.convert().notes[kind][0] == 2
+
+
+def test_a_dead_sensor_is_left_out(rig):
+    rig.edit(rig.force(), lambda table: table.assign(fx=0.0, fy=0.0, fz=0.1))
+    report = rig.convert()
+    assert report.left_out == {"wood/0/0": f"{rig.force()}: the force never changes: nothing was connected"}
+
+
 def test_output_is_refused_early(rig):
     (rig.path / "layout.toml").write_text(rig.layout)
     with pytest.raises(FileNotFoundError, match="The folder .*nowhere of r.h5 does not exist"):

@@ -63,6 +63,7 @@ def write_card(recordings, output, prepared=None, quiet=False):
 
 
 def _prepare(recordings, temporary, quiet):
+    RecordingsFile(recordings).close()  # what is wrong with the file itself is not a matter of limits
     try:
         prepare_recordings(recordings, temporary, validation=0, test=0, quiet=quiet)
     except ValueError as error:

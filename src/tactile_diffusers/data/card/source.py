@@ -1,10 +1,13 @@
 """What is in a recordings.h5, before any selection."""
 
+import json
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
+
+from ..folder.conversion_report import REPORT_ATTRIBUTE
 
 #: So many samples of all recordings together, evenly spread, make the histograms of speed and normal force.
 HISTOGRAM_SAMPLES = 400_000
@@ -12,6 +15,8 @@ HISTOGRAM_SAMPLES = 400_000
 HISTOGRAM_BINS = 60
 #: Share of the time that these histograms show; the tail would squeeze the rest.
 HISTOGRAM_SHARE = 0.995
+#: Attributes of the file that say nothing about the data, or are told apart from the others.
+_OTHER_ATTRIBUTES = ("format", "version", REPORT_ATTRIBUTE)
 
 
 def describe_source(source, limits, quiet=False):
@@ -24,7 +29,8 @@ def describe_source(source, limits, quiet=False):
 
     Returns:
         `tuple[dict, dict]`: what the file holds ("source", "licence", "unit", names, counts, rates, seconds), and for
-        "normal_force" (N) and "speed" (mm/s) the histogram of time (s) per explorer, or None without the channel.
+        "normal_force" (N) and "speed" (mm/s) the histogram of time (s) per explorer, or None without the channel. The
+        "conversion" is what was noted when a folder was converted to this file, or None.
     """
     per_recording = max(100, HISTOGRAM_SAMPLES // len(source))
     counts = {name: Counter() for name in ("channels", "rates", "velocity_rates")}
@@ -52,7 +58,8 @@ def describe_source(source, limits, quiet=False):
         "seconds": sum(seconds.values()),
         "seconds_per_explorer": dict(sorted(seconds.items())),
         **{name: dict(counter) for name, counter in counts.items()},
-        "attributes": {name: value for name, value in source.attributes.items() if name not in ("format", "version")},
+        "attributes": {name: value for name, value in source.attributes.items() if name not in _OTHER_ATTRIBUTES},
+        "conversion": json.loads(source.attributes.get(REPORT_ATTRIBUTE, "null")),
         "truth": source.truth is not None,
     }
     return facts, {name: collected.histogram(getattr(limits, name)) for name, collected in samples.items()}

@@ -19,6 +19,8 @@ MOST_DUPLICATES = 0.1
 #: A recording that lacks a larger share of its samples is left out (recipe). Where the rate is found from the stamps,
 #: that many gaps mean that it is not found.
 MOST_DROPPED = 0.3
+#: Force and motion of a recording that differ more in length do not belong together, or a rate is wrong (recipe).
+SHORTEST_SHARE = 0.8
 #: A start that is later by less than this share of a sample is no later: time stamps are rounded.
 START_TOLERANCE = 0.01
 

@@ -1,10 +1,8 @@
 """Which channel of a recording each group of tables probably holds, and which names belong together: a guess."""
 
+from .clocks import SHORTEST_SHARE
 from .draft_names import assign_roles
 from .patterns import Pattern
-
-#: Force and motion of a recording that differ more in length do not belong together, or a rate is wrong.
-SHORTEST_SHARE = 0.8
 
 
 def find_channels(group):

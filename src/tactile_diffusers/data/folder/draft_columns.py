@@ -170,7 +170,7 @@ def _look_at_values(column, table):
     known = values[~np.isnan(values)]
     column.missing = len(values) - len(known)
     if len(known):
-        column.low, column.high, column.mean = float(known.min()), float(known.max()), float(known.mean())
+        column.low, column.high, column.mean = known.min() + 0.0, known.max() + 0.0, known.mean() + 0.0  # -0 is 0
         few = np.unique(known[:HEAD_ROWS])
         column.distinct, column.whole = len(few), bool(np.all(few == np.round(few)))
 

@@ -22,6 +22,8 @@ TRAVEL_STEP = 0.05
 #: Shears that leave so much (factor) unexplained of what the best one leaves are as good; if their lags differ by more
 #: than this (s), as in a recording of steady loops only, the lag cannot be told (recipe).
 AS_GOOD, LARGEST_DOUBT = 1.02, 0.015
+#: A weaker correlation of force and direction is chance, and no lag is told from it (recipe).
+LEAST_CORRELATION = 0.5
 #: The sliding direction must vary this much (variance of the unit vector, 0 to 1) for a lag to be seen (recipe).
 LEAST_TURNING = 0.1
 
@@ -57,7 +59,8 @@ def residual_lag(force, force_rate, velocity, velocity_rate):
         velocity_rate (`float`): Hz.
 
     Returns:
-        `Lag`, or `None` if the recording hardly turns, or lag and shear cannot be told apart.
+        `Lag`, or `None` if the recording hardly turns, the force does not follow the turns, or lag and shear cannot be
+        told apart.
     """
     seconds = min(len(force) / force_rate, len(velocity) / velocity_rate, LAG_SECONDS)
     force, velocity = force[: math.ceil(seconds * force_rate)], velocity[: math.ceil(seconds * velocity_rate)]
@@ -74,7 +77,8 @@ def residual_lag(force, force_rate, velocity, velocity_rate):
     unexplained = 1 - np.abs(correlations)
     alike = lags[unexplained <= AS_GOOD * unexplained.min()]
     best = int(np.argmin(unexplained))
-    if abs(lags[best]) >= LONGEST_LAG or np.ptp(alike) > LARGEST_DOUBT:
+    weak = abs(correlations[best]) < LEAST_CORRELATION
+    if weak or abs(lags[best]) >= LONGEST_LAG or np.ptp(alike) > LARGEST_DOUBT:
         return None
     return Lag(float(lags[best]), float(SHEAR_TRAVELS[best]), float(correlations[best]))
 

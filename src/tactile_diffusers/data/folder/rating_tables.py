@@ -56,11 +56,13 @@ def read_ratings(root, layout, surfaces):
     values = _numbers(answers, ratings)
     _check_axes(values, ratings, ignored, layout)
     raters = tuple(dict.fromkeys(rater for rater, _, _ in values))
-    rated = tuple(surface for surface in surfaces if any(name == surface for _, name, _ in values))
+    answered = {surface for _, surface, _ in values}
+    rated = tuple(surface for surface in surfaces if surface in answered)
     axes = tuple(sorted(ratings.axes, key=lambda axis: (RATING_AXES + (axis,)).index(axis)))
     scores = np.full((len(raters), len(rated), len(axes)), np.nan, dtype=np.float32)
-    for (rater, surface, axis), value in values.items():
-        scores[raters.index(rater), rated.index(surface), axes.index(axis)] = value
+    places = [{name: i for i, name in enumerate(names)} for names in (raters, rated, axes)]
+    for key, value in values.items():
+        scores[tuple(place[name] for place, name in zip(places, key, strict=True))] = value
     missing = int(np.isnan(scores).sum())
     if missing:
         notes.append(f"{missing} of {scores.size} answers (raters x surfaces x axes) are missing")
@@ -126,8 +128,9 @@ def _on_recorded(answers, layout, surfaces):
             f"{layout.path}: [surface_names] renames {unused}, which the ratings do not hold: {_few(rated)}."
         )
     # "" as a new name means: leave these answers out
-    unknown = [name for name in rated if renamed.get(name, name) not in (*surfaces, "")]
-    unrated = [name for name in surfaces if name not in {renamed.get(other, other) for other in rated}]
+    recorded, meant = {*surfaces, ""}, {renamed.get(name, name) for name in rated}
+    unknown = [name for name in rated if renamed.get(name, name) not in recorded]
+    unrated = [name for name in surfaces if name not in meant]
     if unknown and unrated:
         lines = "\n".join(f'    "{name}" = "{_nearest(name, unrated)}"' for name in unknown[:_FEW])
         raise ValueError(
@@ -140,7 +143,7 @@ def _on_recorded(answers, layout, surfaces):
     kept = []
     for answer in answers:
         name = renamed.get(answer.surface, answer.surface)
-        if name in surfaces:
+        if name and name in recorded:
             kept.append(_Answer(answer.rater, name, answer.axis, answer.text, answer.place))
     return kept, notes
 

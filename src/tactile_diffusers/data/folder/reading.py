@@ -6,7 +6,16 @@ import numpy as np
 
 from ...signal import BAND_HZ, SEGMENT_SECONDS
 from ..checks import LARGEST_FORCE_N, check_forces, over_range, saturated
-from .clocks import RATE_TOLERANCE, Timed, Unusable, on_one_clock, on_stamps, velocity_from_position, whole
+from .clocks import (
+    RATE_TOLERANCE,
+    SHORTEST_SHARE,
+    Timed,
+    Unusable,
+    on_one_clock,
+    on_stamps,
+    velocity_from_position,
+    whole,
+)
 from .lag import residual_lag
 
 #: Median speeds of a finger (mm/s) outside of this are probably in another unit (recipe).
@@ -42,6 +51,7 @@ def read_recording(name, channels, layout, report):
         motion = replace(position, values=slope)
     if motion is not None:
         force, motion = on_one_clock(force, motion)
+        _note_lengths(force, motion, report)
     for channel in (force, motion):
         if channel is not None:
             _check_usable(channel)
@@ -123,7 +133,11 @@ def _without_faults(force, kind, unit, report):
             f"{2 * BAND_HZ[0]:g} Hz. Correct `rate` or the unit of `time`, or resample the force."
         )
     values = _shaped(force.values, kind)
+    if (np.fmin.reduce(force.values) == np.fmax.reduce(force.values)).all():
+        raise Unusable(f"{force.where}: the force never changes: nothing was connected")
     notes = check_forces(values, force.where, unit)
+    if kind == "force" and np.nanmean(values[:, 2]) < 0:
+        report.note("recordings: z is negative on average: is `normal_sign` right?", 1, force.where)
     faults = {"saturated, NaN": np.any([saturated(column, force.rate) for column in force.values.T], axis=0)}
     if unit == "N":
         faults[f"above {LARGEST_FORCE_N:.0f} N, NaN"] = over_range(values)
@@ -139,6 +153,13 @@ def _without_faults(force, kind, unit, report):
         kind, _, detail = note.partition(" (")
         report.note(f"recordings: {kind}", 1, f"{force.where} ({detail}")
     return force
+
+
+def _note_lengths(force, motion, report):
+    shorter, longer = sorted((force, motion), key=lambda channel: channel.seconds)
+    if shorter.seconds < SHORTEST_SHARE * longer.seconds:
+        place = f"{shorter.where} ({shorter.seconds:.3g} s, {longer.where} {longer.seconds:.3g} s)"
+        report.note("recordings: force and motion differ in length: is a rate wrong, or a file cut off?", 1, place)
 
 
 def _note_speed(motion, report):

@@ -1,5 +1,7 @@
 """Fresh surfaces of the collection that a virtual data set comes from: the same raters and explorers, new surfaces."""
 
+from numbers import Integral
+
 import numpy as np
 
 from ...signal import BAND_HZ, DEVICE_RATE, RATING_AXES
@@ -100,7 +102,7 @@ def fresh_textures(
 
 def _numbers(name, value):
     """Numbers of raters or explorers from their count or the numbers themselves."""
-    numbers = list(range(value)) if isinstance(value, int) else [int(number) for number in value]
+    numbers = list(range(value)) if isinstance(value, Integral) else [int(number) for number in value]
     if not numbers or min(numbers) < 0:
         raise ValueError(f"`{name}` must be a count of at least 1 or numbers of at least 0, got {value}.")
     return numbers

@@ -6,6 +6,7 @@ written.
 """
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from .workers import run_in_processes
 
 SOURCE, LICENCE = "virtual surfaces", "CC0-1.0"
 SETTINGS_FILE = "collection.json"
+MERGED_FILE = "merged.h5"
 
 
 def generate_recordings(
@@ -74,8 +76,9 @@ def generate_recordings(
                 f"{error}. The surfaces that are done are kept in {parts}: call again, with fewer `workers` or shorter "
                 "recordings."
             ) from error
-    _merge(path, parts, collection, surfaces)
-    shutil.rmtree(parts)
+    _merge(parts, collection, surfaces)
+    os.replace(parts / MERGED_FILE, path)
+    _remove(parts)
 
 
 def _explore(tasks, workers):
@@ -107,6 +110,8 @@ def _open_parts(path, collection):
             f"{parts} holds surfaces of other settings ({differences}). Finish them with those settings, or delete "
             "the folder."
         )
+    for left_behind in parts.glob(".*.tmp"):  # by a call that was killed
+        left_behind.unlink(missing_ok=True)
     return parts
 
 
@@ -133,14 +138,21 @@ def write_part(parts, collection, index):
             writer.add_recording(surface.name, f"explorer-{number}", "0", force=force, velocity=velocity, **rates)
 
 
-def _merge(path, parts, collection, surfaces):
-    """Puts finished surfaces, ratings and truth into one file."""
+def _merge(parts, collection, surfaces):
+    """Puts finished surfaces, ratings and truth into one file of the same folder, so that a kill litters no other."""
     known = [collection.surface(index) for index in range(surfaces)]
     names = [surface.name for surface in known]
-    with RecordingsWriter(path, SOURCE, LICENCE, **collection.attributes) as writer:
+    with RecordingsWriter(parts / MERGED_FILE, SOURCE, LICENCE, **collection.attributes) as writer:
         for index in range(surfaces):
             with RecordingsFile(_part(parts, index)) as part:
                 writer.copy_recordings(part)
         raters = [f"rater-{number}" for number in range(collection.raters)]
         writer.set_ratings(collection.answers(known), raters, names, RATING_AXES)
         writer.set_truth(names, truth_fields(known))
+
+
+def _remove(parts):
+    """Deletes the folder, settings last: without them, what is left would pass for surfaces of the next call."""
+    for part in parts.glob("*.h5"):
+        part.unlink()
+    shutil.rmtree(parts)
