@@ -9,6 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+from ..data.files import write_text
+from ..signal import SEGMENT_SECONDS
 from . import readme
 
 #: what a child process does so that its peak memory is that of generating one texture
@@ -87,7 +89,7 @@ def _scaling(pipe, repeats):
     for count in (1, 2, 4, 8, 16):
         seconds = _median_seconds(lambda n=count: pipe([[1.5, 0.0, -1.0]] * n), repeats)
         batches[f"batch {count}"] = {"whole s": seconds, "s per texture": seconds / count}
-    for duration in (1.6384, 5.0, 10.0, 20.0, 30.0):
+    for duration in (SEGMENT_SECONDS, 5.0, 10.0, 20.0, 30.0):
         seconds = _median_seconds(lambda d=duration: pipe([[1.5, 0.0, -1.0]], duration_s=d), max(1, repeats // 2))
         durations[f"{duration:g} s"] = {"whole s": seconds, "real-time factor": seconds / duration}
     return batches, durations
@@ -161,6 +163,6 @@ def _speed(arguments, pipe, checkpoint):
     tables = [f"#### {title}\n\n{markdown_table(report[key], 3)}\n" for key, title in titles.items()]
     text = [f"### Speed and memory\n\n{report['machine']}; medians of {arguments.repeats}.\n", *tables]
     arguments.output.mkdir(parents=True, exist_ok=True)
-    (arguments.output / "benchmark.json").write_text(json.dumps(report, indent=2) + "\n")
-    (arguments.output / "benchmark.md").write_text("\n".join(text))
+    write_text(arguments.output / "benchmark.json", json.dumps(report, indent=2) + "\n")
+    write_text(arguments.output / "benchmark.md", "\n".join(text))
     return "\n".join(text)

@@ -8,7 +8,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from ..data.files import atomic_path
+from ..data.files import write_text
 from . import readme
 
 #: Segments of the paper's collection, which preparation is extrapolated to.
@@ -59,10 +59,9 @@ def run(arguments, pipe):
     arguments.output.mkdir(parents=True, exist_ok=True)
     text = markdown(report)
     for name, content in (("data.json", json.dumps(report, indent=1) + "\n"), ("data.md", text)):
-        with atomic_path(arguments.output / name) as temporary:
-            temporary.write_text(content)
+        write_text(arguments.output / name, content)
     if arguments.readme is not None:
-        folder = arguments.readme.parent / "examples" / "results" / arguments.readme_name
+        folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, folder, ("data.*",))
     return text
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from ..data.files import atomic_path
+from ..data.files import write_text
 from . import readme
 
 #: Rules and spacings that the tables show; the JSON has all.
@@ -280,9 +280,8 @@ def run(arguments, pipe):
     text = markdown(report)
     plot(report, arguments.output / "scheduler.png")
     for name, content in (("scheduler.json", json.dumps(report, indent=1) + "\n"), ("scheduler.md", text)):
-        with atomic_path(arguments.output / name) as temporary:
-            temporary.write_text(content)
+        write_text(arguments.output / name, content)
     if arguments.readme is not None:
-        folder = arguments.readme.parent / "examples" / "results" / arguments.readme_name
+        folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, folder, ("scheduler.*",))
     return summary(report)

@@ -62,7 +62,7 @@ def write_readme(path, name, report, output):
     """Puts a report's results between the markers of a README, and the report itself under examples/results/`name`."""
     from ..evaluation.summary import readme_markdown
 
-    folder = Path("examples") / "results" / name
+    folder = readme.results_folder(name)
     readme.copy_results(output, path.parent / folder)
     readme.write_between(path, name, readme_markdown(report, folder.as_posix()))
 
@@ -102,7 +102,7 @@ def main(argv=None):
     arguments = parse_arguments(argv)
     from tactile_diffusers import bundled_checkpoint
 
-    from ..data.files import atomic_path
+    from ..data.files import write_text
     from ..evaluation.report import run_sections
     from ..evaluation.summary import report_markdown
 
@@ -113,11 +113,9 @@ def main(argv=None):
         print(f"evaluate.py: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     report = run_sections(context, arguments.sections, arguments.checkpoint)
-    with atomic_path(arguments.output / "report.json") as temporary:
-        temporary.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n")
+    write_text(arguments.output / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     markdown = report_markdown(report)
-    with atomic_path(arguments.output / "report.md") as temporary:
-        temporary.write_text(markdown)
+    write_text(arguments.output / "report.md", markdown)
     if arguments.readme is not None:
         write_readme(arguments.readme, arguments.readme_name, report, arguments.output)
     print(markdown)

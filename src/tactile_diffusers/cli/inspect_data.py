@@ -50,7 +50,7 @@ def write_readme(path, name, card, output):
     """Puts the head of a card between the markers of a README, and the card itself under examples/results/`name`."""
     from ..data.card import summary
 
-    folder = (Path("examples") / "results" / name).as_posix()
+    folder = readme.results_folder(name).as_posix()
     readme.copy_results(output, path.parent / folder, names=tuple(card["files"]))
     links = f"The whole card: [{folder}]({folder}/card.md).\n\n![surfaces]({folder}/surfaces.png)"
     readme.write_between(path, name, f"{summary(card)}\n\n{links}")

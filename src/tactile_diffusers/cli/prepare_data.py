@@ -19,7 +19,7 @@ from ..data import (
     split_surfaces,
     virtual,
 )
-from ..data.files import atomic_path
+from ..data.files import write_text
 from ..signal import BAND_HZ, DEVICE_RATE
 from .prepare_data_args import SOURCE_FLAGS, build_parser, check, check_alone, check_export
 
@@ -77,8 +77,7 @@ def _hold_out(args):
 
 def _calibrate():
     path = Path(virtual.__file__).parent / virtual.CALIBRATION_FILE
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(virtual.calibrate(), indent=2) + "\n")
+    write_text(path, json.dumps(virtual.calibrate(), indent=2) + "\n")
     print(f"wrote {path}")
 
 
@@ -89,8 +88,7 @@ def _inspect(args):
     print(inventory)
     if args.draft is None:
         return print("\n--draft layout.toml writes a layout of this folder.")
-    with atomic_path(args.draft) as temporary:
-        temporary.write_text(draft_layout(inventory), encoding="utf-8")
+    write_text(args.draft, draft_layout(inventory))
     print(f"\nwrote {args.draft}: fill in every TODO, then --source folder --root {args.inspect} --layout {args.draft}")
 
 

@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from ..data.files import atomic_path
+from ..data.files import atomic_path, write_text
 
 
 def markers(name):
@@ -26,7 +26,7 @@ def check_arguments(parser, arguments):
     if arguments.readme is None:
         return
     begin, end = markers(arguments.readme_name)
-    lines = arguments.readme.read_text() if arguments.readme.is_file() else ""
+    lines = arguments.readme.read_text(encoding="utf-8") if arguments.readme.is_file() else ""
     if not -1 < lines.find(begin) < lines.find(end):
         parser.error(f"argument --readme: {arguments.readme} must hold the lines {begin!r} and {end!r}")
 
@@ -34,10 +34,14 @@ def check_arguments(parser, arguments):
 def write_between(path, name, text):
     """Replaces what is between the markers of `name`; the rest of the file stays as it is."""
     begin, end = markers(name)
-    lines = path.read_text()
+    lines = path.read_text(encoding="utf-8")
     head, tail = lines[: lines.index(begin) + len(begin)], lines[lines.index(end) :]
-    with atomic_path(path) as temporary:
-        temporary.write_text(f"{head}\n\n{text.strip()}\n\n{tail}")
+    write_text(path, f"{head}\n\n{text.strip()}\n\n{tail}")
+
+
+def results_folder(name):
+    """Where a README keeps the results of this name, relative to it."""
+    return Path("examples") / "results" / name
 
 
 def copy_results(source, target, names=("*.png", "*.json", "report.md")):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from ..data.files import atomic_path
+from ..data.files import atomic_path, write_text
 from ..data.virtual import RECIPE_VERSION
 from ..data.virtual.validation import LAWS
 from . import readme
@@ -95,10 +95,9 @@ def main(argv=None):
         ("validation.json", json.dumps(results(laws, arguments.quick), indent=1) + "\n"),
         ("validation.md", markdown(laws)),
     ):
-        with atomic_path(arguments.output / name) as temporary:
-            temporary.write_text(text)
+        write_text(arguments.output / name, text)
     if arguments.readme is not None:
-        folder = arguments.readme.parent / "examples" / "results" / arguments.readme_name
+        folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, folder, ("*.png", "validation.*"))
         readme.write_between(arguments.readme, arguments.readme_name, summary(laws))
     off = [f"{name}: {check.quantity}" for name, law in laws.items() for check in law.checks if not check.ok]

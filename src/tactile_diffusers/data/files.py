@@ -19,6 +19,12 @@ def atomic_path(path):
         temporary.unlink(missing_ok=True)
 
 
+def write_text(path, text):
+    """Writes a text file in UTF-8 in one step: it is whole or, after a failure, as it was."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def whole_file(path):
     """Yields an `h5py.File` under a temporary name beside `path`, renamed to `path` only if the block succeeds.

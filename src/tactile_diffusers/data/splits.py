@@ -40,6 +40,10 @@ class HoldOut:
         if not (self.surfaces or self.explorers or self.raters):
             raise ValueError("`hold_out` must have a pattern for `surfaces`, `explorers` or `raters`, got none.")
 
+    def held(self, kind, names):
+        """Which of `names` a pattern of this kind matches, none and all allowed: (names,) bool."""
+        return np.array([any(fnmatchcase(name, pattern) for pattern in getattr(self, kind)) for name in names], bool)
+
     def matches(self, kind, names):
         """Which of `names` are held out: (names,) bool.
 

@@ -62,9 +62,9 @@ def treat_turnarounds(lateral, positions, rate, turnarounds=DEFAULT_TURNAROUNDS)
         ValueError: if `turnarounds` is unknown.
     """
     check_turnarounds(turnarounds)
-    near = around(positions, MASK_SECONDS, rate, len(lateral))
     if turnarounds == "keep":
         return lateral, np.zeros(len(lateral), dtype=bool)
+    near = around(positions, MASK_SECONDS, rate, len(lateral))
     crowded = true_runs(near, shortest=2 * int(round(MASK_SECONDS * rate)) + 1)
     excluded = near if turnarounds == "exclude" else mask_of_runs(crowded, len(lateral))
     return mask_turnarounds(lateral, near, rate), excluded

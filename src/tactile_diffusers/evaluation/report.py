@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from tqdm.auto import tqdm
 
-from ..data.files import atomic_path
+from ..data.files import write_text
 from .sections import SECTIONS, WITHOUT_RATINGS
 from .statistics import is_leaf
 
@@ -55,8 +55,7 @@ def run_sections(context, names, checkpoint):
             continue
         report |= _kept(folder / f"{name}.json", conditions, SECTIONS[name], context)
     embedding = _kept(folder / "embedding.json", conditions, _embedding, context)
-    with atomic_path(context.output / "embedding.json") as temporary:
-        temporary.write_text(json.dumps(embedding))
+    write_text(context.output / "embedding.json", json.dumps(embedding))
     return report
 
 
@@ -78,8 +77,7 @@ def _kept(path, conditions, make, context):
     if stored.get("conditions") == conditions:
         return stored["result"]
     result = make(context)
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps({"conditions": conditions, "result": result}, allow_nan=False))
+    write_text(path, json.dumps({"conditions": conditions, "result": result}, allow_nan=False))
     return result
 
 

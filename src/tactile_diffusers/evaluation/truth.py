@@ -8,7 +8,6 @@ self-normalised weights.
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 import numpy as np
 from tqdm import tqdm
@@ -326,7 +325,7 @@ def _joined(measures):
 
 def _ordinary(facts, kind, names):
     """Numbers of the raters or explorers that are not held out, from names such as "rater-3"."""
-    held = HoldOut(**facts["hold_out"]).matches(kind, names) if facts["hold_out"] else [False] * len(names)
+    held = HoldOut(**facts["hold_out"]).held(kind, names) if facts["hold_out"] else [False] * len(names)
     return [int(name.rsplit("-", 1)[1]) for name, out in zip(names, held, strict=True) if not out]
 
 
@@ -335,8 +334,7 @@ def _ordinary_candidates(facts, candidates):
     if not facts["hold_out"] or not facts["hold_out"]["surfaces"]:
         return np.arange(candidates)
     names = [VirtualSurface(facts["seed"], FIRST_FRESH + number).name for number in range(candidates)]
-    patterns = facts["hold_out"]["surfaces"]
-    return np.flatnonzero([not any(fnmatchcase(name, pattern) for pattern in patterns) for name in names])
+    return np.flatnonzero(~HoldOut(**facts["hold_out"]).held("surfaces", names))
 
 
 def _check_virtual(dataset, requests, surfaces, per_surface):

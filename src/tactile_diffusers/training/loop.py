@@ -19,7 +19,7 @@ from diffusers.optimization import get_scheduler
 from diffusers.training_utils import EMAModel
 from tqdm.auto import tqdm
 
-from ..data.files import atomic_path
+from ..data.files import write_text
 
 logger = logging.getLogger(__name__)
 CHECKPOINT = re.compile(r"checkpoint-(\d+)")
@@ -112,8 +112,7 @@ def trim_log(path, step):
             continue
         if entry["step"] <= step:
             entries.append(entry)
-    with atomic_path(path) as temporary:
-        temporary.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+    write_text(path, "".join(json.dumps(entry) + "\n" for entry in entries))
     return entries
 
 

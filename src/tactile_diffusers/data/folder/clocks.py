@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import signal
 
+from ..masks import interpolated
+
 #: A rate this close (share) to a whole number of Hz is that number.
 WHOLE_RATE = 1e-3
 #: A declared rate and time stamps may differ by this much (share).
@@ -227,9 +229,6 @@ def velocity_from_position(position, rate, window=0.05, order=2):
 
 def bridged(values):
     """NaN replaced by linear interpolation along time, held at the ends; a column of NaN becomes 0: (n, columns)."""
-    filled = np.array(values, dtype=np.float64)
-    for column in filled.T:
-        known = np.flatnonzero(~np.isnan(column))
-        if len(known) < len(column):
-            column[:] = np.interp(np.arange(len(column)), known, column[known]) if len(known) else 0.0
-    return filled
+    values, missing = np.asarray(values, dtype=np.float64), np.isnan(values)
+    columns = zip(values.T, missing.T, strict=True)
+    return np.stack([np.zeros(len(c)) if gap.all() else interpolated(c, gap) for c, gap in columns], axis=-1)

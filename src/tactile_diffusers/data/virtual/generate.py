@@ -13,7 +13,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ...signal import DEVICE_RATE, RATING_AXES
-from ..files import atomic_path
+from ..files import write_text
 from ..recordings import RecordingsFile, RecordingsWriter
 from .collection import Collection, truth_fields
 from .exploration import VELOCITY_RATE
@@ -99,8 +99,7 @@ def _open_parts(path, collection):
         stored = json.loads(settings.read_text())
     else:
         parts.mkdir(exist_ok=True)
-        with atomic_path(settings) as temporary:
-            temporary.write_text(json.dumps(collection.attributes, indent=1) + "\n")
+        write_text(settings, json.dumps(collection.attributes, indent=1) + "\n")
     others = {name: value for name, value in stored.items() if collection.attributes.get(name) != value}
     if others:
         differences = ", ".join(
