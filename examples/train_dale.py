@@ -103,11 +103,12 @@ class DALETrainingStep(nn.Module):
 
 
 def encode_dataset(pipe, dataset, quiet, batch_size=64):
-    """Latents of all segments: (n, latent_channels, frames) float32. The encoder is frozen, so once is enough."""
+    """Base layers of all segments: (n, base_channels, frames) float32. The encoder is frozen, so once is enough."""
     latents = []
     for start in tqdm(range(0, len(dataset), batch_size), disable=quiet, desc="latents"):
         rows = dataset.textures(np.arange(start, min(start + batch_size, len(dataset))))
-        latents.append(pipe.encode(rows, dataset.sampling_rate).latents.float().cpu())
+        made = pipe.encode(rows, dataset.sampling_rate).latents[:, : pipe.lctg.base_channels]
+        latents.append(made.float().cpu())
     return torch.cat(latents)
 
 
@@ -136,7 +137,7 @@ def build_dale(config, pipe, dataset, latents):
     level_mean, level_std = statistics(dataset.levels)
     friction_mean, friction_std = statistics(np.log(np.maximum(dataset.friction_coefficients, 1e-3)))
     settings = {
-        "in_channels": pipe.lctg.config.latent_channels + NUM_SCALARS,
+        "in_channels": pipe.lctg.base_channels + NUM_SCALARS,
         "latent_frames": latents.shape[-1],
         "latent_mean": latents.mean((0, 2)).tolist(),
         "latent_std": latents.std((0, 2)).clamp_min(1e-3).tolist(),

@@ -47,21 +47,32 @@ def parse_args(argv=None):
         "--freeze_encoder", action="store_true", help="train the decoder only: latents stay as they are"
     )
     parser.add_argument("--spectral_loss_weight", type=float, default=0.0, help="of the frequency-aware loss; 0 = off")
+    parser.add_argument(
+        "--spectral_loss_scale",
+        choices=["flat", "threshold"],
+        default="flat",
+        help="weights of its frequencies: equal, or by the fingertip's sensitivity",
+    )
+    parser.add_argument(
+        "--phi_exponent", type=float, default=0.0, help="velocity loss weighted by cos(phi) ** exponent; 0 = flat"
+    )
+    parser.add_argument("--detail_dropout", type=float, default=0.5, help="share of textures without detail layer")
     parser.add_argument("--preemphasis_clip_db", type=float, default=30.0, help="largest whitening gain; 0 = none")
     args = parser.parse_args(argv)
     check_training_arguments(args)
-    check_not_negative(args, "spectral_loss_weight", "preemphasis_clip_db", "octave_exponent")
+    check_not_negative(args, "spectral_loss_weight", "preemphasis_clip_db", "octave_exponent", "phi_exponent")
+    if not 0 <= args.detail_dropout <= 1:
+        raise ValueError(f"--detail_dropout must lie in [0, 1], got {args.detail_dropout}.")
     return args
 
 
 class LCTGTrainingStep(nn.Module):
-    """The v-objective on a batch, with noise on the latents and, if weighted, the frequency-aware loss."""
+    """The v-objective on a batch, with noise on the latents; the frequency-aware loss where asked for."""
 
     def __init__(self, model, scheduler, extractor, args):
         super().__init__()
-        self.model, self.scheduler, self.num_filters = model, scheduler, extractor.num_filters
-        self.spectral_loss_weight = args.spectral_loss_weight
-        self.octave_exponent = args.octave_exponent
+        self.model, self.scheduler, self.args = model, scheduler, args
+        self.without_sign = extractor.feature_size - extractor.hop_length * extractor.use_waveform
         self.rate_and_band = (extractor.sampling_rate, extractor.band)
 
     def forward(self, batch, generator):
@@ -73,9 +84,8 @@ class LCTGTrainingStep(nn.Module):
         # a texture has no polarity: the waveform and its copy in the features change sign together
         sign = draw(clean[:, :, :1]).sign()
         clean = clean * sign
-        features = torch.cat([features[:, : self.num_filters], features[:, self.num_filters :] * sign], dim=1)
-        latents = self.model.encode(features)
-        latents = latents + self.model.config.latent_noise * draw(latents)
+        features = torch.cat([features[:, : self.without_sign], features[:, self.without_sign :] * sign], dim=1)
+        latents = self.noisy_latents(features, generator)
         noise = draw(clean)
         # phi is uniform and stratified over the batch: the loss is less noisy from step to step
         strata = torch.arange(len(clean), device=clean.device) + torch.rand(
@@ -86,18 +96,41 @@ class LCTGTrainingStep(nn.Module):
         velocity = self.model(noisy, timesteps, latents, return_dict=False)[0]
         target = self.scheduler.get_velocity(clean, noise, timesteps)
         weights = None
-        if self.octave_exponent:
-            weights = octave_weights(clean.shape[-1], *self.rate_and_band, self.octave_exponent).to(clean.device)
-        loss = velocity_loss(velocity, target, weights).mean()
-        scalars = {"velocity": loss.detach()}
-        if self.spectral_loss_weight:
+        if self.args.octave_exponent:
+            weights = octave_weights(clean.shape[-1], *self.rate_and_band, self.args.octave_exponent).to(clean.device)
+        loss = velocity_loss(velocity, target, weights)
+        scalars = {"velocity": loss.detach().mean()}
+        cosine = self.scheduler.angle(timesteps).cos().to(clean.device)
+        if self.args.phi_exponent:
+            weight = cosine**self.args.phi_exponent
+            loss = loss * weight / weight.mean()
+        loss = loss.mean()
+        if self.args.spectral_loss_weight:
             predicted = self.scheduler.get_original_sample(velocity.float(), noisy, timesteps)
-            spectral = multi_resolution_spectral_loss(predicted[:, 0], clean[:, 0])
+            spectral = multi_resolution_spectral_loss(
+                predicted[:, 0],
+                clean[:, 0],
+                sensitivity_rate=self.rate_and_band[0] if self.args.spectral_loss_scale == "threshold" else None,
+            )
             # far from the data the prediction is an average, which has no texture's spectrum: weight cos^2 phi
-            spectral = (spectral * self.scheduler.angle(timesteps).cos().square()).mean()
-            loss = loss + self.spectral_loss_weight * spectral
+            spectral = (spectral * cosine.square()).mean()
+            loss = loss + self.args.spectral_loss_weight * spectral
             scalars["spectral"] = spectral.detach()
         return loss, scalars
+
+    def noisy_latents(self, features, generator):
+        """Latents with noise, and in some rows without their detail layer."""
+
+        def draw(kind, *shape):
+            return kind(shape, generator=generator, device=features.device)
+
+        latents = self.model.encode(features)
+        latents = latents + self.model.config.latent_noise * draw(torch.randn, *latents.shape)
+        if self.model.config.detail_channels:
+            kept = draw(torch.rand, len(latents), 1, 1) >= self.args.detail_dropout
+            base = self.model.base_channels
+            latents = torch.cat([latents[:, :base], latents[:, base:] * kept], dim=1)
+        return latents
 
 
 def build_components(args):
@@ -119,6 +152,7 @@ def build_components(args):
     seconds = native.segment_samples / native.sampling_rate
     model_settings = {
         "feature_channels": extractor.feature_size,
+        "level_bands": extractor.level_bands,
         "feature_hop": extractor.hop_length,
         "latent_hop": latent_hop,
         "segment_samples": math.ceil(seconds * extractor.sampling_rate / latent_hop) * latent_hop,

@@ -32,6 +32,7 @@ def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, cap
     out, readme = tmp_path / "report", tmp_path / "README.md"
     readme.write_text("\n".join(markers("results")))
     arguments = f"--checkpoint {checkpoint} --data {prepared} --output {out} --steps 1 2 --quick --quiet".split()
+    arguments += ["--anchor", str(checkpoint)]
     assert evaluate.main(arguments + ["--sections", "reconstruction", "--readme", str(readme)]) == 0
     report = json.loads((out / "report.json").read_text())
     assert list(report["reconstruction"]["steps"]) == ["1", "2"] and report["generation"] is None
@@ -40,7 +41,8 @@ def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, cap
     assert report["reconstruction"]["steps"]["1"]["ftd"]["mean"] is None
     assert (out / "steps.png").stat().st_size > 5000
     assert (out / "report.md").read_text() in capsys.readouterr().out + "\n"
-    assert "another take" in readme.read_text()
+    assert "another take" in readme.read_text() and "Beside the paper's configuration" in readme.read_text()
+    assert list(report["anchors"]) == ["pipeline"] and list(report["anchors"]["pipeline"]["steps"]) == ["5", "10", "25"]
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,14 @@
 import json
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import torch
 
+from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli import evaluate
 from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
@@ -16,9 +18,10 @@ from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.evaluation import TactileEmbedding
 from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.report import leaves, run_sections
-from tactile_diffusers.evaluation.sections import QUICK, SECTIONS, Context
+from tactile_diffusers.evaluation.sections import QUICK, SECTIONS, Anchor, Context
 from tactile_diffusers.evaluation.sections.generation import _SetJudge
 from tactile_diffusers.evaluation.sections.long_textures import largest_correlation, long_texture_study, overlap_mask
+from tactile_diffusers.evaluation.sections.reconstruction import fewest_steps, power_percent
 from tactile_diffusers.evaluation.statistics import is_leaf
 from tactile_diffusers.evaluation.summary import readme_markdown, report_markdown
 from tactile_diffusers.evaluation.tables import markdown_table, text
@@ -48,10 +51,12 @@ TINY = replace(
     repeats=1,
     long_textures=1,
     long_seconds=2.0,
+    anchor_steps=(2, 10),
 )
 METRICS = (
     "nine_band_db lsd_db gfc rmse_n snr_db power_difference_n2 level_error_db band_error_db_20_60 "
-    "band_error_db_60_150 band_error_db_400_650 band_error_db_650_1000 out_of_band_db ftd ktd"
+    "band_error_db_60_150 band_error_db_400_650 band_error_db_650_1000 out_of_band_db ftd ktd "
+    "ktd_excess power_bias_percent power_difference_percent"
 ).split()
 
 
@@ -82,10 +87,16 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path):
     for metric in (*METRICS, "seconds_per_segment", "efficiency_score"):
         assert is_leaf(step[metric]), metric
     assert list(report["reconstruction"]["baselines"]) == list(SLUGS) == list(report["generation"]["baselines"])
+    for leaf in (report["reconstruction"]["steps_within_5_percent"], report["reconstruction"]["kilobits_per_second"]):
+        assert leaf["mean"] > 0
+    excess = step["ktd"]["mean"] - report["reconstruction"]["real"]["ktd"]["mean"]
+    assert step["ktd_excess"]["mean"] == pytest.approx(excess)
+    assert report["anchors"] is None and report["training"]["optimiser_steps"] is None
     for entry in report["reconstruction"]["baselines"].values():
         assert all(is_leaf(entry[metric]) for metric in METRICS)
     silence = report["reconstruction"]["baselines"]["silence"]
     assert silence["snr_db"]["mean"] == pytest.approx(0, abs=1e-9)
+    assert silence["power_bias_percent"]["mean"] == pytest.approx(100)
     assert silence["rmse_n"]["mean"] == pytest.approx(report["reconstruction"]["real"]["rms_n"]["mean"])
     generation = report["generation"]["1.0"]
     for metric in (
@@ -226,6 +237,81 @@ def test_a_seed_gives_the_same_report_and_order_changes_nothing(evaluable_pipe, 
     assert first == pytest.approx(second, rel=1e-9)
 
 
+def _finer_anchor(make_lctg, make_extractor, folder):
+    """A pipeline at twice the working rate, without waveform features and DALE, as the paper's is at four times it."""
+    lctg = make_lctg(3, feature_channels=16, feature_hop=16, latent_hop=32, segment_samples=4096, latent_channels=6)
+    extractor = make_extractor(
+        sampling_rate=5000, hop_length=16, feature_size=16, use_waveform=False, window_lengths=[256]
+    )
+    pipe = TactileTexturePipeline(lctg=lctg, feature_extractor=extractor, scheduler=VDDIMScheduler())
+    pipe.set_progress_bar_config(disable=True)
+    pipe.save_pretrained(folder)
+    return Anchor(pipe, folder)
+
+
+def test_anchors_stand_beside_on_the_same_segments(
+    evaluable_pipe, make_lctg, make_extractor, prepared, tmp_path, monkeypatch
+):
+    """The checkpoint itself as an anchor has its own figures; what is measured of one anchor is kept for the next."""
+    pipe, out = evaluable_pipe(dale=False), tmp_path / "out"
+    pipe.save_pretrained(tmp_path / "same")
+    anchors = {"same": Anchor(pipe, tmp_path / "same")}
+    anchors["finer"] = _finer_anchor(make_lctg, make_extractor, tmp_path / "finer")
+    training = {"steps": 100, "arguments": {}, "machine": "a test"}
+    (tmp_path / "same" / "training.json").write_text(json.dumps(training))
+    log = [{"step": step, "train/loss": 2.0 - step / 100, "seconds": 3.0 * step} for step in range(10, 101, 10)]
+    (tmp_path / "same" / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in log))
+
+    def report_with(names):
+        context = Context(pipe, prepared, "test", TINY, 0, out, anchors={name: anchors[name] for name in names})
+        return run_sections(context, ["reconstruction"], tmp_path / "same")
+
+    report = report_with(["same", "finer"])
+    ours, same, finer = report["reconstruction"], report["anchors"]["same"], report["anchors"]["finer"]
+    assert list(same["steps"]) == ["2", "10"]
+    for metric in METRICS:
+        assert same["steps"]["10"][metric] == ours["steps"]["10"][metric], metric
+        assert is_leaf(finer["steps"]["10"][metric]), metric
+    assert finer["steps"]["10"]["nine_band_db"]["mean"] != ours["steps"]["10"]["nine_band_db"]["mean"]
+    assert same["kilobits_per_second"] == ours["kilobits_per_second"] != finer["kilobits_per_second"]
+    # means of the losses at 70 and 80, and at 90 and 100: 1.25 and 1.05
+    assert same["training"]["flattening"] == pytest.approx(1.05 / 1.25 - 1)
+    assert same["training"] == report["training"] and same["training"]["seconds"] == 300
+    assert finer["training"]["optimiser_steps"] is None and finer["training"]["parameters"] > 1000
+    assert (out / "beside.png").stat().st_size > 5000
+    for written in (report_markdown(report), readme_markdown(report, "figures")):
+        assert "| finer, 10 steps" in written and "| same, 10 steps | 100 | 5 |" in written
+        assert "no (-16.00 %)" in written and "beside.png" in written and "nan" not in written.lower()
+
+    monkeypatch.setattr("tactile_diffusers.evaluation.report.anchors.measure", lambda *_: pytest.fail("ran again"))
+    assert report_with(["finer"])["anchors"]["finer"] == finer
+
+
+def test_an_anchor_that_does_not_fit_is_refused_by_name(evaluable_pipe, make_extractor, prepared, tmp_path):
+    other = evaluable_pipe(dale=False)
+    band = make_extractor(band=(30.0, 900.0), preemphasis_frequencies=None, preemphasis_db=None)
+    other.register_modules(feature_extractor=band)
+    with pytest.raises(ValueError, match="The anchor narrow's band is .30.0, 900.0. Hz"):
+        Context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path, anchors={"narrow": Anchor(other, tmp_path)})
+
+
+def test_fewest_steps_are_those_within_5_percent_of_the_best():
+    sweep = {count: {"nine_band_db": {"mean": mean}} for count, mean in (("1", 2.0), ("5", 1.04), ("25", 1.0))}
+    assert fewest_steps(sweep) == 5
+    assert fewest_steps({"1": {"nine_band_db": {"mean": None}}}) is None
+
+
+def test_power_is_compared_in_percent_of_the_mean_power():
+    """Powers 1, 1, 4 and 4 made into 2, 0, 4 and 4: nothing on average, 2 of 10 apart."""
+    wave = np.sqrt(2) * np.sin(np.arange(1000) * 2 * np.pi / 50)
+    real = np.sqrt([[1.0], [1.0], [4.0], [4.0]]) * wave
+    made = np.sqrt([[2.0], [0.0], [4.0], [4.0]]) * wave
+    found = power_percent(made, real, np.array([0, 1, 2, 3]))
+    assert found["power_bias_percent"]["mean"] == pytest.approx(0, abs=1e-9)
+    assert found["power_difference_percent"]["mean"] == pytest.approx(100 * 2 / 10)
+    assert power_percent(np.sqrt(1.5) * real, real, np.arange(4))["power_bias_percent"]["mean"] == pytest.approx(50)
+
+
 def test_pipeline_without_dale_reports_reconstruction_only(evaluable_pipe, prepared, tmp_path):
     report = _report(evaluable_pipe(dale=False), prepared, tmp_path, list(SECTIONS))
     assert report["reconstruction"] and report["speed"] and report["generation"] is None and report["control"] is None
@@ -278,6 +364,10 @@ def test_readme_is_rewritten_between_its_markers_only(evaluable_pipe, prepared, 
         (["--data", "nowhere.h5"], "not a file"),
         (["--split", "train"], "invalid choice"),
         (["--steps", "0"], "at least 1"),
+        (["--anchor", "nowhere"], "nowhere is not a folder"),
+        (["--anchor", ".", "../" + Path.cwd().name], "must have different names"),
+        (["--anchor", ".", "--sections", "speed"], "needs the section reconstruction"),
+        (["--training", "."], "has no training.json"),
         (["--guidance-scale", "-1"], "0 or more"),
         (["--readme", "nowhere.md"], "must hold the lines"),
     ],

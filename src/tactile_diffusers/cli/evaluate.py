@@ -9,7 +9,7 @@ from pathlib import Path
 from ..data.splits import SPLITS
 from . import readme
 
-_SECTIONS = ("reconstruction", "generation", "control", "paper", "speed", "long_textures")
+_SECTIONS = ("reconstruction", "generation", "control", "paper", "speed", "long_textures", "latents", "robustness")
 
 
 def parse_arguments(argv=None):
@@ -24,6 +24,22 @@ def parse_arguments(argv=None):
         "command goes on where it was cut off.",
     )
     parser.add_argument("--checkpoint", metavar="FOLDER", help="default: the bundled checkpoint")
+    parser.add_argument(
+        "--anchor",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="FOLDER",
+        help="further checkpoints, whose LCTG is measured beside; called by the names of their folders",
+    )
+    parser.add_argument(
+        "--training",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="FOLDER",
+        help="output folders of the phases of the checkpoint's LCTG training, where it does not say itself",
+    )
     parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="report.json, report.md, pictures")
     parser.add_argument("--quick", action="store_true", help="few textures, under five minutes on two cores")
@@ -46,6 +62,7 @@ def parse_arguments(argv=None):
         parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
     if arguments.checkpoint is not None and not Path(arguments.checkpoint).is_dir():
         parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder; give a local checkpoint")
+    _check_folders(parser, arguments)
     if arguments.per_surface is not None and arguments.per_surface < 1:
         parser.error(f"argument --per-surface: must be at least 1, got {arguments.per_surface}")
     if arguments.steps is not None and min(arguments.steps) < 1:
@@ -56,6 +73,21 @@ def parse_arguments(argv=None):
         parser.error(f"argument --guidance-scale: must be 0 or more, got {arguments.guidance_scale}")
     readme.check_arguments(parser, arguments)
     return arguments
+
+
+def _check_folders(parser, arguments):
+    """Refuses anchors and training folders that are not what they should be, or anchors that nothing stands beside."""
+    for folder in arguments.anchor:
+        if not folder.is_dir():
+            parser.error(f"argument --anchor: {folder} is not a folder; give local checkpoints")
+    names = [folder.resolve().name for folder in arguments.anchor]
+    if len(set(names)) < len(names):
+        parser.error(f"argument --anchor: folders must have different names to be told apart, got {names}")
+    if names and "reconstruction" not in arguments.sections:
+        parser.error("argument --anchor: needs the section reconstruction, which it is measured beside")
+    for folder in arguments.training:
+        if not (folder / "training.json").is_file():
+            parser.error(f"argument --training: {folder} has no training.json; it is written by the training scripts")
 
 
 def write_readme(path, name, report, output):
@@ -72,7 +104,12 @@ def make_context(arguments):
     from tactile_diffusers import TactileTexturePipeline
 
     from ..evaluation.audio_distance import load_embedding
-    from ..evaluation.sections import FULL, QUICK, Context
+    from ..evaluation.sections import FULL, QUICK, Anchor, Context
+
+    def load(folder):
+        pipe = TactileTexturePipeline.from_pretrained(str(folder))
+        pipe.set_progress_bar_config(disable=True)
+        return pipe
 
     settings = QUICK if arguments.quick else FULL
     if arguments.steps:
@@ -81,10 +118,8 @@ def make_context(arguments):
         takes = max(settings.takes, arguments.per_surface)
         settings = replace(settings, per_surface=arguments.per_surface, takes=takes)
     embedding = load_embedding(arguments.embedding) if arguments.embedding else None
-    pipe = TactileTexturePipeline.from_pretrained(arguments.checkpoint)
-    pipe.set_progress_bar_config(disable=True)
     return Context(
-        pipe,
+        load(arguments.checkpoint),
         arguments.data,
         arguments.split,
         settings,
@@ -94,6 +129,7 @@ def make_context(arguments):
         embedding,
         arguments.vibromaf,
         arguments.quiet,
+        {folder.resolve().name: Anchor(load(folder), folder) for folder in arguments.anchor},
     )
 
 
@@ -112,7 +148,7 @@ def main(argv=None):
     except (ValueError, OSError) as error:
         print(f"evaluate.py: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    report = run_sections(context, arguments.sections, arguments.checkpoint)
+    report = run_sections(context, arguments.sections, arguments.checkpoint, arguments.training)
     write_text(arguments.output / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     markdown = report_markdown(report)
     write_text(arguments.output / "report.md", markdown)

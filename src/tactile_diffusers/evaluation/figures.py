@@ -6,6 +6,7 @@ import numpy as np
 
 from ..data.files import atomic_path
 from ..signal import RATING_AXES, nine_band_error_db, power_spectral_density
+from .labels import BANDS, compared_steps
 
 _DPI = 90
 
@@ -80,6 +81,40 @@ def plot_steps(result, output_path):
             panel.minorticks_off()
             panel.grid(alpha=0.3)
             panel.legend(fontsize=7)
+
+
+def plot_beside(reconstruction, anchors, output_path):
+    """Ours beside the anchors: nine-band error over steps, and the signed error of each band.
+
+    Args:
+        reconstruction (`dict`): section of a report.
+        anchors (`dict[str, dict]`): name -> entry with "steps".
+        output_path (`Path`): the PNG.
+    """
+    sweeps = {"ours": reconstruction["steps"]} | {name: entry["steps"] for name, entry in anchors.items()}
+    top = 1.0  # dB; a single step is far off, and what is compared would be seen no more
+    with figure_panels(output_path, 1, 2, (12, 3.8)) as (panels,):
+        for index, (name, steps) in enumerate(sweeps.items()):
+            errors = [_mean(entry["nine_band_db"]) for entry in steps.values()]
+            panels[0].plot([int(count) for count in steps], errors, marker="o", markersize=3, label=name)
+            shown = compared_steps(steps)
+            leaves = [steps[shown][key] for key in BANDS]
+            means = np.array([_mean(leaf) for leaf in leaves])
+            bounds = np.array([leaf["interval"] or [_mean(leaf)] * 2 for leaf in leaves]).T
+            # side by side, so that intervals do not hide each other
+            places = np.arange(len(BANDS)) + 0.12 * (index - (len(sweeps) - 1) / 2)
+            reach, top = np.abs(bounds - means), max(top, 2 * np.nan_to_num(_mean(steps[shown]["nine_band_db"])))
+            panels[1].errorbar(places, means, reach, fmt="o", markersize=4, capsize=2, label=f"{name}, {shown} steps")
+        panels[0].set(xscale="log", xlabel="steps", ylabel="nine-band error, dB", ylim=(0, top))
+        ticks = sorted({int(count) for steps in sweeps.values() for count in steps})
+        panels[0].set_xticks(ticks, [str(count) for count in ticks], fontsize=7)
+        panels[0].minorticks_off()
+        panels[1].axhline(0, color="grey", linewidth=1)
+        panels[1].set_xticks(range(len(BANDS)), BANDS.values(), fontsize=8)
+        panels[1].set(ylabel="signed error of the band, dB")
+        for panel in panels:
+            panel.grid(alpha=0.3)
+            panel.legend(fontsize=8)
 
 
 def plot_control(control, guidance, output_path):

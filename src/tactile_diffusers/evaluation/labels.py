@@ -20,15 +20,18 @@ NAMES = {
 FROM_RATINGS = ("mean_spectrum", "knn_blend", "ridge")
 #: What the paper reports (sections 3.1 to 3.4), on SENS3, which was not available here.
 PAPER = {
-    "rmse_mn": "11.4 (6.2–18.1)",
+    "rmse_n": "11.4 (6.2–18.1)",
     "snr_db": "−1.87 (−2.36 to −1.21)",
     "power_difference_n2": "5.0e-05, max 1.0e-04",
+    "power_difference_percent": "59 (from its power difference, RMSE and SNR)",
     "best_steps": "10",
     "real_time_steps": "over 50 (RTX 4060)",
     "rmse_protocol_mn": "5.57",
     "latent_shift_percent": "0–2",
     "fad": "21.62 (embedding not stated)",
 }
+#: Steps at which configurations are compared: what the paper found best (section 3.3).
+COMPARED_STEPS = "10"
 SPECTRAL = {
     "nine_band_db": "nine-band error, dB",
     "lsd_db": "LSD, dB",
@@ -36,8 +39,12 @@ SPECTRAL = {
     "level_error_db": "level error, dB",
     "out_of_band_db": "above 1.05 kHz, dB",
     "snr_db": "SNR, dB",
+    "rmse_n": ("RMSE, N", 5),
+    "power_bias_percent": "difference of the mean power, %",
+    "power_difference_percent": "mean power difference, % of the mean power",
     "ftd": "FTD",
     "ktd": "KTD",
+    "ktd_excess": "KTD over real",
 }
 BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
 SETS = {
@@ -60,6 +67,11 @@ def default_steps(report):
     """Key of the step sweep that the pipeline's default stands for."""
     steps, default = report["reconstruction"]["steps"], str(report["pipeline"]["num_inference_steps"])
     return default if default in steps else next(iter(steps))
+
+
+def compared_steps(steps):
+    """Key of the step sweep at which configurations are compared: `COMPARED_STEPS`, or the most that there are."""
+    return COMPARED_STEPS if COMPARED_STEPS in steps else max(steps, key=int)
 
 
 def default_guidance(report):

@@ -13,17 +13,22 @@ import torch
 from tqdm.auto import tqdm
 
 from ..data.files import write_text
-from .sections import SECTIONS, WITHOUT_RATINGS
+from .figures import plot_beside
+from .sections import SECTIONS, WITHOUT_RATINGS, anchors
 from .statistics import is_leaf
+from .training_record import training_facts
 
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
-MEASURED = ("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "long_textures")
-# files that only write tables
-_TELLING = ("labels.py", "summary.py", "tables.py", "winners.py")
+MEASURED = (
+    *("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "long_textures"),
+    *("latents", "robustness"),
+)
+# files that only write tables, or what is read anew each time
+_TELLING = ("labels.py", "summary.py", "tables.py", "telling.py", "training_record.py", "winners.py")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
 
 
-def run_sections(context, names, checkpoint):
+def run_sections(context, names, checkpoint, training=()):
     """Runs sections one after the other; those already done under the same conditions are read instead.
 
     Each result is a file `sections/<name>.json` in the output folder, so that a run that was cut off goes on. The
@@ -33,30 +38,53 @@ def run_sections(context, names, checkpoint):
         context (`Context`): what is evaluated.
         names (`list[str]`): of `SECTIONS`.
         checkpoint (`str` or `Path`): its folder.
+        training (`Sequence[Path]`): folders of the phases of its LCTG's training; by default what lies in `checkpoint`.
 
     Returns:
-        `dict`: the report, see README; sections not asked for, or without anything to measure, are None.
+        `dict`: the report, see README; sections not asked for, or without anything to measure, are None. "anchors"
+        holds leaves and training facts of each of the context's anchors, or is None.
     """
     conditions = _conditions(context, checkpoint)
     folder = context.output / "sections"
     folder.mkdir(parents=True, exist_ok=True)
     report = {
         "checkpoint": {"name": Path(checkpoint).name, "sha256": conditions["checkpoint"]},
+        "training": _training(context.pipe, training or [checkpoint]),
         "data": _data(context),
         "seed": context.seed,
         "settings": {**asdict(context.settings), "guidance_scales": context.guidance_scales},
         "pipeline": {"num_inference_steps": context.steps, "guidance_scale": context.default_guidance},
         "machine": machine(),
         "versions": _versions(),
-        **dict.fromkeys(MEASURED),
+        **dict.fromkeys((*MEASURED, "anchors")),
     }
     for name in tqdm(names, desc="sections", disable=context.quiet):
         if name not in WITHOUT_RATINGS and not _can_steer(context):
             continue
         report |= _kept(folder / f"{name}.json", conditions, SECTIONS[name], context)
+    if context.anchors:
+        report["anchors"] = _anchors(context, conditions, folder)
+        if report["reconstruction"]:
+            plot_beside(report["reconstruction"], report["anchors"], context.output / "beside.png")
     embedding = _kept(folder / "embedding.json", conditions, _embedding, context)
     write_text(context.output / "embedding.json", json.dumps(embedding))
     return report
+
+
+def _anchors(context, conditions, folder):
+    """Leaves and training facts of each anchor; an anchor is measured as if it were the checkpoint."""
+    found = {}
+    for name, anchor in tqdm(context.anchors.items(), desc="anchors", disable=context.quiet):
+        own = conditions | {"checkpoint": folder_digest(anchor.folder)}
+        # what is kept holds for this anchor alone: others come and go without measuring it again
+        made = _kept(folder / f"anchor_{name}.json", own, lambda c, pipe=anchor.pipe: anchors.measure(c, pipe), context)
+        found[name] = made | {"training": _training(anchor.pipe, [anchor.folder])}
+    return found
+
+
+def _training(pipe, folders):
+    parameters = sum(parameter.numel() for parameter in pipe.lctg.parameters())
+    return training_facts(folders) | {"parameters": parameters}
 
 
 def _embedding(context):

@@ -1,20 +1,34 @@
 """report.md and README's results: tables written from a report, and nothing else."""
 
-from .labels import BANDS, NAMES, PAPER, SETS, SPECTRAL, default_guidance, default_steps
+from .labels import (
+    BANDS,
+    COMPARED_STEPS,
+    NAMES,
+    PAPER,
+    SETS,
+    SPECTRAL,
+    compared_steps,
+    default_guidance,
+    default_steps,
+)
 from .tables import markdown_table, text
+from .telling import latents_markdown, robustness_markdown
+from .training_record import FLAT
 from .winners import baselines_that_win
 
 
 def report_markdown(report):
     """The whole report as Markdown."""
     writers = {
-        "reconstruction": (_reconstruction, _bands, _steps),
+        "reconstruction": (_reconstruction, _bands, _steps, *((_beside,) if report.get("anchors") else ())),
         "generation": (_generation,),
         "unseen_surfaces": (_unseen,),
         "control": (_control, _responses),
         "paper": (_paper_figures,),
         "speed": (_speed,),
         "long_textures": (_long,),
+        "latents": (lambda whole: latents_markdown(whole["latents"]),),
+        "robustness": (lambda whole: robustness_markdown(whole["robustness"]),),
     }
     parts = [_head(report), _side_by_side(report)]
     for key, section in writers.items():
@@ -38,6 +52,8 @@ def readme_markdown(report, figures):
             parts.append(writer(report, 4))
             if key in pictures:
                 parts.append(f"![{key}]({figures}/{pictures[key]}.png)")
+        if key == "reconstruction" and report.get("anchors") and report[key]:
+            parts.append(_beside(report, 4, figures))
     if report.get("control"):
         parts.append(_responses(report, 4))
     if report.get("long_textures"):
@@ -63,20 +79,29 @@ def _head(report, level=1):
 
 
 def _side_by_side(report, level=2):
-    """What the paper reports, two yardsticks and ours."""
-    columns = ("paper, on SENS3", "silence", "another take", "ours")
-    rows = {}
+    """What the paper reports, two yardsticks and ours: with the default steps and with those of the paper."""
+    columns, rows = ("paper, on SENS3", "silence", "another take", "ours"), {}
     if report.get("reconstruction"):
-        section, count = report["reconstruction"], default_steps(report)
-        ours, base = section["steps"][count], section["baselines"]
-        for key, (label, paper, scale, digits) in {
-            "rmse_n": ("reconstruction RMSE, mN", "rmse_mn", 1e3, 2),
-            "snr_db": ("reconstruction SNR, dB", "snr_db", 1, 2),
-            "power_difference_n2": ("mean power difference, N²", "power_difference_n2", 1, 6),
+        section, default = report["reconstruction"], default_steps(report)
+        counts = dict.fromkeys([default, compared_steps(section["steps"])])
+        columns = (*columns[:3], *(f"ours, {count} steps" for count in counts))
+        base = section["baselines"]
+        sources = (base["silence"], base["other_take"], *(section["steps"][count] for count in counts))
+        newtons = report["data"]["unit"] == "N"
+        real = f" (RMS of the segments {1e3 * section['real']['rms_n']['mean']:.2f})" if newtons else ""
+        for key, (label, scale, digits) in {
+            "rmse_n": (f"reconstruction RMSE, mN{real}", 1e3, 2),
+            "snr_db": ("reconstruction SNR, dB", 1, 2),
+            "power_difference_n2": ("mean power difference, N²", 1, 6),
+            "power_difference_percent": ("the same, % of the mean power", 1, 2),
         }.items():
-            values = [base["silence"][key]["mean"], base["other_take"][key]["mean"], ours[key]["mean"]]
+            values = [source[key]["mean"] for source in sources]
             shown = [text(None if value is None else scale * value, digits) for value in values]
-            rows[label] = dict(zip(columns, [PAPER[paper], *shown], strict=True))
+            rows[label] = dict(zip(columns, [PAPER[key], *shown], strict=True))
+        rows["fewest steps within 5 % of the best nine-band error"] = {
+            columns[0]: PAPER["best_steps"],
+            columns[3]: text(section["steps_within_5_percent"], 0),
+        }
         best = {n: entry["efficiency_score"]["mean"] for n, entry in section["steps"].items()}
         if None not in best.values():
             rows["best RMSE × time at (steps)"] = {columns[0]: PAPER["best_steps"], columns[3]: min(best, key=best.get)}
@@ -116,6 +141,14 @@ def _rows(report, steps):
     section = report["reconstruction"]
     rows = {"real, held out": section["real"]}
     rows |= {f"**LCTG, {count} steps**": section["steps"][count] for count in steps}
+    for name, anchor in (report.get("anchors") or {}).items():
+        swept = anchor["steps"]
+        errors = {n: swept[n]["nine_band_db"]["mean"] for n in swept if swept[n]["nine_band_db"]["mean"] is not None}
+        best, shown = min(errors, key=errors.get, default=None), compared_steps(swept)
+        rows |= {
+            f"{name}, {count} steps" + (" (its best)" if count == best else ""): swept[count]
+            for count in dict.fromkeys([shown, best or shown])
+        }
     rows |= {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
     return rows | {"a different surface": section["different_surface"]}
 
@@ -148,6 +181,53 @@ def _steps(report, level=2):
     rows = {f"{count} steps": entry for count, entry in report["reconstruction"]["steps"].items()}
     pictures = "![steps](steps.png)\n\n![best, median and worst segment](overlays.png)"
     return _title("Steps", level) + markdown_table(rows, labels=labels) + "\n\n" + pictures
+
+
+def _beside(report, level=2, figures="."):
+    """Ours and the anchors at the same number of steps, with what their trainings took."""
+    section = report["reconstruction"]
+    ours = {key: section[key] for key in ("steps", "kilobits_per_second")} | {"training": report["training"]}
+    rows, machines = {}, {}
+    for name, entry in {"**ours**": ours, **report["anchors"]}.items():
+        shown, facts = compared_steps(entry["steps"]), entry["training"]
+        leaves, seconds, change = entry["steps"][shown], facts["seconds"], facts["flattening"]
+        rows[f"{name}, {shown} steps"] = leaves | {
+            "optimiser_steps": facts["optimiser_steps"],
+            "minutes": None if seconds is None else seconds / 60,
+            "parameters": facts["parameters"] / 1e6,
+            "kilobits_per_second": entry["kilobits_per_second"],
+            "bands": ", ".join(_signed(leaves[key]["mean"]) for key in BANDS),
+            "flattened": change if change is None else f"{('no', 'yes')[abs(change) < FLAT]} ({100 * change:+.2f} %)",
+        }
+        if facts["machines"]:
+            machines[name.strip("*")] = "; ".join(facts["machines"])
+    labels = {
+        "optimiser_steps": "optimiser steps",
+        "minutes": ("training, minutes", 0),
+        "parameters": "parameters, million",
+        "kilobits_per_second": "latents, kbit/s",
+        "nine_band_db": "nine-band error, dB",
+        "ktd_excess": "KTD over real",
+        "snr_db": "SNR, dB",
+        "power_bias_percent": "difference of the mean power, %",
+        "bands": f"signed error of {', '.join(BANDS.values())}, dB",
+        "seconds_per_segment": ("s per segment", 4),
+        "flattened": "loss flattened",
+    }
+    note = (
+        f"The very same segments, {COMPARED_STEPS} steps where they were measured. Training is that of LCTG, all "
+        "phases; a loss has flattened where its mean changes by less than 1 % from the fourth to the last fifth of the "
+        "last phase. The rate counts the noise that the latents were trained with, or half precision where there is "
+        "none. Wall times compare on one machine only"
+        + "".join(f"; {name}: {machine}" for name, machine in machines.items())
+        + "."
+    )
+    table, picture = markdown_table(rows, labels=labels), f"![ours beside the anchors]({figures}/beside.png)"
+    return _title("Beside the paper's configuration", level) + f"{note}\n\n{table}\n\n{picture}"
+
+
+def _signed(value):
+    return text(value) if value is None else f"{value:+.2f}"
 
 
 def _generation(report, level=2):
@@ -283,7 +363,7 @@ def _baselines_that_win(report, level=2):
     found = baselines_that_win(report)
     lines = [f"- {label}: {', '.join(winners)}" for label, winners in found] or ["- nowhere in the metrics compared"]
     note = (
-        "Reconstruction is compared with every baseline, generation with those that know ratings or nothing. Another "
-        "take and the phase-randomised copy are told the recording itself."
+        "Reconstruction is compared with every baseline and anchor, generation with those that know ratings or "
+        "nothing. Another take and the phase-randomised copy are told the recording itself."
     )
     return _title("Where a baseline still wins", level) + note + "\n\n" + "\n".join(lines)

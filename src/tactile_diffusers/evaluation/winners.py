@@ -11,11 +11,12 @@ _LESS, _MORE = ("nine_band_db", "lsd_db", "ftd", "ktd"), ("gfc", "snr_db")
 
 
 def baselines_that_win(report):
-    """Where a baseline still has the better figure: pairs of metric label and the baselines' names with figures."""
+    """Where a baseline or an anchor still has the better figure: pairs of metric label and their names with figures."""
     found = []
     if report.get("reconstruction"):
         count = default_steps(report)
-        ours, others = report["reconstruction"]["steps"][count], report["reconstruction"]["baselines"]
+        ours = report["reconstruction"]["steps"][count]
+        others = report["reconstruction"]["baselines"] | _anchors(report, count)
         for metric in (*_LESS, *_MORE):
             winners = _better(ours[metric], {slug: entry[metric] for slug, entry in others.items()}, metric in _MORE)
             found.append((f"reconstruction, {SPECTRAL[metric]} ({count} steps: {text(ours[metric])})", winners))
@@ -32,6 +33,12 @@ def baselines_that_win(report):
     if report.get("control"):
         found += _control_winners(report["control"], default_guidance(report))
     return [(label, winners) for label, winners in found if winners]
+
+
+def _anchors(report, count):
+    """Leaves of the anchors at a number of steps, at which some may not have been measured."""
+    entries = (report.get("anchors") or {}).items()
+    return {f"anchor {name}": entry["steps"][count] for name, entry in entries if count in entry["steps"]}
 
 
 def _control_winners(control, guidance):
@@ -67,4 +74,4 @@ def _better(ours, others, more):
         return []
     sign = -1 if more else 1
     better = {k: v for k, v in others.items() if v["mean"] is not None and sign * v["mean"] < sign * ours["mean"]}
-    return [f"{NAMES[slug]} ({text(leaf)})" for slug, leaf in better.items()]
+    return [f"{NAMES.get(slug, slug)} ({text(leaf)})" for slug, leaf in better.items()]

@@ -8,6 +8,7 @@ from transformers.feature_extraction_sequence_utils import SequenceFeatureExtrac
 from transformers.feature_extraction_utils import BatchFeature, FeatureExtractionMixin  # noqa: F401 (diffusers' loader looks for the base class in this module)
 
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, power_spectral_density, resample, rms
+from .band_levels import impose_band_levels, measure_band_levels
 
 #: powers below this are silence to the logarithm (a whitened texture has a mean power of 1 in every band)
 LOG_FLOOR = 1e-4
@@ -78,7 +79,8 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
     `use_waveform`, the samples of each hop. Everything is computed row by row in float64 and returned as float32.
 
     Args:
-        feature_size (`int`, *optional*, defaults to 80): channels: `num_filters`, plus `hop_length` if `use_waveform`.
+        feature_size (`int`, *optional*, defaults to 80): channels: `level_bands + 1` if there are any, plus
+            `num_filters`, plus `hop_length` if `use_waveform`, in this order.
         sampling_rate (`int`, *optional*, defaults to 2500): the working rate, Hz.
         padding_value (`float`, *optional*, defaults to 0.0): unused; part of the transformers interface.
         delivery_rate (`int`, *optional*, defaults to 10000): rate of `denormalize`'s textures, Hz.
@@ -92,6 +94,8 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         frame_multiple (`int`, *optional*, defaults to 2): frames are zero-padded to a multiple of this number.
         preemphasis_frequencies, preemphasis_db (`list[float]`, *optional*): the whitening gains, see
             `fit_preemphasis`; `None` = flat.
+        level_bands (`int`, *optional*, defaults to 0): logarithmic bands whose levels over time `band_levels` measures
+            and `denormalize` restores; 0 = none.
     """
 
     model_input_names = ["input_features", "level"]
@@ -111,20 +115,21 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         frame_multiple: int = 2,
         preemphasis_frequencies: list[float] | None = None,
         preemphasis_db: list[float] | None = None,
+        level_bands: int = 0,
         **kwargs,
     ):
-        expected = num_filters + (hop_length if use_waveform else 0)
-        if feature_size != expected:
-            raise ValueError(
-                f"`feature_size` must be num_filters{' + hop_length' if use_waveform else ''} = {expected}, got "
-                f"{feature_size}."
-            )
+        parts = {"level_bands + 1": level_bands + 1 if level_bands else 0, "num_filters": num_filters}
+        parts = {name: size for name, size in (parts | {"hop_length": hop_length * use_waveform}).items() if size}
+        if feature_size != sum(parts.values()):
+            raise ValueError(f"`feature_size` must be {' + '.join(parts)} = {sum(parts.values())}, got {feature_size}.")
         if filter_scale not in FILTER_SCALES:
             raise ValueError(f"`filter_scale` must be one of {FILTER_SCALES}, got {filter_scale!r}.")
         if not 0 < band[0] < band[1] < sampling_rate / 2:
             raise ValueError(f"`band` must satisfy 0 < low < high < {sampling_rate / 2} Hz, got {tuple(band)}.")
         if hop_length < 1:
             raise ValueError(f"`hop_length` must be at least 1 sample, got {hop_length}.")
+        if level_bands < 0:
+            raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
         if not window_lengths or min(window_lengths) < hop_length:
             raise ValueError(
                 f"`window_lengths` must hold at least one window, none shorter than a hop ({hop_length} samples), got "
@@ -147,6 +152,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         self.frame_multiple = frame_multiple
         self.preemphasis_frequencies = preemphasis_frequencies
         self.preemphasis_db = preemphasis_db
+        self.level_bands = level_bands
         super().__init__(feature_size=feature_size, sampling_rate=sampling_rate, padding_value=padding_value, **kwargs)
 
     def __call__(self, texture, sampling_rate=None, return_tensors=None):
@@ -184,7 +190,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         return np.pad(waveform, ((0, 0), (0, missing))).astype(np.float32), levels
 
     def features(self, waveform):
-        """(batch, samples) of `normalize`, a multiple of `hop_length` -> (batch, feature_size, frames) float32."""
+        """(batch, samples) of `normalize` -> (batch, feature_size, samples / hop_length) float32."""
         waveform = np.asarray(waveform, dtype=np.float64)
         frames = waveform.shape[-1] // self.hop_length
         banks = filterbank(self.sampling_rate, self.band, self.num_filters, self.window_lengths, self.filter_scale)
@@ -200,23 +206,49 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             power = np.abs(np.fft.rfft(pieces * window, axis=-1)) ** 2 / np.sum(window**2)
             energies = energies + power @ bank.T
         parts = [np.log10(energies + LOG_FLOOR)]
+        if self.level_bands:
+            levels = self.band_levels(waveform).transpose(0, 2, 1)
+            parts.insert(0, np.repeat(levels, self.frame_multiple, axis=1))
         if self.use_waveform:
             parts.append(waveform.reshape(waveform.shape[0], frames, self.hop_length))
         return np.ascontiguousarray(np.concatenate(parts, axis=-1).transpose(0, 2, 1), dtype=np.float32)
 
-    def denormalize(self, waveform, levels, samples=None):
+    @property
+    def _level_grid(self):
+        """Sampling rate, band, window and hop of the band levels: one frame for each frame of the latents."""
+        return {
+            "sampling_rate": self.sampling_rate,
+            "band": self.band,
+            "window": max(self.window_lengths),
+            "hop": self.hop_length * self.frame_multiple,
+        }
+
+    def band_levels(self, waveform):
+        """Levels of `level_bands` bands and of what lies above them, of whitened waveforms (`measure_band_levels`).
+
+        Args:
+            waveform (`np.ndarray`): (batch, samples) of `normalize`.
+
+        Returns:
+            `np.ndarray`: (batch, level_bands + 1, samples / (hop_length * frame_multiple)) float32.
+        """
+        return measure_band_levels(waveform, count=self.level_bands, **self._level_grid).astype(np.float32)
+
+    def denormalize(self, waveform, levels, samples=None, band_levels=None):
         """Undoes `normalize`: pre-emphasis removed, delivery rate, and exactly the RMS that `levels` asks for.
 
         Args:
             waveform (`np.ndarray` or `torch.Tensor`): (batch, samples) at the working rate.
             levels (`np.ndarray` or `torch.Tensor`): (batch,), natural log of the RMS in N.
             samples (`int`, *optional*): number of delivered samples to keep; `None` = all.
+            band_levels (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1, frames), restored first.
 
         Returns:
             `np.ndarray`: (batch, samples) float32, N, zero mean within the band.
         """
-        waveform = np.asarray(torch.as_tensor(waveform).float().cpu(), dtype=np.float64)
-        levels = np.asarray(torch.as_tensor(levels).float().cpu(), dtype=np.float64)
+        waveform, levels = _as_float64(waveform), _as_float64(levels)
+        if band_levels is not None:
+            waveform = impose_band_levels(waveform, _as_float64(band_levels), **self._level_grid)
         texture = resample(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
         texture = texture - texture.mean(-1, keepdims=True)
         scale = rms(texture)[:, None]
@@ -254,3 +286,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             rows = np.flatnonzero(~np.isfinite(texture).all(-1)).tolist()
             raise ValueError(f"`texture` has NaN or infinite samples in row(s) {rows[:8]}; remove or repair them.")
         return texture
+
+
+def _as_float64(values):
+    return np.asarray(torch.as_tensor(values).float().cpu(), dtype=np.float64)

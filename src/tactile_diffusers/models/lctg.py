@@ -76,10 +76,22 @@ class LCTGModel(ModelMixin, ConfigMixin):
     a noisy texture given latents. Textures enter whitened, at unit RMS and at the working rate: see
     [`TactileFeatureExtractor`]. This model inherits from [`ModelMixin`].
 
+    The latents may have layers, as a scalable codec has. The base layer is made from the spectrum over time: it is
+    smooth, and it is what DALE generates. Its first channels may be the levels of bands as they are, which are
+    restored after decoding; the encoder learns the others. The detail layer, the last `detail_channels`, is made from
+    the waveform: it lets a recording come back with its own waveform, and zeros stand for "not given", where the
+    decoder makes one up.
+
     Args:
         feature_channels (`int`, *optional*, defaults to 80): channels of the features that the encoder hears.
         feature_hop (`int`, *optional*, defaults to 32): samples at the working rate per feature frame.
-        latent_channels (`int`, *optional*, defaults to 16): channels of the latents.
+        latent_channels (`int`, *optional*, defaults to 16): channels of the latents, both layers.
+        detail_channels (`int`, *optional*, defaults to 0): how many of them, the last ones, are the detail layer.
+        detail_features (`int`, *optional*, defaults to 0): feature channels, the last ones, that only the detail layer
+            hears (the waveform's); 0 = all make the base layer, which needs `detail_channels` of 0 too.
+        level_bands (`int`, *optional*, defaults to 0): bands whose levels over time, with that of what lies above them,
+            are the first `level_bands + 1` channels of the latents; 0 = none. They are the first features too, and pass
+            through as they are.
         latent_hop (`int`, *optional*, defaults to 64): samples at the working rate per latent frame.
         encoder_width (`int`, *optional*, defaults to 160): channels of the encoder's hidden layers.
         widths (`list[int]`, *optional*): channels of the decoder's levels, seven by default as in the paper.
@@ -113,8 +125,25 @@ class LCTGModel(ModelMixin, ConfigMixin):
         segment_samples: int = 4096,
         latent_noise: float = 0.1,
         num_train_timesteps: int = 1000,
+        detail_channels: int = 0,
+        detail_features: int = 0,
+        level_bands: int = 0,
     ):
         super().__init__()
+        if level_bands < 0:
+            raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
+        levels = level_bands + 1 if level_bands else 0
+        if not (0 <= detail_channels < latent_channels - levels and 0 <= detail_features < feature_channels - levels):
+            raise ValueError(
+                f"`detail_channels` ({detail_channels}) and the {levels} levels of bands must leave some of the "
+                f"`latent_channels` ({latent_channels}) to learn, and `detail_features` ({detail_features}) with them "
+                f"some of the `feature_channels` ({feature_channels}) to hear."
+            )
+        if bool(detail_channels) != bool(detail_features):
+            raise ValueError(
+                f"`detail_channels` ({detail_channels}) and `detail_features` ({detail_features}) must both be 0, or "
+                "none of them."
+            )
         if latent_hop % feature_hop:
             raise ValueError(f"`latent_hop` ({latent_hop}) must be a multiple of `feature_hop` ({feature_hop}).")
         if segment_samples % latent_hop:
@@ -122,13 +151,39 @@ class LCTGModel(ModelMixin, ConfigMixin):
                 f"`segment_samples` ({segment_samples}) must be a multiple of `latent_hop` ({latent_hop})."
             )
         self.gradient_checkpointing = False
-        self.encoder = TactileEncoder(
-            feature_channels, latent_channels, encoder_width, kernel_size, latent_hop // feature_hop
-        )
+        encoder = (encoder_width, kernel_size, latent_hop // feature_hop)
+        self.encoder = TactileEncoder(feature_channels - detail_features, self.base_channels - levels, *encoder)
+        self.detail_encoder = TactileEncoder(feature_channels, detail_channels, *encoder) if detail_channels else None
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.decoder = UNet1D(
             1, 1, list(widths), patch_size, embedding_dim, kernel_size, latent_channels, context_stride=latent_hop
         )
+
+    @property
+    def base_channels(self):
+        """Channels of the latents' base layer, which DALE generates."""
+        return self.config.latent_channels - self.config.detail_channels
+
+    def complete(self, base):
+        """Latents from their base layer alone: (batch, base_channels, frames) -> (batch, latent_channels, frames)."""
+        return nn.functional.pad(base, (0, 0, 0, self.config.detail_channels))
+
+    @property
+    def level_channels(self):
+        """Channels of the latents, the first ones, that are levels of bands."""
+        return self.config.level_bands + 1 if self.config.level_bands else 0
+
+    def band_levels(self, latents):
+        """Band levels that the decoded texture should have.
+
+        Args:
+            latents (`torch.Tensor`): (batch, latent_channels, frames).
+
+        Returns:
+            `torch.Tensor` or `None`: (batch, level_bands + 1, frames), in the unit of
+            `TactileFeatureExtractor.band_levels`; `None` if the config has no `level_bands`.
+        """
+        return latents[:, : self.level_channels] if self.config.level_bands else None
 
     def encode(self, features):
         """Latents of features.
@@ -138,7 +193,7 @@ class LCTGModel(ModelMixin, ConfigMixin):
                 frames a multiple of `latent_hop / feature_hop`.
 
         Returns:
-            `torch.Tensor`: (batch, latent_channels, latent_frames), in (-1, 1).
+            `torch.Tensor`: (batch, latent_channels, latent_frames), in (-1, 1) but for the levels of bands.
 
         Raises:
             ValueError: if the number of channels or frames does not fit the config.
@@ -163,7 +218,13 @@ class LCTGModel(ModelMixin, ConfigMixin):
                 (offloading, distributed training) see no other method.
         """
         if features is not None:
-            return self.encoder(features)
+            heard = features[:, : features.shape[1] - self.config.detail_features]
+            ratio = self.config.latent_hop // self.config.feature_hop
+            # levels come once for each frame of the latents, repeated for its features' frames
+            layers = [features[:, : self.level_channels, ::ratio], self.encoder(heard)]
+            if self.detail_encoder is not None:
+                layers.append(self.detail_encoder(features))
+            return torch.cat(layers, dim=1)
         frames = -(-sample.shape[-1] // self.config.latent_hop)
         if latents.shape[-1] != frames:
             raise ValueError(

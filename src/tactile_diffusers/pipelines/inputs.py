@@ -185,9 +185,19 @@ def check_components(lctg, feature_extractor, dale):
             f"`feature_extractor` makes frames of {hop} samples, {feature_extractor.frame_multiple} at a time, `lctg` "
             f"hears frames of {lctg.config.feature_hop} and makes latents of {lctg.config.latent_hop}: {theirs}"
         )
-    if dale is not None and dale.latent_channels != lctg.config.latent_channels:
+    if lctg.config.level_bands != feature_extractor.level_bands:
         raise ValueError(
-            f"`dale` makes {dale.latent_channels} latent channels, `lctg` reads {lctg.config.latent_channels}: {theirs}"
+            f"`lctg` keeps {lctg.config.level_bands} band levels, `feature_extractor` measures "
+            f"{feature_extractor.level_bands}: {theirs}"
+        )
+    if feature_extractor.level_bands and multiple != lctg.config.latent_hop:
+        raise ValueError(
+            f"`feature_extractor` measures band levels every {multiple} samples, `lctg` makes latents every "
+            f"{lctg.config.latent_hop}: {theirs}"
+        )
+    if dale is not None and dale.latent_channels != lctg.base_channels:
+        raise ValueError(
+            f"`dale` makes {dale.latent_channels} latent channels, `lctg` generates from {lctg.base_channels}: {theirs}"
         )
 
 

@@ -31,7 +31,7 @@ class TactileLatents(BaseOutput):
     """Shape and gain of textures, apart.
 
     Args:
-        latents (`torch.Tensor`): (N, latent_channels, latent_frames).
+        latents (`torch.Tensor`): (N, latent_channels, latent_frames); zeros in the detail layer of generated ones.
         level (`torch.Tensor`): (N,) float32, natural log of the RMS in N.
         friction_coefficient (`torch.Tensor`): (N,) float32; NaN if unknown.
     """

@@ -275,15 +275,15 @@ class TactileTexturePipeline(DiffusionPipeline):
             velocity = rating_velocity(self.dale, ratings, frames, self.guidance_scale)
             latents = self._denoise(self.dale_scheduler, velocity, latents, timesteps, bar, *callback)
             made = TactileLatents(*self.dale.unpack(latents))
-            made.latents = made.latents.to(self.dale.dtype)
+            made.latents = self.lctg.complete(made.latents.to(self.dale.dtype))
             if output_type == "latent":
                 self.maybe_free_model_hooks()
                 return made if return_dict else made.to_tuple()
             # 3. LCTG: latents to the waveform
-            waveform = self._decode(made.latents, num_inference_steps, generator, bar, *callback, len(timesteps))
+            decoded = self._decode(made.latents, num_inference_steps, generator, bar, *callback, len(timesteps))
 
         # 4. newtons at the delivery rate
-        out = self._postprocess(waveform, made.level, made.friction_coefficient, samples, output_type)
+        out = self._postprocess(*decoded, made.level, made.friction_coefficient, samples, output_type)
         self.maybe_free_model_hooks()
         return out if return_dict else out.to_tuple()
 
@@ -299,7 +299,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
 
     def _decode(self, latents, num_inference_steps, generator, bar, callback=None, callback_inputs=(), first_index=0):
-        """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate."""
+        """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate, and band levels."""
         latents = latents.to(self.lctg.dtype)
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
         noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=self.lctg.dtype)
@@ -307,10 +307,11 @@ class TactileTexturePipeline(DiffusionPipeline):
         velocity = texture_velocity(self.lctg, latents)
         timesteps = self.scheduler.timesteps
         callback = (callback, callback_inputs, first_index)
-        return self._denoise(self.scheduler, velocity, noise, timesteps, bar, *callback)[:, 0]
+        waveform = self._denoise(self.scheduler, velocity, noise, timesteps, bar, *callback)[:, 0]
+        return waveform, self.lctg.band_levels(latents)
 
-    def _postprocess(self, waveform, level, friction_coefficient, samples, output_type):
-        textures = self.feature_extractor.denormalize(waveform, level, samples)
+    def _postprocess(self, waveform, band_levels, level, friction_coefficient, samples, output_type):
+        textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels)
         level, friction_coefficient = level.float().cpu(), friction_coefficient.float().cpu()
         if output_type == "pt":
             textures = torch.from_numpy(textures)
@@ -356,7 +357,8 @@ class TactileTexturePipeline(DiffusionPipeline):
         """Textures from latents.
 
         Args:
-            latents (`torch.Tensor`): (N, latent_channels, frames), of `encode` or of `output_type="latent"`.
+            latents (`torch.Tensor`): (N, latent_channels, frames), of `encode` or of `output_type="latent"`; zeros in
+                the detail layer (the last `detail_channels`) = not given, made up from the noise.
             level (`torch.Tensor`): (N,), natural log of the RMS in N.
             friction_coefficient (`torch.Tensor`, *optional*): (N,), passed on; `None` = NaN.
             num_inference_steps (`int`, *optional*, defaults to 5): steps of LCTG.
@@ -377,8 +379,8 @@ class TactileTexturePipeline(DiffusionPipeline):
         if friction_coefficient is None:
             friction_coefficient = torch.full_like(level, torch.nan)
         with self.progress_bar(total=num_inference_steps) as bar:
-            waveform = self._decode(latents, num_inference_steps, generator, bar)
-        out = self._postprocess(waveform, level, friction_coefficient, samples, output_type)
+            decoded = self._decode(latents, num_inference_steps, generator, bar)
+        out = self._postprocess(*decoded, level, friction_coefficient, samples, output_type)
         self.maybe_free_model_hooks()
         return out
 

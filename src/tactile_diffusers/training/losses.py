@@ -1,10 +1,27 @@
 """Losses of both training stages, in float32."""
 
+import math
+
 import torch
 import torch.nn.functional as F
 
 
-def multi_resolution_spectral_loss(predicted, target, window_lengths=(64, 256, 1024)):
+def detection_sensitivity(frequencies):
+    """How sensitive the fingertip is to vibration, as an amplitude relative to the best frequency, 0 to 1.
+
+    The detection threshold in dB that the codecs of IEEE 1918.1.1 use (Noll et al. 2021, VC-PWQ: Vibrotactile Signal
+    Compression based on Perceptual Wavelet Quantization; as in the package vibromaf 0.0.8): a parabola in the
+    logarithm of frequency, lowest at 250 Hz. It was measured for acceleration; for force it is taken as a stand-in.
+
+    Args:
+        frequencies (`torch.Tensor`): Hz.
+    """
+    shifted = frequencies / 550 + 6 / 11
+    threshold_db = 62 * (shifted.log10() / math.log10(6 / 11)).square()  # above that at 250 Hz
+    return 10 ** (-threshold_db / 20)
+
+
+def multi_resolution_spectral_loss(predicted, target, window_lengths=(64, 256, 1024), sensitivity_rate=None):
     """The paper's optional frequency-aware loss (section 2.2), per row: spectra of predicted and clean waveforms.
 
     Mean absolute difference of log magnitudes over several window lengths (the multi-resolution form of Yamamoto et
@@ -13,6 +30,8 @@ def multi_resolution_spectral_loss(predicted, target, window_lengths=(64, 256, 1
     Args:
         predicted, target (`torch.Tensor`): (batch, samples), unit RMS.
         window_lengths (`tuple[int, ...]`): samples; windows longer than the signal are left out.
+        sensitivity_rate (`float`, *optional*): the sampling rate in Hz, to weight frequencies by
+            `detection_sensitivity`; `None` = all alike.
 
     Returns:
         `torch.Tensor`: (batch,).
@@ -27,7 +46,12 @@ def multi_resolution_spectral_loss(predicted, target, window_lengths=(64, 256, 1
             spectrum = torch.stft(waveform.float(), length, length // 4, window=window, return_complex=True)
             # unit-RMS white noise has magnitude about 1 after the division; 0.05 keeps silence out of the logarithm
             magnitudes.append(torch.log(spectrum.abs() / window.square().sum().sqrt() + 0.05))
-        losses.append((magnitudes[0] - magnitudes[1]).abs().mean(dim=(1, 2)))
+        difference = (magnitudes[0] - magnitudes[1]).abs().mean(dim=2)
+        if sensitivity_rate is not None:
+            bins = torch.arange(difference.shape[1], device=difference.device) * (sensitivity_rate / length)
+            weights = detection_sensitivity(bins)
+            difference = difference * weights / weights.mean()
+        losses.append(difference.mean(dim=1))
     return torch.stack(losses).mean(0)
 
 

@@ -1,6 +1,7 @@
 """The sections of a report: each measures one thing on one `Context` and returns leaves under top-level keys."""
 
-from . import control, generation, long_textures, paper, reconstruction, speed
+from . import control, generation, latents, long_textures, paper, reconstruction, robustness, speed
+from .anchors import Anchor
 from .context import FULL, QUICK, Context, Settings
 
 #: name -> function of a context that returns `{top-level key: ...}`
@@ -11,8 +12,10 @@ SECTIONS = {
     "paper": paper.run,
     "speed": speed.run,
     "long_textures": long_textures.run,
+    "latents": latents.run,
+    "robustness": robustness.run,
 }
 #: sections that a pipeline without DALE has, and data without ratings allow
-WITHOUT_RATINGS = ("reconstruction", "speed")
+WITHOUT_RATINGS = ("reconstruction", "speed", "latents", "robustness")
 
-__all__ = ["FULL", "QUICK", "SECTIONS", "WITHOUT_RATINGS", "Context", "Settings"]
+__all__ = ["Anchor", "FULL", "QUICK", "SECTIONS", "WITHOUT_RATINGS", "Context", "Settings"]

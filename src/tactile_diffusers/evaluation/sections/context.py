@@ -37,6 +37,7 @@ class Settings:
         protocol_segments, protocol_repeats (`int`): of the paper's full-pipeline RMSE.
         repeats (`int`): of each timing.
         long_textures (`int`), long_seconds (`float`): long textures checked at their joints.
+        anchor_steps (`tuple[int, ...]`): LCTG steps at which anchors are measured.
     """
 
     steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 15, 25, 50)
@@ -59,6 +60,7 @@ class Settings:
     repeats: int = 7
     long_textures: int = 4
     long_seconds: float = 30.0
+    anchor_steps: tuple = (5, 10, 25)
 
 
 FULL = Settings()
@@ -102,10 +104,11 @@ class Context:
         embedding (`Callable`, *optional*): of the audio distance; see `frechet_audio_distance`.
         vibromaf (`bool`): whether to add the optional metrics of vibromaf.
         quiet (`bool`): no progress bars.
+        anchors (`dict[str, Anchor]`, *optional*): name -> checkpoint to compare reconstructions with.
 
     Raises:
-        ValueError: if checkpoint and data do not fit together, `split` is unknown or not held out, or the data have
-            nothing in it or train on its surfaces.
+        ValueError: if the checkpoint or an anchor does not fit the data, `split` is unknown or not held out, or the
+            data have nothing in it or train on its surfaces.
     """
 
     def __init__(
@@ -120,14 +123,18 @@ class Context:
         embedding=None,
         vibromaf=False,
         quiet=True,
+        anchors=None,
     ):
         if split not in SPLITS[1:]:
             raise ValueError(f"`split` must be held out, one of {SPLITS[1:]}, got {split!r}.")
         self.pipe, self.split, self.settings, self.seed, self.quiet = pipe, split, settings, seed, quiet
         self.output, self.embedding, self.vibromaf = output, embedding, vibromaf
+        self.anchors = dict(anchors or {})
         self.held_out, self.train = PreparedDataset(data, split), PreparedDataset(data, "train")
         check_unseen(self.held_out, self.train)
         check_fit(pipe, self.held_out)
+        for name, anchor in self.anchors.items():
+            check_fit(anchor.pipe, self.held_out, f"anchor {name}")
         self.rate, self.edges = self.held_out.sampling_rate, band_edges(9, self.held_out.band)
         defaults = inspect.signature(type(pipe).__call__).parameters
         self.steps = int(defaults["num_inference_steps"].default)  # of both stages, but for the step sweep
@@ -232,13 +239,17 @@ class Context:
 
     @cached_property
     def latent_rate(self):
-        """Numbers per second of the latents and the bits that each carries."""
-        config = self.pipe.lctg.config
+        """`rate_of` the checkpoint's latents."""
+        return self.rate_of(self.pipe)
+
+    def rate_of(self, pipe):
+        """Numbers per second of a pipeline's latents and the bits that each carries."""
+        config = pipe.lctg.config
         spaced = np.linspace(0, len(self.training.textures) - 1, _RATE_SEGMENTS).astype(int)
-        latents = self.encode(self.training.textures[np.unique(spaced)])
+        latents = _encode(pipe, self.training.textures[np.unique(spaced)], self.rate)
         # without noise in training nothing but the half precision of stored weights and latents limits the rate
         sigma = config.latent_noise or 2.0**-11
-        frames_per_second = self.pipe.feature_extractor.sampling_rate / config.latent_hop
+        frames_per_second = pipe.feature_extractor.sampling_rate / config.latent_hop
         return config.latent_channels * frames_per_second, float(latent_rate(latents, sigma))
 
     @cached_property
@@ -293,13 +304,21 @@ class Context:
         )
 
     def encode(self, textures):
-        """Latents of textures: (n, latent_channels, frames) float32."""
-        parts = [textures[start : start + _BATCH] for start in range(0, len(textures), _BATCH)]
-        return np.concatenate([self.pipe.encode(part, self.rate).latents.float().cpu().numpy() for part in parts])
+        """Base layer of the latents, which is what DALE generates: (n, base_channels, frames) float32."""
+        return self.encode_all(textures)[:, : self.pipe.lctg.base_channels]
+
+    def encode_all(self, textures):
+        """All layers of the latents: (n, latent_channels, frames) float32."""
+        return _encode(self.pipe, textures, self.rate)
 
     def summarise(self, textures):
         """`latent_summary` of textures."""
         return latent_summary(self.encode(textures))
+
+
+def _encode(pipe, textures, rate):
+    parts = [textures[start : start + _BATCH] for start in range(0, len(textures), _BATCH)]
+    return np.concatenate([pipe.encode(part, rate).latents.float().cpu().numpy() for part in parts])
 
 
 def check_unseen(held_out, train):
@@ -316,8 +335,8 @@ def check_unseen(held_out, train):
         )
 
 
-def check_fit(pipe, dataset):
-    """Refuses a checkpoint and data that cannot be compared.
+def check_fit(pipe, dataset, name="checkpoint"):
+    """Refuses a checkpoint and data that cannot be compared; `name` is what the message calls the checkpoint.
 
     Raises:
         ValueError: if their bands, rates or lengths differ.
@@ -326,18 +345,18 @@ def check_fit(pipe, dataset):
     band = tuple(float(edge) for edge in extractor.band)
     if band != tuple(dataset.band):
         raise ValueError(
-            f"The checkpoint's band is {band} Hz, `data` was prepared with {tuple(dataset.band)} Hz. Prepare the data "
-            "again with the checkpoint's band (`--band` of examples/prepare_data.py), or train on this data."
+            f"The {name}'s band is {band} Hz, `data` was prepared with {tuple(dataset.band)} Hz. Prepare the data "
+            f"again with the {name}'s band (`--band` of examples/prepare_data.py), or train on this data."
         )
     if dataset.sampling_rate > extractor.delivery_rate:
         raise ValueError(
-            f"`data` has a sampling rate of {dataset.sampling_rate} Hz, the checkpoint delivers only "
+            f"`data` has a sampling rate of {dataset.sampling_rate} Hz, the {name} delivers only "
             f"{extractor.delivery_rate} Hz: there is nothing to compare above {extractor.delivery_rate / 2:g} Hz. "
-            "Resample the recordings to the checkpoint's rate."
+            f"Resample the recordings to the {name}'s rate."
         )
     seconds = pipe.lctg.config.segment_samples / extractor.sampling_rate
     if abs(seconds - dataset.segment_samples / dataset.sampling_rate) > 1 / extractor.sampling_rate:
         raise ValueError(
-            f"The checkpoint was trained on segments of {seconds:g} s, `data` holds segments of "
+            f"The {name} was trained on segments of {seconds:g} s, `data` holds segments of "
             f"{dataset.segment_samples / dataset.sampling_rate:g} s. Prepare the data again with `--segment-seconds`."
         )

@@ -33,12 +33,12 @@ def run(context):
     return {"speed": result}
 
 
-def decoding_seconds(context, steps, frames=None):
+def decoding_seconds(context, pipe, steps, frames=None):
     """Seconds that decoding one texture of `frames` latent frames (one segment by default) takes: (repeats,)."""
-    config = context.pipe.lctg.config
+    config = pipe.lctg.config
     frames = frames or config.segment_samples // config.latent_hop
     latents, level = torch.zeros(1, config.latent_channels, frames), torch.zeros(1)
-    return _timed(context, lambda: context.pipe.decode(latents, level, num_inference_steps=steps))
+    return _timed(context, lambda: pipe.decode(latents, level, num_inference_steps=steps))
 
 
 def _timed(context, work):
@@ -54,11 +54,11 @@ def _timed(context, work):
 def _real_time(context, frames, rate):
     """A number of steps that takes no longer than the texture lasts, about the largest, and its measured time."""
     duration = frames * context.pipe.lctg.config.latent_hop / rate
-    few, many = (np.median(decoding_seconds(context, steps, frames)) for steps in (_FEW, _MANY))
+    few, many = (np.median(decoding_seconds(context, context.pipe, steps, frames)) for steps in (_FEW, _MANY))
     per_step = max((many - few) / (_MANY - _FEW), 1e-9)
     steps, measured = int((duration - few) / per_step) + _FEW, None
     while steps >= 1:  # costs are not quite linear: lowered until a measured number of steps holds
-        measured = decoding_seconds(context, steps, frames)
+        measured = decoding_seconds(context, context.pipe, steps, frames)
         if np.median(measured) <= duration:
             break
         steps = min(steps - 1, int(steps * 0.98 * duration / np.median(measured)))

@@ -1,0 +1,136 @@
+"""Section "latents": figures of latents whose answer is known, and the section on a tiny pipeline."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.evaluation.report import leaves
+from tactile_diffusers.evaluation.sections import QUICK, Context, latents
+from tactile_diffusers.evaluation.sections.latents import layer_statistics, layers_of, monotony, run, time_shift
+from tactile_diffusers.evaluation.telling import latents_markdown
+
+SURFACES = np.repeat(np.arange(20), 2)
+
+
+def _noise(channels=8, frames=256, seed=0):
+    return np.random.default_rng(seed).standard_normal((len(SURFACES), channels, frames))
+
+
+def _means(entry):
+    return {name: leaf["mean"] for name, leaf in entry.items()}
+
+
+def test_white_gaussian_latents():
+    found = _means(layer_statistics(0.3 * _noise() + 0.1, SURFACES))
+    # 10,240 numbers a channel, 8 channels: standard errors of moments are below 0.02
+    assert found["channel_mean"] == pytest.approx(0.1, abs=0.01)
+    assert found["channel_std"] == pytest.approx(0.3, rel=0.01)
+    assert found["skew"] == pytest.approx(0, abs=0.04) and found["excess_kurtosis"] == pytest.approx(0, abs=0.08)
+    assert found["neighbour_correlation"] == pytest.approx(0, abs=0.02)
+    assert found["slow_share"] == pytest.approx(0.5, abs=0.02)
+    assert found["effective_dimension"] == pytest.approx(8, rel=0.01)
+
+
+def test_uniform_latents_are_flat_and_near_their_bound():
+    uniform = np.random.default_rng(0).uniform(-1, 1, (len(SURFACES), 4, 256))
+    found = _means(layer_statistics(uniform, SURFACES))
+    assert found["excess_kurtosis"] == pytest.approx(-1.2, abs=0.03)
+    assert found["near_bound_share"] == pytest.approx(0.05, abs=0.005)
+    assert 0.99 < found["largest"] <= 1
+
+
+def test_smooth_latents_and_copies_are_told():
+    smooth = np.apply_along_axis(np.convolve, -1, _noise(1, 264), np.ones(9) / 3, mode="valid")
+    found = _means(layer_statistics(np.repeat(smooth, 6, axis=1), SURFACES))
+    assert found["neighbour_correlation"] == pytest.approx(8 / 9, abs=0.02)  # moving average over nine frames
+    assert found["slow_share"] > 0.95
+    assert found["effective_dimension"] == pytest.approx(1, abs=1e-6)
+
+
+def test_a_channel_that_never_changes_is_left_out():
+    latents = _noise(4)
+    latents[:, 2] = 0.25
+    found = layer_statistics(latents, SURFACES)
+    assert found["excess_kurtosis"]["n"] == found["slow_share"]["n"] == 3
+    assert found["channel_std"]["min"] == pytest.approx(0, abs=1e-12)
+    json.dumps(found, allow_nan=False)
+
+
+def _framed(textures, hop=16):
+    """An encoder whose latent frame is the mean of a hop: it follows every delay."""
+    whole = textures[:, : textures.shape[-1] // hop * hop]
+    return whole.reshape(len(textures), 1, -1, hop).mean(-1)
+
+
+def _placed(textures, hop=16):
+    """The same, but each frame is also marked by its place: it does not follow delays."""
+    return _framed(textures, hop) + np.arange(textures.shape[-1] // hop) % 2
+
+
+def test_time_shift_of_an_encoder_that_follows_delays_and_of_one_that_does_not():
+    slow = np.cumsum(_noise(1, 2048)[:, 0], axis=-1)  # changes little within a frame
+    layers = {"base": slice(0, 1)}
+    found = _means(time_shift(_framed, slow, 1000, 0.016, layers, SURFACES)["base"])
+    assert found["delay_1_frames"] == pytest.approx(0, abs=1e-9) == found["delay_4_frames"]
+    assert 0 < found["half_frame"] < 0.6 * found["neighbour_frames"]
+    placed = _means(time_shift(_placed, np.sign(slow), 1000, 0.016, layers, SURFACES)["base"])
+    assert placed["delay_1_frames"] > 0.5
+
+
+def test_half_a_frame_of_latents_without_memory_lies_nowhere_between():
+    def fresh(textures):
+        return np.random.default_rng(textures.shape[-1] + int(abs(textures[0, 0]) * 1e6)).standard_normal((40, 4, 128))
+
+    found = _means(time_shift(fresh, _noise(1, 2048)[:, 0], 1000, 0.016, {"base": slice(0, 4)}, SURFACES)["base"])
+    assert found["half_frame"] == pytest.approx(np.sqrt(1.5), abs=0.03)
+    assert found["neighbour_frames"] == pytest.approx(np.sqrt(2), abs=0.03)
+
+
+def test_monotony():
+    straight = np.linspace(-60, -50, 9)
+    back = straight.copy()
+    back[4] = back[3] - 1.0  # 1 dB back, on the way up
+    alike = np.full(9, -55.0)
+    alike[4] = -40.0  # ends alike: not counted
+    curves = np.stack([np.stack([straight, back, alike], -1), np.stack([-straight, -back, alike], -1)])
+    found = monotony(curves)
+    assert found["monotone_share"]["mean"] == 0.5 and found["monotone_share"]["n"] == 4
+    assert found["reversal_db"]["max"] == pytest.approx(1.0) and found["reversal_db"]["min"] == pytest.approx(0)
+    assert found["departure_db"]["max"] == pytest.approx(2.25)  # one step of 1.25 dB and 1 dB back
+    assert monotony(curves[..., 2:])["monotone_share"]["mean"] is None
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    """Ten virtual surfaces, five of them for testing, in segments of the tiny networks' length."""
+    folder = tmp_path_factory.mktemp("latents")
+    generate_recordings(folder / "r.h5", surfaces=10, seconds=8, explorers=1, seed=2, quiet=True)
+    limits = SegmentLimits(seconds=2048 / 2500)
+    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=2, test=5, quiet=True)
+    return folder / "p.h5"
+
+
+def test_section(evaluable_pipe, prepared, tmp_path, monkeypatch):
+    monkeypatch.setattr(latents, "PAIRS", 2)
+    settings = replace(QUICK, per_surface=1)
+    contexts = [Context(evaluable_pipe(False), prepared, "test", settings, 0, tmp_path) for _ in range(2)]
+    first, again = (run(context)["latents"] for context in contexts)
+    assert json.dumps(first, allow_nan=False) == json.dumps(again, allow_nan=False)
+    assert set(first["layers"]) == set(first["time_shift"]) == {"base"}
+    assert (tmp_path / "latents.png").stat().st_size > 5000
+    assert all(leaf["n"] is not None for path, leaf in leaves(first) if path[0] != "interpolation")
+    # a random network is shift-equivariant too: only the RMS of the two crops differs
+    assert first["time_shift"]["base"]["delay_4_frames"]["mean"] < 0.2
+    written = latents_markdown(first, 3)
+    assert written.startswith("### Latents") and "nan" not in written.lower()
+    tables = [line.count("|") for line in written.splitlines() if line.startswith("|")]
+    assert len(set(tables[:3])) == len(set(tables[3:])) == 1  # no heading breaks its table
+
+
+def test_layers_of_a_model_with_details(make_lctg):
+    layered = make_lctg(latent_channels=6, detail_channels=2, detail_features=8)
+    assert layers_of(layered) == {"base": slice(0, 4), "detail": slice(4, 6)}
+    assert layers_of(make_lctg()) == {"base": slice(0, 4)}

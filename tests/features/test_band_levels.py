@@ -1,0 +1,234 @@
+"""Band levels over time: what is measured, what is given back, and what is left alone."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers import TactileFeatureExtractor
+from tactile_diffusers.features.band_levels import LARGEST_GAIN_DB, impose_band_levels, measure_band_levels
+from tactile_diffusers.signal import band_edges
+
+COUNT, FRAMES, HOP = 8, 64, 64
+GRID = {"sampling_rate": 2500, "band": (20.0, 1000.0), "window": 512, "hop": HOP}
+EDGES = band_edges(COUNT, GRID["band"])
+DB = 10 / np.log(10)  # from natural logarithms of power
+#: added to `tests/conftest.py`'s: three bands and what lies above, 16 samples per frame
+THREE = {"level_bands": 3, "feature_size": 28}
+
+
+def _noise(rows=32, samples=FRAMES * HOP, seed=0):
+    return np.random.default_rng(seed).normal(size=(rows, samples))
+
+
+def _filtered(waveform, gain):
+    """`gain` is a function of frequency in Hz."""
+    samples = waveform.shape[-1]
+    spectrum = np.fft.rfft(waveform) * gain(np.fft.rfftfreq(samples, 1 / GRID["sampling_rate"]))
+    return np.fft.irfft(spectrum, n=samples)
+
+
+def _wrong_equaliser(frequencies):
+    """A slow wave of +-3 dB over the logarithm of frequency, as a decoder that is slightly off has it."""
+    return 10 ** (3 * np.sin(2 * np.pi * np.log2(np.maximum(frequencies, 10) / 20) / 2.5) / 20)
+
+
+def _measure(waveform):
+    return measure_band_levels(waveform, count=COUNT, **GRID)
+
+
+def _impose(waveform, levels):
+    return impose_band_levels(waveform, levels, **GRID)
+
+
+# --- measuring
+
+
+def test_white_noise_is_near_zero_in_every_band():
+    levels = _measure(_noise(64))
+    assert levels.shape == (64, COUNT + 1, FRAMES) and levels.dtype == np.float64
+    # 64 x 1.6 s of a band of 12 Hz: its mean power is known to 2 %
+    np.testing.assert_allclose(np.exp(levels).mean((0, 2)), 1, rtol=0, atol=0.08)
+    # a mean of logarithms lies below the logarithm of the mean, by up to 0.1 in the narrowest band
+    assert np.abs(levels.mean((0, 2))).max() < 0.2
+
+
+@pytest.mark.parametrize("index", range(COUNT + 1))
+def test_a_band_twice_as_large_is_1_386_louder(index):
+    low, high = [0.0, *EDGES[1:]][index], [*EDGES[1:], np.inf][index]
+    noise = _noise()
+    louder = _filtered(noise, lambda f: np.where((f >= low) & (f < high), 2.0, 1.0))
+    difference = (_measure(louder) - _measure(noise)).mean((0, 2))
+    # the window smears 5 Hz over a band's edge: the narrowest, of four bins, loses 0.1 and gives its neighbours 0.25
+    assert difference[index] == pytest.approx(2 * np.log(2), abs=0.12)
+    others = np.delete(difference, index)
+    assert np.abs(others).max() < 0.3
+    assert np.abs(difference[np.abs(np.arange(COUNT + 1) - index) > 1]).max() < 0.02
+
+
+def test_levels_follow_time_and_rows_stay_apart():
+    noise = _noise(4)
+    later = noise.copy()
+    later[:2, 2048:] *= 2
+    difference = _measure(later) - _measure(noise)
+    # 0.4 s of smoothing and the window reach 0.3 s = 12 frames; at the ends the change is whole or none
+    np.testing.assert_allclose(difference[:2, :, :20], 0, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(difference[:2, :, 44:], 2 * np.log(2), rtol=0, atol=1e-4)  # floor of powers, 1e-6
+    assert not difference[2:].any()
+    np.testing.assert_allclose(_measure(noise[1:2])[0], _measure(noise)[1], rtol=0, atol=1e-9)
+
+
+def test_levels_have_no_direction_in_time():
+    noise = _noise(4)
+    difference = _measure(noise[:, ::-1])[..., ::-1] - _measure(noise)
+    # periodic windows lie one sample off the middle; half a hop off would be 0.1
+    assert np.abs(difference).max() < 0.02
+
+
+def test_a_gain_adds_its_logarithm():
+    noise = _noise(2)
+    np.testing.assert_allclose(_measure(-3 * noise) - _measure(noise), 2 * np.log(3), rtol=0, atol=1e-4)  # the floor
+
+
+# --- imposing
+
+
+def test_a_wrong_equaliser_is_undone():
+    noise = _noise()
+    wanted, wrong = _measure(noise), _filtered(noise, _wrong_equaliser)
+    restored = _impose(wrong, wanted)
+    before, after = (np.abs(_measure(made) - wanted).mean((0, 2)) * DB for made in (wrong, restored))
+    assert before.max() > 2
+    # one gain for a whole band: what leaks between the lowest bands, of four bins, is not undone
+    assert after.max() < 0.5 and after[4:].max() < 0.15
+    # and the waveform itself comes nearer, since phases are kept
+    power = [np.square(made - noise).mean() for made in (wrong, restored)]
+    assert power[1] < power[0] / 4
+
+
+def test_another_noise_gets_the_levels_of_the_first():
+    wanted, other = _measure(_noise()), _noise(seed=1)
+    before, after = (np.abs(_measure(made) - wanted).mean() for made in (other, _impose(other, wanted)))
+    assert after < 0.45 * before  # gains are slow, and smoothed over time once more: what is faster stays
+
+
+def test_a_waveform_with_the_right_levels_is_left_alone():
+    noise = _noise(3)
+    np.testing.assert_allclose(_impose(noise, _measure(noise)), noise, rtol=0, atol=1e-12)  # float64 transforms
+
+
+def test_a_change_at_one_end_leaves_the_other_alone():
+    noise = _noise(2)
+    levels = _measure(noise)
+    levels[:, :, :16] += 1
+    made = _impose(noise, levels)
+    # gains reach one hop further, and the window half its length; float64 transforms
+    early, late = slice(0, 15 * HOP - 256), slice(17 * HOP + 256, None)
+    np.testing.assert_allclose(made[:, early], np.exp(0.5) * noise[:, early], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(made[:, late], noise[:, late], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("samples", [HOP, 2 * HOP, 448, 512, 576])
+def test_waveforms_shorter_than_the_window(samples):
+    noise = _noise(2, samples)
+    levels = _measure(noise)
+    assert levels.shape == (2, COUNT + 1, samples // HOP) and np.isfinite(levels).all()
+    np.testing.assert_allclose(_impose(noise, levels + 1), np.exp(0.5) * noise, rtol=0, atol=1e-12)
+
+
+def test_silence_stays_silent():
+    silent = np.zeros((1, 10 * HOP))
+    levels = _measure(silent)
+    np.testing.assert_allclose(levels, np.log(1e-6), rtol=1e-12)
+    assert not _impose(silent, np.zeros_like(levels)).any()
+    faded = _noise(1)
+    faded[:, 2048:] = 0
+    assert np.isfinite(_impose(faded, np.zeros((1, COUNT + 1, FRAMES)))).all()
+
+
+@pytest.mark.parametrize("asked", [-30.0, -3.0, 3.0, 30.0])
+def test_gains_are_limited(asked):
+    noise = _noise(1)
+    made = _impose(noise, _measure(noise) + asked)
+    limit = LARGEST_GAIN_DB * np.log(10) / 20
+    np.testing.assert_allclose(made, np.exp(np.clip(asked / 2, -limit, limit)) * noise, rtol=0, atol=1e-9)
+
+
+def test_bands_without_a_bin_are_refused():
+    with pytest.raises(ValueError, match=r"`level_bands` of 60 leaves a band .* without a bin of 4.88 Hz"):
+        measure_band_levels(_noise(1), count=60, **GRID)
+
+
+# --- in the feature extractor
+
+
+def test_negative_level_bands_are_refused(make_extractor):
+    with pytest.raises(ValueError, match=r"`level_bands` must be 0 \(none\) or more, got -1"):
+        make_extractor(level_bands=-1)
+
+
+def test_the_size_of_features_counts_levels(make_extractor):
+    with pytest.raises(ValueError, match=r"must be level_bands \+ 1 \+ num_filters \+ hop_length = 28, got 24"):
+        make_extractor(level_bands=3)
+
+
+def test_features_begin_with_levels_once_for_each_frame_of_latents(make_extractor):
+    extractor, plain, noise = make_extractor(**THREE), make_extractor(), _noise(2, 512)
+    features, levels = extractor.features(noise), extractor.band_levels(noise)
+    assert features.shape == (2, 28, 64) and levels.shape == (2, 4, 32)
+    np.testing.assert_array_equal(features[:, :4, ::2], levels)
+    np.testing.assert_array_equal(features[:, :4, 1::2], levels)
+    np.testing.assert_array_equal(features[:, 4:], plain.features(noise))  # the others are as without
+
+
+def test_level_bands_survive_saving_and_old_configs_have_none(make_extractor, tmp_path):
+    make_extractor(**THREE).save_pretrained(tmp_path)
+    again = TactileFeatureExtractor.from_pretrained(tmp_path)
+    noise = _noise(1, 512)
+    assert again.level_bands == 3
+    np.testing.assert_array_equal(again.band_levels(noise), make_extractor(**THREE).band_levels(noise))
+    path = tmp_path / "preprocessor_config.json"
+    old = json.loads(path.read_text())
+    assert old.pop("level_bands") == 3 and "_level_grid" not in old
+    old["feature_size"] = 24
+    path.write_text(json.dumps(old))
+    assert TactileFeatureExtractor.from_pretrained(tmp_path).level_bands == 0
+
+
+@pytest.mark.parametrize("samples", [1, 60, 64, 65, 2048, 6001])
+def test_there_are_as_many_frames_as_latents_have(make_extractor, make_lctg, pink_noise, samples):
+    extractor, lctg = make_extractor(**THREE), make_lctg(feature_channels=28)
+    texture = pink_noise(samples, 10_000) if samples > 1 else np.full((1, 1), 0.01)
+    waveform, _ = extractor.normalize(texture, 10_000)
+    levels = extractor.band_levels(waveform)
+    assert levels.dtype == np.float32 and np.isfinite(levels).all()
+    latents = lctg.encode(torch.from_numpy(extractor.features(waveform)))
+    assert levels.shape == (1, 4, latents.shape[-1])
+
+
+@pytest.mark.parametrize("rate", [2500, 10_000])
+def test_denormalize_restores_band_levels(make_extractor, pink_noise, rate):
+    extractor = make_extractor(delivery_rate=rate, **THREE)
+    texture = pink_noise(rate * 2, rate, count=4)
+    waveform, level = extractor.normalize(texture, rate)
+    wanted = extractor.band_levels(waveform)
+    wrong = _filtered(waveform, lambda f: np.maximum(f, 20) ** 0.3)  # tilted by 10 dB over the band
+    errors = []
+    for levels in (None, wanted):
+        made = extractor.denormalize(wrong, level, texture.shape[-1], levels)
+        assert made.shape == texture.shape and made.dtype == np.float32
+        # exactly the level that was asked for, whatever the bands did (float32)
+        np.testing.assert_allclose(extractor.normalize(made, rate)[1], level, rtol=0, atol=1e-5)
+        heard = extractor.band_levels(extractor.normalize(made, rate)[0])
+        errors.append(np.abs(heard - wanted)[:, :3].mean() * DB)  # nothing of this texture lies above the band
+    assert errors[0] > 1 and errors[1] < 0.3 * errors[0]  # one gain for each of only three bands leaves a step between
+
+
+def test_denormalize_leaves_right_levels_alone(make_extractor, pink_noise):
+    extractor = make_extractor(**THREE)
+    waveform, level = extractor.normalize(pink_noise(4096, 10_000, count=2), 10_000)
+    plain = extractor.denormalize(waveform, level)
+    kept = extractor.denormalize(waveform, level, band_levels=extractor.band_levels(waveform))
+    # levels are float32: 1e-6 of the RMS, 0.01 N
+    np.testing.assert_allclose(kept, plain, rtol=0, atol=1e-6)

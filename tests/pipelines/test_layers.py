@@ -1,0 +1,180 @@
+"""The pipeline of a layered LCTG: generation from the base layer, reconstruction from both, band levels restored."""
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.signal import level, rms
+
+LAYERED = {"feature_channels": 26, "latent_channels": 6, "detail_channels": 2, "detail_features": 8, "level_bands": 1}
+RATINGS = [1.5, None, -1.0]
+
+
+@pytest.fixture
+def make_layered(make_lctg, make_dale, make_extractor):
+    """`make_layered(dale=True)`: DALE makes the four channels of the base layer."""
+
+    def make(dale=True):
+        pipe = TactileTexturePipeline(
+            lctg=make_lctg(0, **LAYERED),
+            feature_extractor=make_extractor(level_bands=1, feature_size=26),
+            scheduler=VDDIMScheduler(),
+            dale=make_dale(1) if dale else None,
+            dale_scheduler=VDDIMScheduler() if dale else None,
+        )
+        pipe.set_progress_bar_config(disable=True)
+        return pipe
+
+    return make
+
+
+@pytest.fixture
+def layered(make_layered):
+    return make_layered()
+
+
+def test_generation(layered, seeded):
+    out = layered([RATINGS, [0, 0, 0]], num_inference_steps=3, guidance_scale=2.0, generator=seeded(3))
+    assert out.textures.shape == (2, 2048) and np.isfinite(out.textures).all()
+    np.testing.assert_allclose(level(out.textures), out.level, rtol=0, atol=1e-5)  # float32
+
+
+def test_generated_latents_have_no_detail(layered, seeded):
+    made = layered(RATINGS, num_inference_steps=3, generator=seeded(3), output_type="latent")
+    assert made.latents.shape == (1, 6, 32)
+    assert (made.latents[:, :4].std((0, 2)) > 0.05).all() and not made.latents[:, 4:].any()
+
+
+@pytest.mark.parametrize("duration_s", [None, 0.05, 0.5])
+def test_decoding_generated_latents_equals_the_whole_call(layered, seeded, duration_s):
+    options = {"num_inference_steps": 3, "duration_s": duration_s}
+    whole = layered(RATINGS, generator=seeded(3), **options)
+    generator = seeded(3)  # draws DALE's noise, then LCTG's
+    made = layered(RATINGS, generator=generator, output_type="latent", **options)
+    samples = whole.textures.shape[-1]
+    again = layered.decode(made.latents, made.level, made.friction_coefficient, 3, generator, samples=samples)
+    np.testing.assert_array_equal(again.textures, whole.textures)
+    np.testing.assert_array_equal(again.friction_coefficient, whole.friction_coefficient)
+
+
+@pytest.mark.parametrize(("duration_s", "samples"), [(0.001, 10), (0.1234, 1234), (5.0, 50_000)])
+def test_generated_lengths(layered, seeded, duration_s, samples):
+    out = layered(RATINGS, num_inference_steps=2, duration_s=duration_s, generator=seeded(0))
+    assert out.textures.shape == (1, samples) and np.isfinite(out.textures).all()
+
+
+@pytest.mark.parametrize("duration_s", [None, 0.5], ids=["one window", "fused windows"])
+def test_a_list_of_generators_equals_single_calls(layered, seeded, duration_s):
+    ratings = [RATINGS, [0, 1, 0], [None, None, 2]]
+    options = {"num_inference_steps": 3, "duration_s": duration_s}
+    together = layered(ratings, generator=seeded([5, 6, 7]), **options)
+    for row, seed in enumerate((5, 6, 7)):
+        alone = layered(ratings[row], generator=seeded(seed), **options).textures[0]
+        assert np.abs(together.textures[row] - alone).max() < 1e-4 * rms(alone)  # batched sums in float32
+
+
+@pytest.mark.parametrize("samples", [1, 63, 2048, 2049, 50_000])
+def test_reconstructed_lengths(make_layered, pink_noise, seeded, samples):
+    decoder = make_layered(dale=False)
+    texture = pink_noise(samples, 10_000, count=2) if samples > 1 else np.full((2, 1), 0.01)
+    made = decoder.encode(texture, 10_000)
+    assert made.latents.shape == (2, 6, -(-samples // 64))
+    out = decoder.reconstruct(texture, 10_000, num_inference_steps=2, generator=seeded(0))
+    assert out.textures.shape == (2, samples) and np.isfinite(out.textures).all()
+    again = decoder.decode(made.latents, made.level, None, 2, seeded(0), samples=samples)
+    np.testing.assert_array_equal(again.textures, out.textures)
+    if samples > 1:
+        np.testing.assert_allclose(rms(out.textures), rms(texture), rtol=1e-5)
+
+
+def test_the_base_layer_has_no_polarity(layered, pink_noise):
+    texture = pink_noise(2048, 10_000, count=2)
+    made, flipped = layered.encode(texture, 10_000), layered.encode(-texture, 10_000)
+    assert torch.equal(flipped.latents[:, :4], made.latents[:, :4]) and torch.equal(flipped.level, made.level)
+    assert (flipped.latents[:, 4:] - made.latents[:, 4:]).abs().mean() > 0.02
+
+
+def test_encoded_latents_begin_with_the_band_levels(layered, pink_noise):
+    texture, extractor = pink_noise(2048, 10_000, count=2), layered.feature_extractor
+    levels = extractor.band_levels(extractor.normalize(texture, 10_000)[0])
+    np.testing.assert_array_equal(layered.encode(texture, 10_000).latents[:, :2].numpy(), levels)
+
+
+def _four_levels(make_lctg, make_extractor):
+    """Latents: 4 band levels, 2 learned channels of the base layer, 2 of the detail layer."""
+    pipe = TactileTexturePipeline(
+        lctg=make_lctg(**LAYERED | {"feature_channels": 28, "latent_channels": 8, "level_bands": 3}),
+        feature_extractor=make_extractor(level_bands=3, feature_size=28),
+        scheduler=VDDIMScheduler(),
+    )
+    pipe.set_progress_bar_config(disable=True)
+    return pipe
+
+
+def test_band_levels_in_the_latents_are_restored(make_lctg, make_extractor, seeded):
+    pipe = _four_levels(make_lctg, make_extractor)
+    extractor, wanted = pipe.feature_extractor, torch.tensor([-2.0, 1.0, 0.0, -1.0])
+    latents = torch.rand((4, 8, 128), generator=seeded(0)) * 2 - 1
+    latents[:, :4] = wanted[:, None]
+    out = pipe.decode(latents, torch.full((4,), -5.0), num_inference_steps=3, generator=seeded(1))
+    heard = extractor.band_levels(extractor.normalize(out.textures, 10_000)[0]).mean((0, 2))
+    # up to the one gain that brings a texture to its level; resampling takes from what lies above the band. Against an
+    # untrained decoder, far from every level, slow gains of few bins leave a tenth of 3 nats in the lowest band
+    differences = heard[:3] - heard[1]
+    np.testing.assert_allclose(differences, (wanted[:3] - wanted[1]).numpy(), rtol=0, atol=0.4)
+
+
+def test_band_levels_of_a_recording_are_restored(make_lctg, make_extractor, pink_noise, seeded):
+    pipe = _four_levels(make_lctg, make_extractor)
+    extractor, texture = pipe.feature_extractor, pink_noise(8192, 10_000, count=4, exponent=2.0)
+
+    def measured(textures):
+        levels = extractor.band_levels(extractor.normalize(textures, 10_000)[0])[:, :3]
+        return levels - levels.mean(1, keepdims=True)
+
+    made = pipe.encode(texture, 10_000)
+    restored = pipe.decode(made.latents, made.level, None, 3, seeded(0)).textures
+    pipe.lctg.band_levels = lambda latents: None  # not restored
+    left = pipe.decode(made.latents, made.level, None, 3, seeded(0)).textures
+    errors = [np.abs(measured(textures) - measured(texture)).mean() for textures in (left, restored)]
+    assert errors[0] > 1 and errors[1] < 0.3 * errors[0]  # an untrained decoder, and gains that are slow
+
+
+@pytest.mark.parametrize(("made", "kept"), [(1, 0), (0, 1), (1, 2)])
+def test_other_level_bands_are_refused(make_lctg, make_extractor, made, kept):
+    message = f"`lctg` .* {made} band levels, `feature_extractor` restores {kept}: they belong to different"
+    size = 24 + (kept + 1 if kept else 0)
+    lctg = make_lctg(**LAYERED | {"level_bands": made, "feature_channels": size})
+    with pytest.raises(ValueError, match=message):
+        TactileTexturePipeline(
+            lctg=lctg,
+            feature_extractor=make_extractor(level_bands=kept, feature_size=size),
+            scheduler=VDDIMScheduler(),
+        )
+
+
+def test_a_dale_of_all_channels_is_refused(make_lctg, make_dale, make_extractor):
+    dale = make_dale(in_channels=8, latent_mean=[0.0] * 6, latent_std=[1.0] * 6)
+    with pytest.raises(ValueError, match="`dale` makes 6 latent channels, `lctg` generates from 4: they belong"):
+        TactileTexturePipeline(
+            lctg=make_lctg(**LAYERED),
+            feature_extractor=make_extractor(level_bands=1, feature_size=26),
+            scheduler=VDDIMScheduler(),
+            dale=dale,
+            dale_scheduler=VDDIMScheduler(),
+        )
+
+
+def test_latents_without_their_detail_channels_are_refused(layered):
+    with pytest.raises(ValueError, match=r"`latents` must be \(batch, 6, frames\), got \(1, 4, 8\)"):
+        layered.decode(torch.zeros(1, 4, 8), torch.zeros(1))
+
+
+def test_saving_and_loading(layered, seeded, tmp_path):
+    layered.save_pretrained(str(tmp_path))
+    again = TactileTexturePipeline.from_pretrained(str(tmp_path))
+    again.set_progress_bar_config(disable=True)
+    first, second = (p(RATINGS, num_inference_steps=2, generator=seeded(1)).textures for p in (layered, again))
+    # loaded weights lie elsewhere in memory, which may change the order of float32 sums
+    np.testing.assert_allclose(second, first, rtol=0, atol=1e-5 * rms(first[0]))
