@@ -130,7 +130,9 @@ def test_section(evaluable_pipe, prepared, tmp_path, monkeypatch):
     assert len(set(tables[:3])) == len(set(tables[3:])) == 1  # no heading breaks its table
 
 
-def test_layers_of_a_model_with_details(make_lctg):
+def test_layers_of_models(make_lctg):
     layered = make_lctg(latent_channels=6, detail_channels=2, detail_features=8)
     assert layers_of(layered) == {"base": slice(0, 4), "detail": slice(4, 6)}
+    levelled = make_lctg(latent_channels=8, level_bands=3)
+    assert layers_of(levelled) == {"levels": slice(0, 4), "base": slice(4, 8)}
     assert layers_of(make_lctg()) == {"base": slice(0, 4)}

@@ -143,7 +143,7 @@ def test_band_levels_of_a_recording_are_restored(make_lctg, make_extractor, pink
 
 @pytest.mark.parametrize(("made", "kept"), [(1, 0), (0, 1), (1, 2)])
 def test_other_level_bands_are_refused(make_lctg, make_extractor, made, kept):
-    message = f"`lctg` .* {made} band levels, `feature_extractor` restores {kept}: they belong to different"
+    message = f"`lctg` .* {made} band levels, `feature_extractor` measures {kept}: they belong to different"
     size = 24 + (kept + 1 if kept else 0)
     lctg = make_lctg(**LAYERED | {"level_bands": made, "feature_channels": size})
     with pytest.raises(ValueError, match=message):

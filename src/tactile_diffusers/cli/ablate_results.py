@@ -1,7 +1,5 @@
 """The rows of an ablation side by side: tables and pictures."""
 
-import matplotlib
-
 from ..evaluation.figures import figure_panels
 from ..evaluation.labels import BANDS
 from ..evaluation.tables import markdown_table
@@ -148,6 +146,8 @@ def _plot_low_passed(panel, results, key):
 
 def _colours(results):
     # the ten strong colours first, then their pale ones
+    import matplotlib
+
     shades = matplotlib.colormaps["tab20"].colors
     shades = shades[::2] + shades[1::2]
     return {name: shades[index % len(shades)] for index, name in enumerate(results)}

@@ -1,6 +1,7 @@
 """Section "latents": whether they are worth generating in: bounded, near-Gaussian, smooth in time, fit to be blended.
 
-Layers are told apart: "base" is what DALE generates; "detail", where the checkpoint has one, only reconstructs.
+Layers are told apart, as far as the checkpoint has them: DALE generates "levels" (of bands, measured, not bounded) and
+"base" (learned, bounded by 1); "detail" only reconstructs.
 All measures are recipes of ours; the participation ratio is (sum of eigenvalues)^2 / sum of their squares.
 """
 
@@ -15,7 +16,7 @@ from ..generate import noise_seeds
 from ..latent_figures import plot_latents
 from ..statistics import jackknife, leaf, number
 
-#: Latents are bounded by 1 (tanh): beyond this they count as driven into the bound.
+#: Learned latents are bounded by 1 (tanh): beyond this they count as driven into the bound.
 NEAR_BOUND = 0.95
 #: Delays in latent frames that must delay the latents alike.
 DELAYS = (1, 4)
@@ -159,8 +160,8 @@ def _pairs(context):
 def _blend(context, first, second):
     """Nine band levels from one surface to another, dB: (weights, bands).
 
-    The base layers and levels of a segment of either are blended linearly and decoded from the same noise; the detail
-    layer, which belongs to one waveform, is not given. Means are over pairs of segments.
+    What DALE generates (the latents but for the detail layer, which belongs to one waveform, and the level) is blended
+    linearly between a segment of either and decoded from the same noise. Means are over pairs of segments.
     """
     pipe, rows = context.pipe, [np.flatnonzero(context.surfaces == surface) for surface in (first, second)]
     count = min(map(len, rows))
