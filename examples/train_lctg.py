@@ -100,7 +100,7 @@ class LCTGTrainingStep(nn.Module):
             weights = octave_weights(clean.shape[-1], *self.rate_and_band, self.args.octave_exponent).to(clean.device)
         loss = velocity_loss(velocity, target, weights)
         scalars = {"velocity": loss.detach().mean()}
-        cosine = self.scheduler.angle(timesteps).cos().to(clean.device)
+        cosine = self.scheduler.angle(timesteps).cos().clamp_min(0).to(clean.device)  # rounding: -4e-8 at pi/2
         if self.args.phi_exponent:
             weight = cosine**self.args.phi_exponent
             loss = loss * weight / weight.mean()
@@ -208,7 +208,9 @@ def main(argv=None):
     args = parse_args(argv)
     accelerator = make_accelerator(args)
     extractor, model, scheduler = build_components(args)
-    model.encoder.requires_grad_(not args.freeze_encoder)
+    for encoder in (model.encoder, model.detail_encoder):
+        if encoder is not None:
+            encoder.requires_grad_(not args.freeze_encoder)
     dataset = PreparedDataset(
         args.train_data_dir, "train", args.subset, extractor.sampling_rate, max_samples=args.max_train_samples
     )
