@@ -48,8 +48,9 @@ def parse_args(argv=None):
     parser.add_argument("--rating_head_steps", type=int, default=600, help="updates of the head of the auxiliary loss")
     args = parser.parse_args(argv)
     check_training_arguments(args)
-    if args.rating_head_steps < 1:
-        raise ValueError(f"--rating_head_steps must be at least 1, got {args.rating_head_steps}.")
+    for name in ("rating_head_steps", "validation_samples"):
+        if getattr(args, name) < 1:
+            raise ValueError(f"--{name} must be at least 1, got {getattr(args, name)}.")
     for name in ("condition_dropout", "unconditional"):
         if not 0 <= getattr(args, name) <= 1:
             raise ValueError(f"--{name} must lie in [0, 1], got {getattr(args, name)}.")

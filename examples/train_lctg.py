@@ -33,13 +33,20 @@ from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
 
+#: What the bundled checkpoint was trained with (the rows of examples/configs/ablation led to it).
+CONFIG = Path(__file__).parent / "configs" / "lctg.json"
+
 
 def parse_args(argv=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_training_arguments(parser)
     parser.add_argument("--subset", choices=["full", "filtered"], default="filtered", help="segments to train on")
     parser.add_argument("--pretrained_model_name_or_path", help="pipeline folder to go on from (second phase)")
-    parser.add_argument("--model_config_name_or_path", help="JSON with feature_extractor, lctg and scheduler arguments")
+    parser.add_argument(
+        "--model_config_name_or_path",
+        default=str(CONFIG),
+        help="JSON with feature_extractor, lctg and scheduler arguments; default: examples/configs/lctg.json",
+    )
     parser.add_argument(
         "--octave_exponent", type=float, default=1.0, help="velocity loss weighted by frequency ** -exponent; 0 = flat"
     )
@@ -72,7 +79,8 @@ class LCTGTrainingStep(nn.Module):
     def __init__(self, model, scheduler, extractor, args):
         super().__init__()
         self.model, self.scheduler, self.args = model, scheduler, args
-        self.without_sign = extractor.feature_size - extractor.hop_length * extractor.use_waveform
+        signed = extractor.hop_length * extractor.use_waveform + extractor.detail_samples
+        self.without_sign = extractor.feature_size - signed
         self.rate_and_band = (extractor.sampling_rate, extractor.band)
 
     def forward(self, batch, generator):
@@ -102,8 +110,10 @@ class LCTGTrainingStep(nn.Module):
         scalars = {"velocity": loss.detach().mean()}
         cosine = self.scheduler.angle(timesteps).cos().clamp_min(0).to(clean.device)  # rounding: -4e-8 at pi/2
         if self.args.phi_exponent:
-            weight = cosine**self.args.phi_exponent
-            loss = loss * weight / weight.mean()
+            # over a uniform phi the weights have a mean of one
+            p = self.args.phi_exponent
+            mean = math.gamma((p + 1) / 2) / (math.sqrt(math.pi) * math.gamma(p / 2 + 1))
+            loss = loss * cosine**p / mean
         loss = loss.mean()
         if self.args.spectral_loss_weight:
             predicted = self.scheduler.get_original_sample(velocity.float(), noisy, timesteps)
@@ -153,6 +163,7 @@ def build_components(args):
     model_settings = {
         "feature_channels": extractor.feature_size,
         "level_bands": extractor.level_bands,
+        "detail_channels": extractor.detail_samples,
         "feature_hop": extractor.hop_length,
         "latent_hop": latent_hop,
         "segment_samples": math.ceil(seconds * extractor.sampling_rate / latent_hop) * latent_hop,
@@ -176,30 +187,38 @@ def make_collate(extractor, sampling_rate):
 
 
 def make_validation(args, extractor, scheduler, dataset):
-    """Nine-band error and SNR of reconstructions of held-out segments, beside silence (0 dB) and another take."""
+    """Nine-band error and SNR (of silence: 0 dB) of reconstructions of held-out segments."""
     count = min(args.validation_samples, len(dataset))
     chosen = np.sort(np.random.default_rng(0).permutation(len(dataset))[:count])
-    real = dataset.textures(chosen)
+    real, rate = dataset.textures(chosen), extractor.delivery_rate
+    reference = resample(real, dataset.sampling_rate, rate)
+
+    def decode(pipe, base_only):
+        made = []
+        for start in range(0, count, args.eval_batch_size):
+            heard = pipe.encode(real[start : start + args.eval_batch_size], dataset.sampling_rate)
+            if base_only:
+                heard.latents = pipe.lctg.complete(heard.latents[:, : pipe.lctg.base_channels])
+            generator = torch.Generator("cpu").manual_seed(start)
+            out = pipe.decode(heard.latents, heard.level, num_inference_steps=10, generator=generator)
+            made.append(out.textures[:, : reference.shape[-1]])
+        return np.concatenate(made)
 
     def validate(model, step):
         pipe = TactileTexturePipeline(
             lctg=model, scheduler=VDDIMScheduler.from_config(scheduler.config), feature_extractor=extractor
         )
         pipe.set_progress_bar_config(disable=True)
-        made = []
-        for start in range(0, count, args.eval_batch_size):
-            rows = real[start : start + args.eval_batch_size]
-            generator = torch.Generator("cpu").manual_seed(start)
-            out = pipe.reconstruct(rows, dataset.sampling_rate, num_inference_steps=10, generator=generator)
-            made.append(out.textures)
-        made, rate = np.concatenate(made), extractor.delivery_rate
-        reference = resample(real, dataset.sampling_rate, rate)[:, : made.shape[-1]]
-        error = np.square(made - reference).mean(-1)
+        made = decode(pipe, base_only=False)
         plot_reconstructions(reference[:4], made[:4], rate, Path(args.output_dir) / "validation.png")
-        return {
+        error = np.square(made - reference).mean(-1)
+        found = {
             "nine_band_db": nine_band_error_db(made, reference, rate).mean(),
             "snr_db": (10 * np.log10(np.square(reference).mean(-1) / error)).mean(),
         }
+        if model.config.detail_channels:  # what DALE's textures are made from
+            found["base_nine_band_db"] = nine_band_error_db(decode(pipe, base_only=True), reference, rate).mean()
+        return found
 
     return validate
 
@@ -208,13 +227,14 @@ def main(argv=None):
     args = parse_args(argv)
     accelerator = make_accelerator(args)
     extractor, model, scheduler = build_components(args)
-    for encoder in (model.encoder, model.detail_encoder):
-        if encoder is not None:
-            encoder.requires_grad_(not args.freeze_encoder)
+    model.encoder.requires_grad_(not args.freeze_encoder)
     dataset = PreparedDataset(
         args.train_data_dir, "train", args.subset, extractor.sampling_rate, max_samples=args.max_train_samples
     )
-    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
+    validate = None
+    if args.validation_samples:
+        held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
+        validate = make_validation(args, extractor, scheduler, held_out)
     trainer = Trainer(
         accelerator,
         args,
@@ -222,7 +242,7 @@ def main(argv=None):
         "lctg",
         dataset,
         make_collate(extractor, extractor.sampling_rate),
-        make_validation(args, extractor, scheduler, held_out),
+        validate,
     )
     model = trainer.run()
     if accelerator.is_main_process:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from tactile_diffusers import TactileTexturePipeline
+from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli import ablate, ablate_measure, ablate_training
 from tactile_diffusers.cli.ablate_rows import read_rows
 from tactile_diffusers.cli.ablate_training import DIGEST, TrainingFailed, stages, train, training_facts
@@ -315,8 +315,13 @@ def test_rate_is_shannons_and_decimated_carries_as_much(bench, evaluable_pipe, m
         assert numbers * bits == pytest.approx(expected, rel=1e-5)
 
 
-def test_the_detail_layer_is_measured_apart(bench, make_pipeline):
-    pipe = make_pipeline(dale=False, lctg_config={"segment_samples": 2048, "detail_channels": 2, "detail_features": 8})
+def test_the_detail_layer_is_measured_apart(bench, make_lctg, make_extractor):
+    pipe = TactileTexturePipeline(
+        lctg=make_lctg(segment_samples=2048, feature_channels=26, detail_channels=2),
+        feature_extractor=make_extractor(feature_size=26, detail_samples=2),
+        scheduler=VDDIMScheduler(),
+    )
+    pipe.set_progress_bar_config(disable=True)
     context = bench.context(pipe)
     decoded = []
     context.pipe.decode = lambda latents, *rest: (

@@ -5,7 +5,7 @@ import json
 import pytest
 import torch
 
-from tactile_diffusers import TactileTexturePipeline
+from tactile_diffusers import LCTGModel, TactileTexturePipeline
 from tactile_diffusers.cli import benchmark, evaluate, publish
 from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
@@ -134,3 +134,25 @@ def test_publish_refuses_another_encoder(checkpoint, make_pipeline, prepared, tm
     with pytest.raises(ValueError, match="another encoder"):
         publish.main([*arguments, "--lctg", str(tmp_path / "other")])
     assert not (tmp_path / "small").exists()
+
+
+def test_publish_refuses_a_decoder_that_does_not_fit(checkpoint, make_lctg, prepared, tmp_path):
+    """The same encoder, but a detail layer that the feature extractor does not make."""
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "training.json").write_text("{}")
+    arguments = f"--checkpoint {checkpoint} --runs {run} --data {prepared} --output {tmp_path / 'small'}".split()
+    own = LCTGModel.from_pretrained(checkpoint, subfolder="lctg")
+    detailed = make_lctg(**{**own.config, "feature_channels": 26, "latent_channels": 6, "detail_channels": 2})
+    detailed.encoder.load_state_dict(own.encoder.state_dict())
+    detailed.save_pretrained(tmp_path / "detailed" / "lctg")
+    with pytest.raises(ValueError, match="`lctg` hears 26 feature channels, `feature_extractor` makes 24"):
+        publish.main([*arguments, "--lctg", str(tmp_path / "detailed")])
+    assert not (tmp_path / "small").exists()
+    # a decoder of the same latents is taken
+    other = make_lctg(seed=7, **{k: v for k, v in own.config.items() if not k.startswith("_")})
+    other.encoder.load_state_dict(own.encoder.state_dict())
+    other.save_pretrained(tmp_path / "other" / "lctg")
+    pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
+    publish._replace_lctg(pipe, tmp_path / "other")
+    assert torch.equal(pipe.lctg.decoder.conv_in.weight, other.decoder.conv_in.weight)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
 from tactile_diffusers.evaluation.report import leaves
 from tactile_diffusers.evaluation.sections import QUICK, Context, latents
@@ -40,6 +41,8 @@ def test_uniform_latents_are_flat_and_near_their_bound():
     assert found["excess_kurtosis"] == pytest.approx(-1.2, abs=0.03)
     assert found["near_bound_share"] == pytest.approx(0.05, abs=0.005)
     assert 0.99 < found["largest"] <= 1
+    free = layer_statistics(uniform, SURFACES, bounded=False)
+    assert free["near_bound_share"]["mean"] is None and free["largest"]["mean"] == found["largest"]
 
 
 def test_smooth_latents_and_copies_are_told():
@@ -130,8 +133,31 @@ def test_section(evaluable_pipe, prepared, tmp_path, monkeypatch):
     assert len(set(tables[:3])) == len(set(tables[3:])) == 1  # no heading breaks its table
 
 
+def test_a_layered_model_is_told_layer_by_layer(make_lctg, make_extractor, prepared, tmp_path, monkeypatch):
+    """Only what is learned has a bound: elsewhere the share near it is an empty cell."""
+    monkeypatch.setattr(latents, "PAIRS", 1)
+    pipe = TactileTexturePipeline(
+        lctg=make_lctg(feature_channels=28, latent_channels=6, level_bands=1, detail_channels=2, segment_samples=2048),
+        feature_extractor=make_extractor(feature_size=28, level_bands=1, detail_samples=2),
+        scheduler=VDDIMScheduler(),
+    )
+    pipe.set_progress_bar_config(disable=True)
+    context = Context(pipe, prepared, "test", replace(QUICK, per_surface=1), 0, tmp_path)
+    section = run(context)["latents"]
+    assert list(section["layers"]) == ["levels", "base", "detail"]
+    known = {name: entry["near_bound_share"]["mean"] is not None for name, entry in section["layers"].items()}
+    assert known == {"levels": False, "base": True, "detail": False}
+    assert section["layers"]["detail"]["largest"]["mean"] > 1  # or else an empty cell would hide nothing
+    written = latents_markdown(section)
+    lines = [line.split("|") for line in written.splitlines() if line.startswith("|")]
+    column = next(index for index, cell in enumerate(lines[0]) if "share above" in cell)
+    cells = {line[1].strip(): line[column].strip() for line in lines[2:5]}
+    assert cells["levels layer"] == cells["detail layer"] == "–" != cells["base layer"]
+    assert "learned" not in written
+
+
 def test_layers_of_models(make_lctg):
-    layered = make_lctg(latent_channels=6, detail_channels=2, detail_features=8)
+    layered = make_lctg(latent_channels=6, detail_channels=2)
     assert layers_of(layered) == {"base": slice(0, 4), "detail": slice(4, 6)}
     levelled = make_lctg(latent_channels=8, level_bands=3)
     assert layers_of(levelled) == {"levels": slice(0, 4), "base": slice(4, 8)}

@@ -104,6 +104,9 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path):
         "rmse_protocol_n"
     ).split():
         assert is_leaf(generation[metric]), metric
+    over_real = generation["ktd"]["mean"] - generation["ktd_real_real"]["mean"]
+    assert generation["ktd_excess"]["mean"] == pytest.approx(over_real)
+    assert generation["ftd"]["mean"] is None is generation["ftd_excess"]["mean"]  # too few textures for a covariance
     assert generation["rmse_protocol_n"]["n"] == 4
     control = report["control"]
     assert set(control["judge_r2"]) == {"roughness", "bumpiness", "slipperiness"}
@@ -121,8 +124,10 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path):
     assert len(found) > 500
     for path, leaf in found:
         assert leaf["interval"] is None or leaf["interval"][0] <= leaf["mean"] <= leaf["interval"][1], path
-    for name in "overlays steps unseen control response latent_shift spectra".split():
+    for name in "overlays steps unseen control response latent_shift spectra latents".split():
         assert (tmp_path / "out" / f"{name}.png").stat().st_size > 5000
+    generated = report_markdown(report).split("## Generated sets")[1].split("## ")[0]
+    assert "KTD over real" in generated and "![latents](latents.png)" in report_markdown(report)
     written = report_markdown(report) + readme_markdown(report, "figures")
     assert "nan" not in written.lower() and "another take" in written
 

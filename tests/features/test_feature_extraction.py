@@ -94,7 +94,8 @@ def test_scaling_a_texture_changes_its_level_and_nothing_else(extractor, pink_no
     quiet, loud = extractor(texture, DEVICE_RATE), extractor(texture * 8, DEVICE_RATE)  # a power of two: exact
     np.testing.assert_allclose(loud["input_features"], quiet["input_features"], rtol=0, atol=1e-6)  # float32
     assert loud["level"] - quiet["level"] == pytest.approx(np.log(8), abs=1e-6)
-    assert quiet["level"] == pytest.approx(np.log(0.01), abs=1e-6)
+    # the two filters of a change of rate pass the band but for 0.01 %, and the ends ring
+    assert quiet["level"] == pytest.approx(np.log(0.01), abs=5e-4)
 
 
 def test_waveform_channels_hold_the_samples_of_each_hop(extractor, pink_noise):
@@ -184,7 +185,8 @@ def test_level_is_exact(make_extractor, pink_noise):
     extractor = make_extractor()
     texture = pink_noise(16384, DEVICE_RATE, count=3) * np.array([[0.1], [1.0], [7.0]])
     waveform, levels = extractor.normalize(texture, DEVICE_RATE)
-    np.testing.assert_allclose(levels, level(texture), rtol=1e-6)  # float32
+    np.testing.assert_allclose(levels, level(resample(texture, DEVICE_RATE, 2500)), rtol=1e-6)  # float32
+    np.testing.assert_allclose(levels, level(texture), rtol=0, atol=5e-4)  # nothing of it lies above 900 Hz
     for samples in (None, 16384, 5001):
         back = extractor.denormalize(waveform, levels, samples)
         np.testing.assert_allclose(rms(back), np.exp(levels), rtol=2e-6)  # float32 samples

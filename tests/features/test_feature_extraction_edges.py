@@ -19,6 +19,35 @@ def test_constants_of_any_length_give_finite_features_and_come_back_finite(make_
     assert np.isfinite(extractor.denormalize(waveform, levels)).all()
 
 
+@pytest.mark.parametrize("value", [0.0, 1e-30, 1e-3, 0.3, -1e6])
+@pytest.mark.parametrize(("samples", "rate"), [(1, 10_000), (2, 10_000), (777, 44_100), (4096, 2500), (4096, 10_000)])
+def test_a_constant_is_silence(make_extractor, value, samples, rate):
+    extractor = make_extractor(level_bands=1, detail_samples=2, feature_size=28)
+    waveform, levels = extractor.normalize(np.full((1, samples), value), rate)
+    assert not waveform.any() and levels == pytest.approx(0.5 * np.log(1e-30), rel=1e-6)
+    assert not extractor.features(waveform)[:, 18:].any()  # nothing in the waveform's features and in the detail
+    assert not extractor.denormalize(waveform, levels).any()
+
+
+def test_a_mean_is_taken_away_before_anything_is_measured(make_extractor, pink_noise):
+    extractor, texture = make_extractor(), pink_noise(8192, DEVICE_RATE, count=2)
+    shape, levels = extractor.normalize(texture, DEVICE_RATE)
+    shifted, shifted_levels = extractor.normalize(texture + np.array([[0.5], [-100.0]]), DEVICE_RATE)
+    np.testing.assert_allclose(shifted, shape, rtol=0, atol=1e-5)  # float32 up to 5; 1e-16 of 100 N beside 0.01 N
+    np.testing.assert_allclose(shifted_levels, levels, rtol=0, atol=1e-6)
+
+
+def test_a_level_is_that_of_what_the_working_rate_holds():
+    noise = np.random.default_rng(0).normal(size=(20, 16384))  # white at 10 kHz: a quarter of its power is kept
+    levels = TactileFeatureExtractor().normalize(noise, DEVICE_RATE)[1]
+    # 20 x 16384 samples of a quarter of the band: power is known to 0.5 %; the filter's flanks add up to 0.5 %
+    assert np.square(np.exp(levels)).mean() == pytest.approx(0.25, rel=0.03)
+    tone = np.hanning(16384) * np.sin(2 * np.pi * 3000 * np.arange(16384) / DEVICE_RATE) + 1e-3 * noise[:1]
+    level = TactileFeatureExtractor().normalize(tone, DEVICE_RATE)[1]
+    # the tone is 80 dB down, below 1e-4 beside 5e-4 of the noise
+    assert np.exp(level)[0] == pytest.approx(5e-4, rel=0.05)
+
+
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
 def test_gain_of_any_size_is_kept_beside_the_shape(make_extractor, pink_noise, factor):
     extractor, texture = make_extractor(), pink_noise(8192, DEVICE_RATE)
@@ -137,3 +166,40 @@ def test_a_fit_of_nothing_is_refused(textures):
 def test_configs_that_would_fail_later_are_refused(config, message):
     with pytest.raises(ValueError, match=message):
         TactileFeatureExtractor(**config)
+
+
+# --- band levels
+
+
+@pytest.mark.parametrize("windows", [[16, 30], [64, 65]], ids=["short", "odd"])
+def test_windows_that_cannot_restore_band_levels_are_refused(make_extractor, windows):
+    message = rf"`level_bands` need an even window of at least two latent frames \(2 x 16 samples\), got {windows[-1]}"
+    with pytest.raises(ValueError, match=message):
+        make_extractor(level_bands=1, feature_size=26, window_lengths=windows)
+    make_extractor(window_lengths=windows)  # without levels any window will do
+
+
+def test_bands_without_a_bin_are_refused_by_the_constructor(make_extractor):
+    with pytest.raises(ValueError, match=r"`level_bands` of 60 leaves a band .* without a bin of 9.77 Hz"):
+        make_extractor(level_bands=60, feature_size=85)
+
+
+def test_an_extractor_without_level_bands_measures_none(make_extractor):
+    with pytest.raises(ValueError, match="`level_bands` is 0: this feature extractor measures no levels of bands"):
+        make_extractor().band_levels(np.zeros((1, 64)))
+
+
+@pytest.mark.parametrize(
+    ("bands", "shape"),
+    [(1, (2, 3, 8)), (1, (2, 2, 7)), (1, (1, 2, 8)), (1, (2, 8)), (0, (2, 2, 8)), (0, (2, 1, 8))],
+    ids=["bands", "frames", "rows", "rank", "none measured", "none measured, one"],
+)
+def test_band_levels_of_another_shape_are_refused(make_extractor, bands, shape):
+    extractor = make_extractor(level_bands=bands, feature_size=24 + 2 * bands)
+    fits = r"\(2, 2, 8\)" if bands else "None"
+    message = rf"`band_levels` must be {fits} for `level_bands` of {bands} and a waveform of \(2, 128\)"
+    waveform, levels = np.random.default_rng(0).normal(size=(2, 128)), np.zeros(2)
+    for kind in (np.zeros, torch.zeros):
+        with pytest.raises(ValueError, match=message):
+            extractor.denormalize(waveform, levels, band_levels=kind(shape))
+    assert extractor.denormalize(waveform, levels).shape == (2, 512)

@@ -1,17 +1,26 @@
 """`LCTGModel` with a base layer, a detail layer and band levels."""
 
+import math
+
+import numpy as np
 import pytest
 import torch
 
 from tactile_diffusers import LCTGModel, VDDIMScheduler, bundled_checkpoint
+from tactile_diffusers.features.low_band import sample_low_band, synthesize
 
-#: features: 2 band levels, then the 24 of `tests/conftest.py`, of which the last 8 are the waveform's;
-#: latents: 2 band levels, 2 learned channels of the base layer, 2 of the detail layer
-LAYERED = {"feature_channels": 26, "latent_channels": 6, "detail_channels": 2, "detail_features": 8, "level_bands": 1}
+#: features: 2 band levels, the 24 of `tests/conftest.py`, 2 samples of the waveform's low end;
+#: latents: the levels, 2 learned channels of the base layer, the samples as the detail layer
+LAYERED = {"feature_channels": 28, "latent_channels": 6, "detail_channels": 2, "level_bands": 1}
 
 
 def _normal(*shape, seed=0):
     return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
+
+
+def _serial(detail):
+    """(batch, 2, frames) -> (batch, 2 * frames): the samples of the low end in their order."""
+    return detail.transpose(1, 2).flatten(1)
 
 
 @pytest.fixture
@@ -22,13 +31,12 @@ def layered(make_lctg):
 @pytest.mark.parametrize(
     "config",
     [
-        {"detail_channels": 4, "detail_features": 8},
-        {"detail_channels": 2, "detail_features": 24},
-        {"detail_channels": -1, "detail_features": 8},
-        {"detail_channels": 2, "detail_features": -8},
+        {"detail_channels": 4},
+        {"detail_channels": 24, "latent_channels": 30},
+        {"detail_channels": -1},
         {"level_bands": 3},
-        {"level_bands": 1, "detail_channels": 2, "detail_features": 8},
-        {"level_bands": 1, "latent_channels": 6, "detail_channels": 2, "detail_features": 22},
+        {"level_bands": 1, "detail_channels": 2},
+        {"level_bands": 1, "latent_channels": 30, "detail_channels": 22},
         {"level_bands": 23, "latent_channels": 30},
     ],
 )
@@ -40,10 +48,9 @@ def test_layers_that_leave_nothing_to_learn_are_refused(make_lctg, config):
         make_lctg(**config)
 
 
-@pytest.mark.parametrize("config", [{"detail_channels": 2}, {"detail_features": 8}])
-def test_half_a_detail_layer_is_refused(make_lctg, config):
-    with pytest.raises(ValueError, match="must both be 0, or none of them"):
-        make_lctg(**config)
+def test_detail_channels_that_do_not_divide_a_frame_are_refused(make_lctg):
+    with pytest.raises(ValueError, match=r"`detail_channels` \(3\) must divide half of `latent_hop` \(16\)"):
+        make_lctg(latent_channels=8, detail_channels=3)
 
 
 def test_without_layers_nothing_is_new(make_lctg):
@@ -55,20 +62,17 @@ def test_without_layers_nothing_is_new(make_lctg):
 
 
 @torch.no_grad()
-def test_the_base_layer_does_not_hear_the_waveform(layered):
+def test_the_encoder_hears_all_features_but_the_detail(layered):
     assert layered.base_channels == 4
-    features = _normal(2, 26, 64)
-    other = torch.cat([features[:, :18], _normal(2, 8, 64, seed=1)], dim=1)
-    latents, changed = layered.encode(features), layered.encode(other)
-    assert latents.shape == (2, 6, 32) and latents[:, 2:].abs().max() < 1
-    assert torch.equal(changed[:, :4], latents[:, :4])
-    assert (changed[:, 4:] - latents[:, 4:]).abs().mean() > 0.02
-    # while all that is learned hears the energies, and the band levels
-    energies = torch.cat([features[:, :2], _normal(2, 16, 64, seed=2), features[:, 18:]], dim=1)
-    levels = torch.cat([_normal(2, 2, 64, seed=2), features[:, 2:]], dim=1)
-    for other in (energies, levels):
-        difference = (layered.encode(other) - latents).abs().mean((0, 2))
-        assert (difference[2:] > 0.02).all()
+    features = 5 * _normal(2, 28, 64)  # far beyond what a tanh could give
+    latents = layered.encode(features)
+    assert latents.shape == (2, 6, 32) and latents[:, 2:4].abs().max() < 1
+    assert torch.equal(latents[:, 4:], features[:, 26:, ::2])  # passes through as it is
+    for part in (slice(0, 2), slice(2, 18), slice(18, 26), slice(26, 28)):  # levels, energies, waveform, detail
+        changed = features.clone()
+        changed[:, part] = _normal(2, part.stop - part.start, 64, seed=2)
+        difference = (layered.encode(changed) - latents)[:, 2:4].abs().mean((0, 2))
+        assert (difference > 0.02).all() if part.stop < 28 else not difference.any()
 
 
 @torch.no_grad()
@@ -93,30 +97,89 @@ def test_a_base_layer_is_completed_with_zeros(layered):
 @pytest.mark.parametrize("feature_hop", [4, 8, 16], ids=["1 of 4", "1 of 2", "all"])
 def test_band_levels_pass_through_as_they_are(make_lctg, bands, feature_hop):
     size, ratio = bands + 1, 16 // feature_hop
-    changes = {"feature_channels": 24 + size, "latent_channels": size + 4, "level_bands": bands}
+    changes = {"feature_channels": 26 + size, "latent_channels": size + 4, "level_bands": bands}
     model = make_lctg(**LAYERED | changes, feature_hop=feature_hop)
     assert (model.level_channels, model.base_channels) == (size, size + 2)
-    features = 5 * _normal(2, 24 + size, 32 * ratio)  # far beyond what a tanh could give
+    features = 5 * _normal(2, 26 + size, 32 * ratio)  # far beyond what a tanh could give
     latents = model.encode(features)
     levels = model.band_levels(latents)
     assert levels.shape == (2, size, 32) and torch.equal(levels, latents[:, :size])
     assert torch.equal(levels, features[:, :size, ::ratio])
+    assert torch.equal(latents[:, -2:], features[:, -2:, ::ratio])
     # the base layer alone holds them, so DALE can make them
     assert torch.equal(model.band_levels(model.complete(latents[:, : model.base_channels])), levels)
 
 
 @torch.no_grad()
-def test_band_levels_of_the_extractor_come_back(layered, make_extractor, pink_noise):
-    extractor = make_extractor(level_bands=1, feature_size=26)
+@pytest.mark.parametrize("time", [-1, 0, 400, 999])
+def test_an_untrained_decoder_leaves_what_is_given(layered, time):
+    for parameter in layered.decoder.conv_out.parameters():
+        parameter.zero_()  # as in new models
+    sample, latents = _normal(2, 1, 512), 3 * _normal(2, 6, 32, seed=1)
+    given, sine = synthesize(_serial(latents[:, 4:]), 8), math.sin(math.pi / 2 * (time + 1) / 1000)
+    velocity = layered(sample, time, latents).sample
+    torch.testing.assert_close(velocity, -sine * given, rtol=0, atol=1e-6)  # float32, up to 5
+    # ...and zeros give nothing
+    assert not layered(sample, time, layered.complete(latents[:, :4])).sample.any()
+
+
+@torch.no_grad()
+def test_the_decoder_denoises_what_is_left(layered):
+    """The whole velocity, put together by hand from what the decoder makes of the rest."""
+    sample, latents, heard = _normal(2, 1, 512), _normal(2, 6, 32, seed=1), []
+    layered.decoder.register_forward_hook(
+        lambda module, args, kwargs, out: heard.append((args, kwargs, out)), with_kwargs=True
+    )
+    times = torch.tensor([100.0, 700.0])
+    velocity = layered(sample, times, latents).sample
+    [((states, _), options, made)] = heard
+    given, angle = synthesize(_serial(latents[:, 4:]), 8), (math.pi / 2 * (times + 1) / 1000)[:, None, None]
+    # float32
+    torch.testing.assert_close(states, torch.cat([sample - angle.cos() * given, given], dim=1), rtol=0, atol=1e-5)
+    torch.testing.assert_close(velocity, made - angle.sin() * given, rtol=0, atol=1e-5)
+    assert torch.equal(options["context"], latents[:, :4])  # the base layer alone
+
+
+@torch.no_grad()
+def test_an_angle_is_the_schedulers(layered):
+    # the model adds the given waveform by an angle of its own
+    scheduler, times = VDDIMScheduler(), torch.tensor([-1.0, 0.0, 333.3, 999.0])
+    clean = synthesize(_serial(latents := _normal(4, 2, 32)), 8)
+    latents = torch.cat([torch.zeros(4, 4, 32), latents], dim=1)
+    heard = []
+    layered.decoder.register_forward_pre_hook(lambda module, args: heard.append(args[0]))
+    layered(scheduler.add_noise(clean, noise := _normal(4, 1, 512, seed=1), times), times, latents)
+    left = heard[0][:, :1]
+    expected = scheduler.angle(times).sin()[:, None, None].float() * noise
+    torch.testing.assert_close(left, expected, rtol=0, atol=1e-5)  # nothing but noise is left, float32
+
+
+@torch.no_grad()
+def test_the_detail_layer_follows_a_delay_of_whole_frames(layered, make_extractor, pink_noise):
+    extractor = make_extractor(level_bands=1, detail_samples=2, feature_size=28)
+    waveform = pink_noise(1024, 2500, count=2, rms=1.0).astype(np.float32)
+    first, later = (
+        layered.encode(torch.from_numpy(extractor.features(part)))[:, 4:]
+        for part in (waveform[:, :-48], waveform[:, 48:])
+    )
+    # a pulse reaches 8 frames to both sides: all but those at the ends have the same samples; float32
+    torch.testing.assert_close(later[..., 9:-12], first[..., 12:-9], rtol=0, atol=1e-6)
+    assert (later - first).abs().mean() > 0.1
+
+
+@torch.no_grad()
+def test_band_levels_and_detail_of_the_extractor_come_back(layered, make_extractor, pink_noise):
+    extractor = make_extractor(level_bands=1, detail_samples=2, feature_size=28)
     waveform, _ = extractor.normalize(pink_noise(2048, 10_000, count=2), 10_000)
     latents = layered.encode(torch.from_numpy(extractor.features(waveform)))
     assert torch.equal(layered.band_levels(latents), torch.from_numpy(extractor.band_levels(waveform)))
+    np.testing.assert_array_equal(_serial(latents[:, 4:]).numpy(), sample_low_band(waveform, 8).astype(np.float32))
 
 
 @torch.no_grad()
 @pytest.mark.parametrize("frames", [1, 2, 3, 31, 200])
 def test_any_length(layered, frames):
-    latents = layered.encode(_normal(1, 26, 2 * frames))
+    latents = layered.encode(_normal(1, 28, 2 * frames))
     assert latents.shape == (1, 6, frames) and layered.band_levels(latents).shape == (1, 2, frames)
     assert layered(_normal(1, 1, 16 * frames), 100, latents).sample.shape == (1, 1, 16 * frames)
 
@@ -149,8 +212,8 @@ def test_checkpoints_from_before_layers_load(pytestconfig, recorded_warnings):
         assert model.base_channels == model.config.latent_channels - model.config.detail_channels
     old = LCTGModel.from_pretrained(str(tiny), subfolder="lctg")
     assert "detail_channels" not in LCTGModel.load_config(str(tiny), subfolder="lctg")
-    assert (old.config.detail_channels, old.config.detail_features, old.config.level_bands) == (0, 0, 0)
-    assert old.base_channels == 4 and old.detail_encoder is None and old.level_channels == 0
+    assert (old.config.detail_channels, old.config.level_bands) == (0, 0)
+    assert old.base_channels == 4 and old.level_channels == 0
 
 
 @pytest.mark.parametrize("checkpointed", [False, True])
@@ -159,7 +222,7 @@ def test_every_parameter_learns(make_lctg, checkpointed):
     if checkpointed:
         model.enable_gradient_checkpointing()
     clean, noise, timesteps = _normal(2, 1, 512), _normal(2, 1, 512, seed=1), torch.tensor([200.0, 700.0])
-    latents = model.encode(_normal(2, 26, 64))
+    latents = model.encode(_normal(2, 28, 64))
     velocity = model(scheduler.add_noise(clean, noise, timesteps), timesteps, latents).sample
     (velocity - scheduler.get_velocity(clean, noise, timesteps)).square().mean().backward()
     idle = [

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 import torch
+from scipy import signal
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.features.low_band import synthesize
 from tactile_diffusers.signal import level, rms
 
-LAYERED = {"feature_channels": 26, "latent_channels": 6, "detail_channels": 2, "detail_features": 8, "level_bands": 1}
+LAYERED = {"feature_channels": 28, "latent_channels": 6, "detail_channels": 2, "level_bands": 1}
+EXTRACTOR = {"feature_size": 28, "detail_samples": 2, "level_bands": 1}
 RATINGS = [1.5, None, -1.0]
 
 
@@ -18,7 +21,7 @@ def make_layered(make_lctg, make_dale, make_extractor):
     def make(dale=True):
         pipe = TactileTexturePipeline(
             lctg=make_lctg(0, **LAYERED),
-            feature_extractor=make_extractor(level_bands=1, feature_size=26),
+            feature_extractor=make_extractor(**EXTRACTOR),
             scheduler=VDDIMScheduler(),
             dale=make_dale(1) if dale else None,
             dale_scheduler=VDDIMScheduler() if dale else None,
@@ -77,22 +80,26 @@ def test_a_list_of_generators_equals_single_calls(layered, seeded, duration_s):
 @pytest.mark.parametrize("samples", [1, 63, 2048, 2049, 50_000])
 def test_reconstructed_lengths(make_layered, pink_noise, seeded, samples):
     decoder = make_layered(dale=False)
-    texture = pink_noise(samples, 10_000, count=2) if samples > 1 else np.full((2, 1), 0.01)
+    texture = pink_noise(samples, 10_000, count=2) if samples > 1 else np.full((2, 1), 0.01)  # one sample: silence
     made = decoder.encode(texture, 10_000)
     assert made.latents.shape == (2, 6, -(-samples // 64))
     out = decoder.reconstruct(texture, 10_000, num_inference_steps=2, generator=seeded(0))
     assert out.textures.shape == (2, samples) and np.isfinite(out.textures).all()
     again = decoder.decode(made.latents, made.level, None, 2, seeded(0), samples=samples)
     np.testing.assert_array_equal(again.textures, out.textures)
-    if samples > 1:
-        np.testing.assert_allclose(rms(out.textures), rms(texture), rtol=1e-5)
+    np.testing.assert_allclose(level(out.textures), out.level, rtol=0, atol=1e-5)  # float32
 
 
-def test_the_base_layer_has_no_polarity(layered, pink_noise):
+def test_the_base_layer_of_energies_has_no_polarity(make_lctg, make_extractor, pink_noise):
+    pipe = TactileTexturePipeline(
+        lctg=make_lctg(**LAYERED | {"feature_channels": 20}),
+        feature_extractor=make_extractor(**EXTRACTOR | {"feature_size": 20, "use_waveform": False}),
+        scheduler=VDDIMScheduler(),
+    )
     texture = pink_noise(2048, 10_000, count=2)
-    made, flipped = layered.encode(texture, 10_000), layered.encode(-texture, 10_000)
+    made, flipped = pipe.encode(texture, 10_000), pipe.encode(-texture, 10_000)
     assert torch.equal(flipped.latents[:, :4], made.latents[:, :4]) and torch.equal(flipped.level, made.level)
-    assert (flipped.latents[:, 4:] - made.latents[:, 4:]).abs().mean() > 0.02
+    assert torch.equal(flipped.latents[:, 4:], -made.latents[:, 4:]) and made.latents[:, 4:].abs().mean() > 0.02
 
 
 def test_encoded_latents_begin_with_the_band_levels(layered, pink_noise):
@@ -101,11 +108,71 @@ def test_encoded_latents_begin_with_the_band_levels(layered, pink_noise):
     np.testing.assert_array_equal(layered.encode(texture, 10_000).latents[:, :2].numpy(), levels)
 
 
+@pytest.fixture
+def untrained(make_lctg, make_extractor):
+    """Four samples of the low end for each latent frame, up to 312 Hz, and a decoder that makes nothing of its own."""
+    pipe = TactileTexturePipeline(
+        lctg=make_lctg(feature_channels=28, latent_channels=8, detail_channels=4),
+        feature_extractor=make_extractor(feature_size=28, detail_samples=4),
+        scheduler=VDDIMScheduler(),
+    )
+    for parameter in pipe.lctg.decoder.conv_out.parameters():
+        torch.nn.init.zeros_(parameter)
+    pipe.set_progress_bar_config(disable=True)
+    return pipe
+
+
+def _below(texture, cutoff_hz):
+    sections = signal.butter(8, cutoff_hz, fs=10_000, output="sos")
+    return signal.sosfiltfilt(sections, texture, axis=-1)
+
+
+def _scaled_snr_db(made, real):
+    """In dB, after the one gain that fits best: a level counts for all frequencies, whether they are kept or not."""
+    gain = (made * real).sum(-1, keepdims=True) / np.square(made).sum(-1, keepdims=True)
+    return 10 * np.log10(np.square(real).mean(-1) / np.square(gain * made - real).mean(-1))
+
+
+@pytest.mark.parametrize("samples", [2048, 8192], ids=["one window", "fused windows"])
+def test_the_low_end_of_a_recording_comes_back_by_itself(untrained, pink_noise, seeded, samples):
+    texture = pink_noise(samples, 10_000, count=3)
+    # one step goes from the noise to what the velocity points at: nothing of the noise is left
+    made = untrained.reconstruct(texture, 10_000, num_inference_steps=1, generator=seeded(0)).textures
+    inside = slice(400, -400)  # pulses of 64 ms at both ends, where mirroring makes up a part
+    snr = _scaled_snr_db(*(_below(textures, 200)[:, inside] for textures in (made, texture)))
+    assert (snr > 25).all()
+    # what lies above is the decoder's to make, and this one makes nothing
+    high = [np.square(textures - _below(textures, 450))[:, inside].mean() for textures in (made, texture)]
+    assert high[0] < 0.01 * high[1]
+
+
+@pytest.mark.parametrize("steps", [1, 2, 5])
+def test_detail_adds_its_own_waveform_and_nothing_else(untrained, pink_noise, seeded, steps, monkeypatch):
+    waveforms = []
+    denormalize = untrained.feature_extractor.denormalize
+    monkeypatch.setattr(
+        untrained.feature_extractor, "denormalize", lambda x, *rest: waveforms.append(x) or denormalize(x, *rest)
+    )
+    made = untrained.encode(pink_noise(2048, 10_000, count=2), 10_000)
+    for latents in (made.latents, untrained.lctg.complete(made.latents[:, :4])):
+        untrained.decode(latents, made.level, None, steps, seeded(0))
+    with_detail, without = waveforms
+    given = synthesize(made.latents[:, 4:].transpose(1, 2).flatten(1), 4)[:, 0]
+    # the same noise twice, and a solver that is linear; float32 values of up to 4
+    torch.testing.assert_close(with_detail - without, given, rtol=0, atol=2e-5)
+
+
+@pytest.mark.parametrize("samples", [1, 2048])
+def test_constants_are_reconstructed_as_silence(make_layered, seeded, samples):
+    out = make_layered(False).reconstruct(np.full(samples, -0.3), 10_000, 2, seeded(0))
+    assert out.textures.shape == (1, samples) and not out.textures.any()
+
+
 def _four_levels(make_lctg, make_extractor):
     """Latents: 4 band levels, 2 learned channels of the base layer, 2 of the detail layer."""
     pipe = TactileTexturePipeline(
-        lctg=make_lctg(**LAYERED | {"feature_channels": 28, "latent_channels": 8, "level_bands": 3}),
-        feature_extractor=make_extractor(level_bands=3, feature_size=28),
+        lctg=make_lctg(**LAYERED | {"feature_channels": 30, "latent_channels": 8, "level_bands": 3}),
+        feature_extractor=make_extractor(**EXTRACTOR | {"feature_size": 30, "level_bands": 3}),
         scheduler=VDDIMScheduler(),
     )
     pipe.set_progress_bar_config(disable=True)
@@ -115,8 +182,9 @@ def _four_levels(make_lctg, make_extractor):
 def test_band_levels_in_the_latents_are_restored(make_lctg, make_extractor, seeded):
     pipe = _four_levels(make_lctg, make_extractor)
     extractor, wanted = pipe.feature_extractor, torch.tensor([-2.0, 1.0, 0.0, -1.0])
-    latents = torch.rand((4, 8, 128), generator=seeded(0)) * 2 - 1
-    latents[:, :4] = wanted[:, None]
+    base = torch.rand((4, 6, 128), generator=seeded(0)) * 2 - 1
+    base[:, :4] = wanted[:, None]
+    latents = pipe.lctg.complete(base)
     out = pipe.decode(latents, torch.full((4,), -5.0), num_inference_steps=3, generator=seeded(1))
     heard = extractor.band_levels(extractor.normalize(out.textures, 10_000)[0]).mean((0, 2))
     # up to the one gain that brings a texture to its level; resampling takes from what lies above the band. Against an
@@ -144,14 +212,29 @@ def test_band_levels_of_a_recording_are_restored(make_lctg, make_extractor, pink
 @pytest.mark.parametrize(("made", "kept"), [(1, 0), (0, 1), (1, 2)])
 def test_other_level_bands_are_refused(make_lctg, make_extractor, made, kept):
     message = f"`lctg` .* {made} band levels, `feature_extractor` measures {kept}: they belong to different"
-    size = 24 + (kept + 1 if kept else 0)
+    size = 26 + (kept + 1 if kept else 0)
     lctg = make_lctg(**LAYERED | {"level_bands": made, "feature_channels": size})
     with pytest.raises(ValueError, match=message):
         TactileTexturePipeline(
             lctg=lctg,
-            feature_extractor=make_extractor(level_bands=kept, feature_size=size),
+            feature_extractor=make_extractor(**EXTRACTOR | {"level_bands": kept, "feature_size": size}),
             scheduler=VDDIMScheduler(),
         )
+
+
+@pytest.mark.parametrize(("kept", "made"), [(2, 0), (0, 2), (2, 4)])
+def test_another_detail_layer_is_refused(make_lctg, make_extractor, kept, made):
+    lctg = make_lctg(**LAYERED | {"detail_channels": kept, "latent_channels": 4 + kept, "feature_channels": 26 + made})
+    extractor = make_extractor(**EXTRACTOR | {"detail_samples": made, "feature_size": 26 + made})
+    message = f"`lctg` has {kept} detail channels, `feature_extractor` makes {made} .*: they belong to different"
+    with pytest.raises(ValueError, match=message):
+        TactileTexturePipeline(lctg=lctg, feature_extractor=extractor, scheduler=VDDIMScheduler())
+
+
+def test_layers_of_another_frame_are_refused(make_lctg, make_extractor):
+    extractor = make_extractor(**EXTRACTOR | {"frame_multiple": 4})
+    with pytest.raises(ValueError, match="band levels and detail every 32 samples, `lctg` makes latents every 16"):
+        TactileTexturePipeline(lctg=make_lctg(**LAYERED), feature_extractor=extractor, scheduler=VDDIMScheduler())
 
 
 def test_a_dale_of_all_channels_is_refused(make_lctg, make_dale, make_extractor):
@@ -159,7 +242,7 @@ def test_a_dale_of_all_channels_is_refused(make_lctg, make_dale, make_extractor)
     with pytest.raises(ValueError, match="`dale` makes 6 latent channels, `lctg` generates from 4: they belong"):
         TactileTexturePipeline(
             lctg=make_lctg(**LAYERED),
-            feature_extractor=make_extractor(level_bands=1, feature_size=26),
+            feature_extractor=make_extractor(**EXTRACTOR),
             scheduler=VDDIMScheduler(),
             dale=dale,
             dale_scheduler=VDDIMScheduler(),

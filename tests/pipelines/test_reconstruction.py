@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from tactile_diffusers import TactileLatents, TactileTexturePipelineOutput
-from tactile_diffusers.signal import level, rms
+from tactile_diffusers.signal import level, resample, rms
 
 
 def _generator(seed=0):
@@ -21,7 +21,8 @@ def test_encode(pipe, pink_noise):
     textures = pink_noise(2048, 10_000, count=3) * np.array([[1.0], [4.0], [0.2]])
     made = pipe.encode(textures, 10_000)
     assert isinstance(made, TactileLatents) and made.latents.shape == (3, 4, 32)
-    np.testing.assert_allclose(made.level.numpy(), level(textures), rtol=1e-6)  # float32
+    held = resample(textures - textures.mean(-1, keepdims=True), 10_000, 2500)
+    np.testing.assert_allclose(made.level.numpy(), level(held), rtol=1e-6)  # float32
     assert torch.isnan(made.friction_coefficient).all() and made.friction_coefficient.shape == (3,)
     assert made.latents.abs().max() <= 1 and not made.latents.requires_grad
     tensors = pipe.encode(torch.from_numpy(textures), 10_000)
@@ -85,9 +86,11 @@ def test_reconstruct_keeps_length_and_level(decoder, pink_noise, sampling_rate, 
     out = decoder.reconstruct(texture, sampling_rate, num_inference_steps=2, generator=_generator())
     assert out.textures.shape == (2, round(samples * 10_000 / sampling_rate)) and out.sampling_rate == 10_000
     assert np.isnan(out.friction_coefficient).all() and np.isfinite(out.textures).all()
-    np.testing.assert_allclose(out.level, level(texture), rtol=1e-6)  # float32
-    if samples > 1:
-        np.testing.assert_allclose(rms(out.textures), rms(texture), rtol=1e-5)
+    held = resample(texture - texture.mean(-1, keepdims=True), sampling_rate, 2500)
+    np.testing.assert_allclose(out.level, level(held), rtol=1e-6)  # float32
+    np.testing.assert_allclose(level(out.textures), out.level, rtol=0, atol=1e-5)
+    if samples > 1:  # the band reaches to 900 Hz; a change of rate moves what lies at the ends
+        np.testing.assert_allclose(rms(out.textures), rms(texture), rtol=0.01)
 
 
 def test_reconstruct_is_encode_and_decode(decoder, pink_noise):
@@ -99,9 +102,12 @@ def test_reconstruct_is_encode_and_decode(decoder, pink_noise):
     assert isinstance(decoder.reconstruct(texture, 10_000, 2, _generator(), "pt").textures, torch.Tensor)
 
 
-def test_silence_is_reconstructed_as_silence(decoder):
-    out = decoder.reconstruct(np.zeros(2048), 10_000, num_inference_steps=2, generator=_generator())
-    assert np.isfinite(out.textures).all() and np.abs(out.textures).max() < 1e-9
+@pytest.mark.parametrize("value", [0.0, 0.01, -3.0])
+@pytest.mark.parametrize("samples", [1, 2048])
+def test_constants_are_reconstructed_as_silence(decoder, value, samples):
+    out = decoder.reconstruct(np.full(samples, value), 10_000, num_inference_steps=2, generator=_generator())
+    # the smallest level there is, 1e-15 N: the decoder makes something up from nothing, and it is brought to that
+    assert out.textures.shape == (1, samples) and not out.textures.any()
 
 
 def test_without_dale_there_is_no_generation(decoder):

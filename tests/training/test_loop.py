@@ -77,7 +77,7 @@ class TestArguments:
             ("gradient_accumulation_steps", "0"),
             ("checkpointing_steps", "0"),
             ("validation_steps", "0"),
-            ("validation_samples", "0"),
+            ("validation_samples", "-1"),
             ("max_train_samples", "0"),
             ("checkpoints_total_limit", "0"),
             *(("learning_rate", value) for value in ("0", "-1e-3", "nan")),

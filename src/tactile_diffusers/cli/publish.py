@@ -115,15 +115,18 @@ def _replace_lctg(pipe, folder):
     """Gives `pipe` the LCTG of another pipeline folder.
 
     Raises:
-        ValueError: if its encoder differs: DALE was trained on the latents of the one that `pipe` has.
+        ValueError: if its encoder differs: DALE was trained on the latents of the one that `pipe` has; or if it does
+            not fit the other components.
     """
     from tactile_diffusers import LCTGModel
+    from tactile_diffusers.pipelines.inputs import check_components
 
     other = LCTGModel.from_pretrained(folder, subfolder="lctg", dtype=pipe.lctg.dtype)
-    weights = pipe.lctg.encoder.state_dict()
-    if any(not value.equal(weights[name]) for name, value in other.encoder.state_dict().items()):
+    weights, others = pipe.lctg.encoder.state_dict(), other.encoder.state_dict()
+    if weights.keys() != others.keys() or any(not value.equal(weights[name]) for name, value in others.items()):
         raise ValueError(f"--lctg {folder} has another encoder than --checkpoint: DALE would speak another language.")
     pipe.register_modules(lctg=other)
+    check_components(pipe.lctg, pipe.feature_extractor, pipe.dale)  # what the weights of an encoder do not tell
 
 
 def _normal_force(data):

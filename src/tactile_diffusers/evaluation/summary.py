@@ -27,7 +27,7 @@ def report_markdown(report):
         "paper": (_paper_figures,),
         "speed": (_speed,),
         "long_textures": (_long,),
-        "latents": (lambda whole: latents_markdown(whole["latents"]),),
+        "latents": (lambda whole: latents_markdown(whole["latents"]) + "\n\n![latents](latents.png)",),
         "robustness": (lambda whole: robustness_markdown(whole["robustness"]),),
     }
     parts = [_head(report), _side_by_side(report)]

@@ -28,6 +28,7 @@ def _members(sampling_rate, band, count, window):
     """
     frequencies = np.fft.rfftfreq(window, 1 / sampling_rate)
     edges = band_edges(count, band)
+    edges[-1] += 2 * sampling_rate / window  # a tone on the edge lies in the band, with all of its main lobe
     members = np.searchsorted(edges[1:], frequencies, side="right")
     shares = np.bincount(members, minlength=count + 1)
     if not shares.all():
@@ -36,6 +37,15 @@ def _members(sampling_rate, band, count, window):
             "Hz. Use fewer bands or a longer window."
         )
     return members, shares / len(frequencies)
+
+
+def check_band_levels(sampling_rate, band, count, window, hop):
+    """Raises a `ValueError` unless levels of `count` bands can be measured, and restored, on such a grid."""
+    if window < 2 * hop or window % 2:
+        raise ValueError(
+            f"`level_bands` need an even window of at least two latent frames (2 x {hop} samples), got {window}."
+        )
+    _members(sampling_rate, tuple(band), count, window)
 
 
 def _transform(waveform, window, hop):

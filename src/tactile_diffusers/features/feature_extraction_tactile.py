@@ -8,7 +8,8 @@ from transformers.feature_extraction_sequence_utils import SequenceFeatureExtrac
 from transformers.feature_extraction_utils import BatchFeature, FeatureExtractionMixin  # noqa: F401 (diffusers' loader looks for the base class in this module)
 
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, power_spectral_density, resample, rms
-from .band_levels import impose_band_levels, measure_band_levels
+from .band_levels import check_band_levels, impose_band_levels, measure_band_levels
+from .low_band import sample_low_band
 
 #: powers below this are silence to the logarithm (a whitened texture has a mean power of 1 in every band)
 LOG_FLOOR = 1e-4
@@ -74,13 +75,14 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
     r"""
     Prepares textures for [`LCTGModel`] and turns what it decodes back into newtons.
 
-    A texture is resampled to the working rate, whitened by a fixed pre-emphasis and brought to unit RMS: its level is
-    kept beside it, as a number. The features are log-mel energies (paper section 2.2) at `hop_length`, and, when
-    `use_waveform`, the samples of each hop. Everything is computed row by row in float64 and returned as float32.
+    A texture is resampled to the working rate, freed from its mean, whitened by a fixed pre-emphasis and brought to
+    unit RMS: its level is kept beside it, as a number. The features are log-mel energies (paper section 2.2) at
+    `hop_length`, and, when `use_waveform`, the samples of each hop. Features that have one frame per latent come
+    `frame_multiple` times each. Everything is computed row by row in float64 and returned as float32.
 
     Args:
         feature_size (`int`, *optional*, defaults to 80): channels: `level_bands + 1` if there are any, plus
-            `num_filters`, plus `hop_length` if `use_waveform`, in this order.
+            `num_filters`, plus `hop_length` if `use_waveform`, plus `detail_samples`, in this order.
         sampling_rate (`int`, *optional*, defaults to 2500): the working rate, Hz.
         padding_value (`float`, *optional*, defaults to 0.0): unused; part of the transformers interface.
         delivery_rate (`int`, *optional*, defaults to 10000): rate of `denormalize`'s textures, Hz.
@@ -96,6 +98,11 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             `fit_preemphasis`; `None` = flat.
         level_bands (`int`, *optional*, defaults to 0): logarithmic bands whose levels over time `band_levels` measures
             and `denormalize` restores; 0 = none.
+        detail_samples (`int`, *optional*, defaults to 0): samples of the waveform's low end in each `hop_length *
+            frame_multiple` of its samples, half of which they divide (`features/low_band.py`); 0 = none.
+
+    Raises:
+        ValueError: if sizes, rates, windows or gains do not fit each other.
     """
 
     model_input_names = ["input_features", "level"]
@@ -116,10 +123,16 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         preemphasis_frequencies: list[float] | None = None,
         preemphasis_db: list[float] | None = None,
         level_bands: int = 0,
+        detail_samples: int = 0,
         **kwargs,
     ):
-        parts = {"level_bands + 1": level_bands + 1 if level_bands else 0, "num_filters": num_filters}
-        parts = {name: size for name, size in (parts | {"hop_length": hop_length * use_waveform}).items() if size}
+        parts = {
+            "level_bands + 1": level_bands + 1 if level_bands else 0,
+            "num_filters": num_filters,
+            "hop_length": hop_length * use_waveform,
+            "detail_samples": detail_samples,
+        }
+        parts = {name: size for name, size in parts.items() if size}
         if feature_size != sum(parts.values()):
             raise ValueError(f"`feature_size` must be {' + '.join(parts)} = {sum(parts.values())}, got {feature_size}.")
         if filter_scale not in FILTER_SCALES:
@@ -135,6 +148,14 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
                 f"`window_lengths` must hold at least one window, none shorter than a hop ({hop_length} samples), got "
                 f"{tuple(window_lengths)}."
             )
+        hop = hop_length * frame_multiple
+        if detail_samples < 0 or (detail_samples and hop % (2 * detail_samples)):
+            raise ValueError(
+                f"`detail_samples` must be 0 (none) or divide half of the {hop} samples of a latent frame, got "
+                f"{detail_samples}."
+            )
+        if level_bands:
+            check_band_levels(sampling_rate, tuple(band), level_bands, max(window_lengths), hop)
         frequencies, gains = preemphasis_frequencies, preemphasis_db
         if (frequencies is None) != (gains is None) or (
             frequencies is not None and (len(frequencies) != len(gains) or len(frequencies) == 0)
@@ -153,6 +174,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         self.preemphasis_frequencies = preemphasis_frequencies
         self.preemphasis_db = preemphasis_db
         self.level_bands = level_bands
+        self.detail_samples = detail_samples
         super().__init__(feature_size=feature_size, sampling_rate=sampling_rate, padding_value=padding_value, **kwargs)
 
     def __call__(self, texture, sampling_rate=None, return_tensors=None):
@@ -178,11 +200,16 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
 
         Returns:
             `tuple[np.ndarray, np.ndarray]`: waveform (batch, samples) float32, a multiple of
-            `hop_length * frame_multiple` samples, and level (batch,) float32, natural log of the RMS in N.
+            `hop_length * frame_multiple` samples, and level (batch,) float32, natural log of the RMS in N of what the
+            working rate holds, without the mean.
         """
         texture = self._check(texture, sampling_rate)
+        # a mean is no vibration, and rounding leaves 1e-16 of it
+        flat = np.ptp(texture, axis=-1) <= 1e-12 * np.abs(texture).max(-1)
+        texture = np.where(flat[:, None], 0.0, texture - texture.mean(-1, keepdims=True))
+        texture = resample(texture, sampling_rate, self.sampling_rate)
         levels = level(texture).astype(np.float32)
-        waveform = self._emphasize(resample(texture, sampling_rate, self.sampling_rate), +1)
+        waveform = self._emphasize(texture, +1)
         scale = rms(waveform)[:, None]
         waveform = waveform / np.where(scale > SILENCE, scale, np.inf)
         multiple = self.hop_length * self.frame_multiple
@@ -190,7 +217,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         return np.pad(waveform, ((0, 0), (0, missing))).astype(np.float32), levels
 
     def features(self, waveform):
-        """(batch, samples) of `normalize` -> (batch, feature_size, samples / hop_length) float32."""
+        """(batch, samples) of `normalize`, whole latent frames -> (batch, feature_size, feature frames) float32."""
         waveform = np.asarray(waveform, dtype=np.float64)
         frames = waveform.shape[-1] // self.hop_length
         banks = filterbank(self.sampling_rate, self.band, self.num_filters, self.window_lengths, self.filter_scale)
@@ -211,11 +238,15 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             parts.insert(0, np.repeat(levels, self.frame_multiple, axis=1))
         if self.use_waveform:
             parts.append(waveform.reshape(waveform.shape[0], frames, self.hop_length))
+        if self.detail_samples:
+            detail = sample_low_band(waveform, self._latent_grid["hop"] // self.detail_samples)
+            detail = detail.reshape(len(waveform), -1, self.detail_samples)
+            parts.append(np.repeat(detail, self.frame_multiple, axis=1))
         return np.ascontiguousarray(np.concatenate(parts, axis=-1).transpose(0, 2, 1), dtype=np.float32)
 
     @property
-    def _level_grid(self):
-        """Sampling rate, band, window and hop of the band levels: one frame for each frame of the latents."""
+    def _latent_grid(self):
+        """Sampling rate, band, window and hop of what has one frame for each frame of the latents."""
         return {
             "sampling_rate": self.sampling_rate,
             "band": self.band,
@@ -231,8 +262,13 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
 
         Returns:
             `np.ndarray`: (batch, level_bands + 1, samples / (hop_length * frame_multiple)) float32.
+
+        Raises:
+            ValueError: if the extractor has no `level_bands`.
         """
-        return measure_band_levels(waveform, count=self.level_bands, **self._level_grid).astype(np.float32)
+        if not self.level_bands:
+            raise ValueError("`level_bands` is 0: this feature extractor measures no levels of bands.")
+        return measure_band_levels(waveform, count=self.level_bands, **self._latent_grid).astype(np.float32)
 
     def denormalize(self, waveform, levels, samples=None, band_levels=None):
         """Undoes `normalize`: pre-emphasis removed, delivery rate, and exactly the RMS that `levels` asks for.
@@ -245,21 +281,34 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
 
         Returns:
             `np.ndarray`: (batch, samples) float32, N, zero mean within the band.
+
+        Raises:
+            ValueError: if `band_levels` has another shape.
         """
         waveform, levels = _as_float64(waveform), _as_float64(levels)
         if band_levels is not None:
-            waveform = impose_band_levels(waveform, _as_float64(band_levels), **self._level_grid)
+            shape = (len(waveform), self.level_bands + 1, waveform.shape[-1] // self._latent_grid["hop"])
+            if not self.level_bands or tuple(band_levels.shape) != shape:
+                raise ValueError(
+                    f"`band_levels` must be {shape if self.level_bands else None} for `level_bands` of "
+                    f"{self.level_bands} and a waveform of {tuple(waveform.shape)}, got {tuple(band_levels.shape)}."
+                )
+            waveform = impose_band_levels(waveform, _as_float64(band_levels), **self._latent_grid)
         texture = resample(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
         texture = texture - texture.mean(-1, keepdims=True)
-        scale = rms(texture)[:, None]
-        return (texture / np.where(scale > SILENCE, scale, np.inf) * np.exp(levels)[:, None]).astype(np.float32)
+        scale, wanted = rms(texture)[:, None], np.exp(levels)[:, None]
+        heard = (scale > SILENCE) & (wanted > SILENCE)
+        return (texture / np.where(heard, scale, np.inf) * wanted).astype(np.float32)
 
     def _emphasize(self, waveform, sign):
-        """Whitens (`sign` = +1) or colours back (-1) with zero phase; the ends are extended by reflection."""
+        """Whitens (`sign` = +1) or colours back (-1) with zero phase.
+
+        The ends are mirrored; turned about their last value, a decoded waveform's would become a step of the lows.
+        """
         if self.preemphasis_db is None:
             return waveform
         margin = min(waveform.shape[-1] - 1, int(2 * self.sampling_rate / self.band[0]))
-        padded = np.pad(waveform, ((0, 0), (margin, margin)), mode="reflect", reflect_type="odd")
+        padded = np.pad(waveform, ((0, 0), (margin, margin)), mode="reflect")
         bins = np.fft.rfftfreq(padded.shape[-1], 1 / self.sampling_rate)
         log_bins = np.log(np.maximum(bins, self.preemphasis_frequencies[0]))
         gains_db = np.interp(log_bins, np.log(self.preemphasis_frequencies), self.preemphasis_db)

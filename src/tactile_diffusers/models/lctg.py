@@ -1,5 +1,6 @@
 """LCTG, the Latent-Conditioned Texture Generator: an encoder and a diffusion decoder (paper section 2.2)."""
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -8,6 +9,7 @@ from diffusers.models.modeling_utils import ModelMixin
 from diffusers.utils import BaseOutput
 from torch import nn
 
+from ..features.low_band import synthesize
 from .embeddings import TimestepEmbedder, expand_timestep
 from .unet_1d import ChannelRMSNorm, UNet1D
 
@@ -78,17 +80,17 @@ class LCTGModel(ModelMixin, ConfigMixin):
 
     The latents may have layers, as a scalable codec has. The base layer is made from the spectrum over time: it is
     smooth, and it is what DALE generates. Its first channels may be the levels of bands as they are, which are
-    restored after decoding; the encoder learns the others. The detail layer, the last `detail_channels`, is made from
-    the waveform: it lets a recording come back with its own waveform, and zeros stand for "not given", where the
-    decoder makes one up.
+    restored after decoding; the encoder learns the others. The detail layer, the last `detail_channels`, is the low end
+    of the waveform itself, as fewer samples: the decoder makes what is left of the texture. So a recording comes back
+    with its own waveform where most of its power is; zeros stand for "not given", where the decoder makes up
+    everything.
 
     Args:
         feature_channels (`int`, *optional*, defaults to 80): channels of the features that the encoder hears.
         feature_hop (`int`, *optional*, defaults to 32): samples at the working rate per feature frame.
         latent_channels (`int`, *optional*, defaults to 16): channels of the latents, both layers.
-        detail_channels (`int`, *optional*, defaults to 0): how many of them, the last ones, are the detail layer.
-        detail_features (`int`, *optional*, defaults to 0): feature channels, the last ones, that only the detail layer
-            hears (the waveform's); 0 = all make the base layer, which needs `detail_channels` of 0 too.
+        detail_channels (`int`, *optional*, defaults to 0): how many of them, the last ones, are the detail layer: the
+            last features, as they are (`TactileFeatureExtractor.detail_samples`).
         level_bands (`int`, *optional*, defaults to 0): bands whose levels over time, with that of what lies above them,
             are the first `level_bands + 1` channels of the latents; 0 = none. They are the first features too, and pass
             through as they are.
@@ -126,24 +128,21 @@ class LCTGModel(ModelMixin, ConfigMixin):
         latent_noise: float = 0.1,
         num_train_timesteps: int = 1000,
         detail_channels: int = 0,
-        detail_features: int = 0,
         level_bands: int = 0,
     ):
         super().__init__()
         if level_bands < 0:
             raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
         levels = level_bands + 1 if level_bands else 0
-        if not (0 <= detail_channels < latent_channels - levels and 0 <= detail_features < feature_channels - levels):
+        heard = feature_channels - detail_channels
+        if not (0 <= detail_channels < latent_channels - levels and heard > levels):
             raise ValueError(
                 f"`detail_channels` ({detail_channels}) and the {levels} levels of bands must leave some of the "
-                f"`latent_channels` ({latent_channels}) to learn, and `detail_features` ({detail_features}) with them "
-                f"some of the `feature_channels` ({feature_channels}) to hear."
+                f"`latent_channels` ({latent_channels}) to learn, and some of the `feature_channels` "
+                f"({feature_channels}) to hear."
             )
-        if bool(detail_channels) != bool(detail_features):
-            raise ValueError(
-                f"`detail_channels` ({detail_channels}) and `detail_features` ({detail_features}) must both be 0, or "
-                "none of them."
-            )
+        if detail_channels and latent_hop % (2 * detail_channels):
+            raise ValueError(f"`detail_channels` ({detail_channels}) must divide half of `latent_hop` ({latent_hop}).")
         if latent_hop % feature_hop:
             raise ValueError(f"`latent_hop` ({latent_hop}) must be a multiple of `feature_hop` ({feature_hop}).")
         if segment_samples % latent_hop:
@@ -151,12 +150,19 @@ class LCTGModel(ModelMixin, ConfigMixin):
                 f"`segment_samples` ({segment_samples}) must be a multiple of `latent_hop` ({latent_hop})."
             )
         self.gradient_checkpointing = False
-        encoder = (encoder_width, kernel_size, latent_hop // feature_hop)
-        self.encoder = TactileEncoder(feature_channels - detail_features, self.base_channels - levels, *encoder)
-        self.detail_encoder = TactileEncoder(feature_channels, detail_channels, *encoder) if detail_channels else None
+        self.encoder = TactileEncoder(
+            heard, self.base_channels - levels, encoder_width, kernel_size, latent_hop // feature_hop
+        )
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.decoder = UNet1D(
-            1, 1, list(widths), patch_size, embedding_dim, kernel_size, latent_channels, context_stride=latent_hop
+            2 if detail_channels else 1,
+            1,
+            list(widths),
+            patch_size,
+            embedding_dim,
+            kernel_size,
+            self.base_channels,
+            context_stride=latent_hop,
         )
 
     @property
@@ -193,7 +199,7 @@ class LCTGModel(ModelMixin, ConfigMixin):
                 frames a multiple of `latent_hop / feature_hop`.
 
         Returns:
-            `torch.Tensor`: (batch, latent_channels, latent_frames), in (-1, 1) but for the levels of bands.
+            `torch.Tensor`: (batch, latent_channels, latent_frames); the learned channels lie in (-1, 1).
 
         Raises:
             ValueError: if the number of channels or frames does not fit the config.
@@ -218,22 +224,32 @@ class LCTGModel(ModelMixin, ConfigMixin):
                 (offloading, distributed training) see no other method.
         """
         if features is not None:
-            heard = features[:, : features.shape[1] - self.config.detail_features]
             ratio = self.config.latent_hop // self.config.feature_hop
-            # levels come once for each frame of the latents, repeated for its features' frames
-            layers = [features[:, : self.level_channels, ::ratio], self.encoder(heard)]
-            if self.detail_encoder is not None:
-                layers.append(self.detail_encoder(features))
-            return torch.cat(layers, dim=1)
+            heard, detail = features.tensor_split([features.shape[1] - self.config.detail_channels], dim=1)
+            # what passes through comes once for each frame of the latents, repeated for its features' frames
+            levels = features[:, : self.level_channels, ::ratio]
+            return torch.cat([levels, self.encoder(heard), detail[..., ::ratio]], dim=1)
         frames = -(-sample.shape[-1] // self.config.latent_hop)
         if latents.shape[-1] != frames:
             raise ValueError(
                 f"`latents` must have {frames} frames for {sample.shape[-1]} samples (one per "
                 f"{self.config.latent_hop}), got {latents.shape[-1]}."
             )
-        embedding = self.time_embedder(expand_timestep(timestep, sample), sample.dtype)
+        timestep = expand_timestep(timestep, sample)
+        embedding = self.time_embedder(timestep, sample.dtype)
         checkpoint = None
         if torch.is_grad_enabled() and self.gradient_checkpointing:
             checkpoint = self._gradient_checkpointing_func
-        velocity = self.decoder(sample, embedding, context=latents.to(sample.dtype), checkpoint=checkpoint)
+        latents = latents.to(sample.dtype)
+        if not self.config.detail_channels:
+            velocity = self.decoder(sample, embedding, context=latents, checkpoint=checkpoint)
+            return LCTGOutput(sample=velocity) if return_dict else (velocity,)
+        # what is given needs no making: the decoder denoises what is left of the texture without it
+        base, detail = latents.tensor_split([self.base_channels], dim=1)
+        stride = self.config.latent_hop // self.config.detail_channels
+        given = synthesize(detail.transpose(1, 2).flatten(1), stride)[..., : sample.shape[-1]]
+        angle = (timestep + 1) / self.config.num_train_timesteps * (math.pi / 2)
+        cosine, sine = (wave.to(sample.dtype)[:, None, None] for wave in (angle.cos(), angle.sin()))
+        states = torch.cat([sample - cosine * given, given], dim=1)
+        velocity = self.decoder(states, embedding, context=base, checkpoint=checkpoint) - sine * given
         return LCTGOutput(sample=velocity) if return_dict else (velocity,)

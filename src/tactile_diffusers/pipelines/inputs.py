@@ -190,9 +190,14 @@ def check_components(lctg, feature_extractor, dale):
             f"`lctg` keeps {lctg.config.level_bands} band levels, `feature_extractor` measures "
             f"{feature_extractor.level_bands}: {theirs}"
         )
-    if feature_extractor.level_bands and multiple != lctg.config.latent_hop:
+    if lctg.config.detail_channels != feature_extractor.detail_samples:
         raise ValueError(
-            f"`feature_extractor` measures band levels every {multiple} samples, `lctg` makes latents every "
+            f"`lctg` has {lctg.config.detail_channels} detail channels, `feature_extractor` makes "
+            f"{feature_extractor.detail_samples} samples of the low end: {theirs}"
+        )
+    if (feature_extractor.level_bands or feature_extractor.detail_samples) and multiple != lctg.config.latent_hop:
+        raise ValueError(
+            f"`feature_extractor` measures band levels and detail every {multiple} samples, `lctg` makes latents every "
             f"{lctg.config.latent_hop}: {theirs}"
         )
     if dale is not None and dale.latent_channels != lctg.base_channels:

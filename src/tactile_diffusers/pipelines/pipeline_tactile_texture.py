@@ -391,7 +391,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         """
         check_positive_integer("num_inference_steps", num_inference_steps)
         made = self.encode(texture, sampling_rate)
-        samples = round(np.shape(texture)[-1] * self.feature_extractor.delivery_rate / sampling_rate)
+        samples = max(1, round(np.shape(texture)[-1] * self.feature_extractor.delivery_rate / sampling_rate))
         return self.decode(
             made.latents, made.level, None, num_inference_steps, generator, output_type=output_type, samples=samples
         )

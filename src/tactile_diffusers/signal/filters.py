@@ -42,13 +42,13 @@ def band_pass(texture, sampling_rate, band=BAND_HZ, order=4, passes=2):
 
 @lru_cache(maxsize=16)
 def _anti_alias_filter(up, down):
-    """Kaiser low-pass for `resample`, flat up to 0.455 and stopped from 0.545 of the lower rate.
+    """Kaiser low-pass for `resample`, flat up to 0.48 and stopped from 0.52 of the lower rate.
 
-    Between 10 and 2.5 kHz that is 1137 and 1362 Hz: what would fold below 1.1 kHz is 80 dB down.
+    Between 10 and 2.5 kHz that is 1200 and 1300 Hz: what would fold below 1.2 kHz is 80 dB down.
     """
     fastest = max(up, down)
     nyquist = fastest / 2  # of the upsampled signal, in units of the lower rate
-    taps, beta = signal.kaiserord(80.0, 0.09 / nyquist)
+    taps, beta = signal.kaiserord(80.0, 0.04 / nyquist)
     return signal.firwin(taps | 1, 0.5 / nyquist, window=("kaiser", beta))
 
 

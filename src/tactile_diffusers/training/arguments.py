@@ -36,7 +36,7 @@ def add_training_arguments(parser):
     add("--checkpoints_total_limit", type=int, default=2)
     add("--resume_from_checkpoint", help="a checkpoint folder, or 'latest'")
     add("--validation_steps", type=int, default=500)
-    add("--validation_samples", type=int, default=64, help="held-out segments per validation")
+    add("--validation_samples", type=int, default=64, help="held-out segments per validation; 0 = none")
     add("--report_to", choices=["tensorboard", "wandb", "none"], default="tensorboard")
     add("--logging_dir", default="logs", help="inside --output_dir")
     add("--tracker_project_name", default="tactile_diffusers")
@@ -57,7 +57,6 @@ def check_training_arguments(args):
         "gradient_accumulation_steps",
         "checkpointing_steps",
         "validation_steps",
-        "validation_samples",
         "max_train_steps",
         "max_train_samples",
         "checkpoints_total_limit",
@@ -66,6 +65,7 @@ def check_training_arguments(args):
         value = getattr(args, name)
         if value is not None and value < 1:
             raise ValueError(f"--{name} must be at least 1, got {value}.")
+    check_not_negative(args, "validation_samples")
     if not args.learning_rate > 0:
         raise ValueError(f"--learning_rate must be positive, got {args.learning_rate}.")
     if not 0 <= args.ema_decay < 1:

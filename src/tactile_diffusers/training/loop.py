@@ -127,7 +127,7 @@ class Trainer:
         name (`str`): of the model in checkpoint folders.
         dataset: indexable, with `__len__`.
         collate (`Callable`, *optional*): items -> batch (a dict of tensors); `None` = stacked.
-        validate (`Callable`): `validate(model, step)` -> dict of scalars; called with the averaged weights.
+        validate (`Callable`, *optional*): `validate(model, step)` -> dict of scalars; called with the averaged weights.
     """
 
     def __init__(self, accelerator, args, step_module, name, dataset, collate, validate):
@@ -343,6 +343,6 @@ class Trainer:
                 sums, count = {}, 0
             if self.step % args.checkpointing_steps == 0:
                 self.save_checkpoint()
-            if self.step % args.validation_steps == 0 or self.step == self.total_steps:
+            if self.validate and (self.step % args.validation_steps == 0 or self.step == self.total_steps):
                 self._validate()
         bar.close()

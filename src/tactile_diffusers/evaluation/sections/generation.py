@@ -9,7 +9,7 @@ from ..figures import plot_unseen
 from ..generate import noise_seeds
 from ..novelty import TrainingWaveforms, closer_share, diversity, nearest_distance, precision_recall
 from ..reconstruction import out_of_band_ratio_db, rmse
-from ..statistics import jackknife, leaf, number
+from ..statistics import excess, jackknife, leaf, number
 
 #: Of precision and recall.
 NEIGHBOURS = 5
@@ -79,9 +79,7 @@ class _SetJudge:
         leaves = dict(distances)
         for name, distance in distances.items():
             leaves[f"{name}_real_real"] = real_distances[name]
-            known = None not in (distance["mean"], real_distances[name]["mean"])
-            excess = distance["mean"] - real_distances[name]["mean"] if known else None
-            leaves[f"{name}_excess"] = number(excess, distance["n"])
+            leaves[f"{name}_excess"] = excess(distance, real_distances[name])
         leaves["out_of_band_db"] = leaf(out_of_band_ratio_db(textures, context.rate), groups)
         silent = not np.any(textures)
         leaves |= {name: number() for name in ("diversity", "precision", "recall")}

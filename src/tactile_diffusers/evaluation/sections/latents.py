@@ -1,7 +1,7 @@
 """Section "latents": whether they are worth generating in: bounded, near-Gaussian, smooth in time, fit to be blended.
 
-Layers are told apart, as far as the checkpoint has them: DALE generates "levels" (of bands, measured, not bounded) and
-"base" (learned, bounded by 1); "detail" only reconstructs.
+Layers are told apart, as far as the checkpoint has them: DALE generates "levels" (of bands, measured) and "base"
+(learned, bounded by 1); "detail" (the low end of the waveform, measured) only reconstructs.
 All measures are recipes of ours; the participation ratio is (sum of eigenvalues)^2 / sum of their squares.
 """
 
@@ -16,8 +16,9 @@ from ..generate import noise_seeds
 from ..latent_figures import plot_latents
 from ..statistics import jackknife, leaf, number
 
-#: Learned latents are bounded by 1 (tanh): beyond this they count as driven into the bound.
+#: Learned latents are bounded by 1 (tanh): beyond this they count as driven into the bound. Others have no bound.
 NEAR_BOUND = 0.95
+BOUNDED = ("base",)
 #: Delays in latent frames that must delay the latents alike.
 DELAYS = (1, 4)
 #: Pairs of held-out surfaces that are blended, and weights of the second one.
@@ -36,7 +37,9 @@ def run(context):
     progress = tqdm(pairs, desc="blends", disable=context.quiet, leave=False)
     curves = np.stack([_blend(context, first, second) for first, second in progress])
     result = {
-        "layers": {name: layer_statistics(latents[:, rows], context.surfaces) for name, rows in layers.items()},
+        "layers": {
+            name: layer_statistics(latents[:, rows], context.surfaces, name in BOUNDED) for name, rows in layers.items()
+        },
         "time_shift": time_shift(
             context.encode_all, context.real, context.rate, frame_seconds, layers, surfaces=context.surfaces
         ),
@@ -55,18 +58,19 @@ def layers_of(lctg):
     return {name: rows for name, rows in layers.items() if rows.stop > rows.start}
 
 
-def layer_statistics(latents, surfaces):
+def layer_statistics(latents, surfaces, bounded=True):
     """Leaves of one layer of the latents.
 
     Args:
         latents (`np.ndarray`): (n, channels, frames).
         surfaces (`np.ndarray`): (n,) surface of each texture.
+        bounded (`bool`): whether they cannot pass 1.
 
     Returns:
-        `dict`: of textures "largest" (|z|) and "near_bound_share"; of channels, all textures together (n = channels,
-        the interval is over them) "channel_mean", "channel_std", "skew", "excess_kurtosis", "neighbour_correlation"
-        (of frames) and "slow_share" (power below a quarter of the frame rate: 0.5 of white noise); and
-        "effective_dimension". A channel that never changes has no shape and is left out.
+        `dict`: of textures "largest" (|z|) and, if `bounded`, "near_bound_share" (else empty); of channels, all
+        textures together (n = channels, the interval is over them) "channel_mean", "channel_std", "skew",
+        "excess_kurtosis", "neighbour_correlation" (of frames) and "slow_share" (power below a quarter of the frame
+        rate: 0.5 of white noise); and "effective_dimension". A channel that never changes has no shape and is left out.
     """
     latents = np.asarray(latents, dtype=np.float64)
     shape, spread = _standardised(latents)
@@ -78,7 +82,7 @@ def layer_statistics(latents, surfaces):
         slow_share = spectrum[..., slow].sum((0, 2)) / spectrum.sum((0, 2))
     return {
         "largest": leaf(size.max((1, 2)), surfaces),
-        "near_bound_share": leaf((size > NEAR_BOUND).mean((1, 2)), surfaces),
+        "near_bound_share": leaf((size > NEAR_BOUND).mean((1, 2)), surfaces) if bounded else number(),
         "channel_mean": leaf(latents.mean((0, 2))),
         "channel_std": leaf(spread),
         "skew": leaf((shape**3).mean((0, 2))),
