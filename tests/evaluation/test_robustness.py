@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.evaluation.generate import reconstruct
 from tactile_diffusers.evaluation.sections import QUICK, Context, robustness
 from tactile_diffusers.evaluation.sections.robustness import (
     differences,
@@ -16,7 +17,7 @@ from tactile_diffusers.evaluation.sections.robustness import (
     run,
 )
 from tactile_diffusers.evaluation.telling import robustness_markdown
-from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, band_edges, band_levels_db, rms
+from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, band_edges, band_levels_db, nine_band_error_db, rms
 
 EDGES = band_edges()
 
@@ -96,6 +97,10 @@ def prepared(tmp_path_factory):
     generate_recordings(folder / "r.h5", surfaces=10, seconds=8, explorers=1, seed=2, quiet=True)
     limits = SegmentLimits(seconds=2048 / 2500)
     prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=2, test=5, quiet=True)
+    apart = HoldOut(surfaces=("0000-*", "0001-*"))
+    prepare_recordings(
+        folder / "r.h5", folder / "apart.h5", limits=limits, validation=2, test=4, hold_out=apart, quiet=True
+    )
     return folder / "p.h5"
 
 
@@ -141,3 +146,22 @@ def test_section(evaluable_pipe, prepared, tmp_path, monkeypatch):
     written = robustness_markdown(first, 3)
     assert written.startswith("### Hard inputs") and "nan" not in written.lower()
     assert len({line.count("|") for line in written.splitlines() if line.startswith("|")}) == 1
+    assert first["hard_split"] is None and "keep apart" not in written
+
+
+def test_surfaces_kept_apart(evaluable_pipe, prepared, tmp_path):
+    data = prepared.with_name("apart.h5")
+    settings = replace(QUICK, per_surface=1)
+    context = Context(evaluable_pipe(False), data, "test", settings, 0, tmp_path)
+    found = robustness._hard_split(context)
+    hard = PreparedDataset(data, "hard")
+    assert found["nine_band_db"]["n"] == len(hard.non_overlapping(1, 0)) == found["times"]["n"] > 0
+    assert found["ordinary_nine_band_db"]["n"] == len(context.real)
+    # the ordinary ones are reconstructed as in the section of that name
+    made = reconstruct(context.pipe, context.real, context.rate, context.steps, context.seed)
+    error = nine_band_error_db(made, context.real, context.rate, context.edges).mean()
+    assert found["ordinary_nine_band_db"]["mean"] == pytest.approx(error)
+    ratio = found["nine_band_db"]["mean"] / found["ordinary_nine_band_db"]["mean"]
+    assert found["times"]["mean"] == pytest.approx(ratio)
+    # judged on what is kept apart, there is nothing else to compare with
+    assert robustness._hard_split(Context(evaluable_pipe(False), data, "hard", settings, 0, tmp_path)) is None

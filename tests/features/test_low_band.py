@@ -148,7 +148,9 @@ def test_the_number_of_samples_survives_saving_and_old_configs_have_none(make_ex
 
 @pytest.mark.parametrize("count", [-1, 3, 5, 16, 17, 32])
 def test_counts_that_do_not_divide_half_a_frame_are_refused(make_extractor, count):
-    with pytest.raises(ValueError, match=rf"`detail_samples` must be .*\(none\) or .*divide half of the 16 .* got {count}\b"):
+    with pytest.raises(
+        ValueError, match=rf"`detail_samples` must be .*\(none\) or .*divide half of the 16 .* got {count}\b"
+    ):
         _extractor(make_extractor, count)
 
 

@@ -76,8 +76,18 @@ def robustness_markdown(section, level=2):
         f"windows differ from the same decoded in one piece by {_both(long['windows'])}; another noise makes "
         f"{_both(long['other_noise'])}."
     )
-    return "\n\n".join(
-        [f"{'#' * level} Hard inputs, half precision, any length", markdown_table(rows, labels=labels), words]
+    parts = [f"{'#' * level} Hard inputs, half precision, any length", markdown_table(rows, labels=labels), words]
+    if section["hard_split"]:
+        parts.append(_hard_split(section["hard_split"]))
+    return "\n\n".join(parts)
+
+
+def _hard_split(entry):
+    return (
+        f"Surfaces, classes and fingers that the data keep apart ({entry['nine_band_db']['n']} segments): nine-band "
+        f"error {text(entry['nine_band_db']['mean'], 3)} dB, {text(entry['times']['mean'])} times that of the ordinary "
+        f"held-out surfaces ({text(entry['ordinary_nine_band_db']['mean'], 3)} dB); SNR "
+        f"{text(entry['snr_db']['mean'])} dB against {text(entry['ordinary_snr_db']['mean'])} dB."
     )
 
 

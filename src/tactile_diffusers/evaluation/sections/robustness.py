@@ -1,14 +1,15 @@
-"""Section "robustness": hard inputs, half precision, and long textures decoded whole against in windows."""
+"""Section "robustness": hard inputs and surfaces, half precision, long textures decoded whole against in windows."""
 
 from copy import deepcopy
 
 import numpy as np
 import torch
 
+from ...data import PreparedDataset
 from ...pipelines.velocities import texture_velocity
 from ...signal import band_levels_db, band_pass, level, nine_band_error_db, rms
 from ..generate import noise_seeds, reconstruct
-from ..reconstruction import DB_PER_NEPER, out_of_band_ratio_db
+from ..reconstruction import DB_PER_NEPER, out_of_band_ratio_db, snr_db
 from ..statistics import leaf, number
 
 #: Steps at which hard inputs are reconstructed.
@@ -41,6 +42,7 @@ def run(context):
             },
             "bfloat16": _half_precision(context),
             "any_length": _any_length(context),
+            "hard_split": _hard_split(context),
         }
     }
 
@@ -142,6 +144,29 @@ def differences(made, wanted, sampling_rate, edges, surfaces):
         "rms_difference": leaf(rms(made - wanted) / rms(wanted), surfaces),
         "nine_band_db": leaf(nine_band_error_db(made, wanted, sampling_rate, edges), surfaces),
     }
+
+
+def _hard_split(context):
+    """Reconstructions of the surfaces, classes and fingers that the data keep apart, beside the ordinary held-out ones.
+
+    Returns:
+        `dict` or `None`: leaves "nine_band_db", "snr_db", "ordinary_nine_band_db", "ordinary_snr_db" and "times", the
+        ratio of the nine-band errors; None where the data keep nothing apart.
+    """
+    if "hard" not in context.held_out.splits or context.split == "hard":
+        return None
+    hard = PreparedDataset(context.held_out.path, "hard")
+    rows = hard.non_overlapping(context.settings.per_surface, context.seed)
+    sets = {"": (hard.textures(rows), hard.surface_ids[rows]), "ordinary_": (context.real, context.surfaces)}
+    found = {}
+    for name, (textures, surfaces) in sets.items():
+        made = reconstruct(context.pipe, textures, context.rate, context.steps, context.seed, quiet=context.quiet)
+        error = nine_band_error_db(made, textures, context.rate, context.edges)
+        found[f"{name}nine_band_db"] = leaf(error, surfaces)
+        newtons = context.held_out.unit == "N"
+        found[f"{name}snr_db"] = leaf(snr_db(made, textures), surfaces) if newtons else number()
+    found["times"] = number(found["nine_band_db"]["mean"] / found["ordinary_nine_band_db"]["mean"], len(rows))
+    return found
 
 
 def _any_length(context):
