@@ -63,11 +63,15 @@ def parse_args(argv=None):
     parser.add_argument(
         "--phi_exponent", type=float, default=0.0, help="velocity loss weighted by cos(phi) ** exponent; 0 = flat"
     )
+    parser.add_argument(
+        "--latent_penalty", type=float, default=0.0, help="of the mean square of the learned latents; 0 = off"
+    )
     parser.add_argument("--detail_dropout", type=float, default=0.5, help="share of textures without detail layer")
     parser.add_argument("--preemphasis_clip_db", type=float, default=30.0, help="largest whitening gain; 0 = none")
     args = parser.parse_args(argv)
     check_training_arguments(args)
-    check_not_negative(args, "spectral_loss_weight", "preemphasis_clip_db", "octave_exponent", "phi_exponent")
+    weights = ("spectral_loss_weight", "preemphasis_clip_db", "octave_exponent", "phi_exponent", "latent_penalty")
+    check_not_negative(args, *weights)
     if not 0 <= args.detail_dropout <= 1:
         raise ValueError(f"--detail_dropout must lie in [0, 1], got {args.detail_dropout}.")
     return args
@@ -93,7 +97,9 @@ class LCTGTrainingStep(nn.Module):
         sign = draw(clean[:, :, :1]).sign()
         clean = clean * sign
         features = torch.cat([features[:, : self.without_sign], features[:, self.without_sign :] * sign], dim=1)
-        latents = self.noisy_latents(features, generator)
+        latents = self.model.encode(features)
+        learned = latents[:, self.model.level_channels : self.model.base_channels]
+        latents = self.noisy_latents(latents, generator)
         noise = draw(clean)
         # phi is uniform and stratified over the batch: the loss is less noisy from step to step
         strata = torch.arange(len(clean), device=clean.device) + torch.rand(
@@ -126,15 +132,18 @@ class LCTGTrainingStep(nn.Module):
             spectral = (spectral * cosine.square()).mean()
             loss = loss + self.args.spectral_loss_weight * spectral
             scalars["spectral"] = spectral.detach()
+        if self.args.latent_penalty:
+            # against the noise a bounded channel saturates; where power costs, it comes near to a Gaussian
+            scalars["latent_power"] = learned.detach().square().mean()
+            loss = loss + self.args.latent_penalty * learned.square().mean()
         return loss, scalars
 
-    def noisy_latents(self, features, generator):
+    def noisy_latents(self, latents, generator):
         """Latents with noise, and in some rows without their detail layer."""
 
         def draw(kind, *shape):
-            return kind(shape, generator=generator, device=features.device)
+            return kind(shape, generator=generator, device=latents.device)
 
-        latents = self.model.encode(features)
         latents = latents + self.model.config.latent_noise * draw(torch.randn, *latents.shape)
         if self.model.config.detail_channels:
             kept = draw(torch.rand, len(latents), 1, 1) >= self.args.detail_dropout

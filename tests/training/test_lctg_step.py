@@ -59,7 +59,8 @@ def batch():
 def test_the_detail_layer_alone_is_dropped_as_often_as_asked(step, dropout):
     module = step("--detail_dropout", str(dropout), config=LAYERED | {"latent_noise": 0.0})
     features = _normal(600, 28, 4)
-    latents, clean = module.noisy_latents(features, _generator()), module.model.encode(features)
+    clean = module.model.encode(features)
+    latents = module.noisy_latents(clean, _generator())
     assert torch.equal(latents[:, :4], clean[:, :4])
     dropped = ~latents[:, 4:].flatten(1).any(1)
     assert torch.equal(latents[~dropped], clean[~dropped])  # a row has all of its detail layer or nothing
@@ -70,10 +71,11 @@ def test_the_detail_layer_alone_is_dropped_as_often_as_asked(step, dropout):
 @torch.no_grad()
 def test_noise_is_on_both_layers_but_not_where_detail_is_missing(step):
     module, features = step("--detail_dropout", "0"), _normal(200, 28, 64)
-    noise = module.noisy_latents(features, _generator()) - module.model.encode(features)
+    clean = module.model.encode(features)
+    noise = module.noisy_latents(clean, _generator()) - clean
     # 200 x 32 values or more of each channel: its standard deviation is known to 1 %
     torch.testing.assert_close(noise.std((0, 2)), torch.full((6,), 0.1), rtol=0.05, atol=0)
-    without = step("--detail_dropout", "1").noisy_latents(features, _generator())
+    without = step("--detail_dropout", "1").noisy_latents(clean, _generator())
     assert not without[:, 4:].any() and without[:, :4].any()
 
 
@@ -81,7 +83,8 @@ def test_noise_is_on_both_layers_but_not_where_detail_is_missing(step):
 def test_without_a_detail_layer_nothing_is_dropped(step):
     module = step("--detail_dropout", "1", config={"latent_noise": 0.0})
     features = _normal(3, 24, 64)
-    assert torch.equal(module.noisy_latents(features, _generator()), module.model.encode(features))
+    latents = module.model.encode(features)
+    assert torch.equal(module.noisy_latents(latents, _generator()), latents)
 
 
 @torch.no_grad()
@@ -90,8 +93,8 @@ def test_the_drawn_polarity_changes_the_waveform_and_its_features_alone(step, ba
     module, heard, targets = step(config=config), [], []
     size = module.model.config.feature_channels
     batch["input_features"] = batch["input_features"][:, :size]
-    noisy_latents, get_velocity = module.noisy_latents, module.scheduler.get_velocity
-    monkeypatch.setattr(module, "noisy_latents", lambda f, g: heard.append(f) or noisy_latents(f, g))
+    encode, get_velocity = module.model.encode, module.scheduler.get_velocity
+    monkeypatch.setattr(module.model, "encode", lambda f: heard.append(f) or encode(f))
     monkeypatch.setattr(module.scheduler, "get_velocity", lambda x, *a: targets.append(x) or get_velocity(x, *a))
     module(batch, _generator())
     signs = targets[0][:, 0, 0] / batch["waveform"][:, 0]
@@ -114,6 +117,20 @@ def test_every_parameter_learns(step, batch):
 
 
 # --- losses
+
+
+@torch.no_grad()
+def test_the_power_of_what_is_learned_costs(step, batch, monkeypatch):
+    plain, penalised, made = step(), step("--latent_penalty", "0.5"), []
+    encode = penalised.model.encode
+    monkeypatch.setattr(penalised.model, "encode", lambda features: made.append(encode(features)) or made[0])
+    loss, scalars = plain(batch, _generator())
+    more, with_power = penalised(batch, _generator())
+    # levels and detail are what they are: they cost nothing
+    power = made[0][:, penalised.model.level_channels : penalised.model.base_channels].square().mean()
+    assert set(scalars) == {"velocity"} and set(with_power) == {"velocity", "latent_power"}
+    assert torch.equal(with_power["latent_power"], power)
+    torch.testing.assert_close(more, loss + 0.5 * with_power["latent_power"], rtol=1e-5, atol=0)
 
 
 @torch.no_grad()
@@ -197,6 +214,7 @@ def test_the_threshold_weighs_frequencies_and_keeps_the_size_of_the_loss():
         (["--detail_dropout", "1.5"], r"--detail_dropout must lie in \[0, 1\], got 1.5"),
         (["--detail_dropout", "nan"], r"--detail_dropout must lie in \[0, 1\], got nan"),
         (["--phi_exponent", "-1"], "--phi_exponent"),
+        (["--latent_penalty", "-1"], "--latent_penalty"),
         (["--spectral_loss_weight", "-1"], "--spectral_loss_weight"),
     ],
 )
