@@ -163,7 +163,7 @@ def _tell(rows, plans, arguments):
     if arguments.readme is not None:
         folder = readme.results_folder(arguments.readme_name)
         readme.copy_results(output, arguments.readme.parent / folder)
-        shown = markdown(results, **facts, pictures=folder.as_posix())
+        shown = markdown(results, **facts, pictures=folder.as_posix(), short=True)
         readme.write_between(arguments.readme, arguments.readme_name, shown)
     print(text)
     return True

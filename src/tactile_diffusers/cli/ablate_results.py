@@ -8,12 +8,14 @@ from ..evaluation.tables import markdown_table
 _MAIN = {
     "millions": ("parameters, M", 2),
     "step_seconds": ("s per training step", 3),
-    "training_minutes": ("minutes of training", 1),
+    "training_minutes": ("minutes of training, with DALE", 1),
     "loss": ("last loss", 3),
-    "nine_band_db_5": ("nine-band error at 5 steps, dB", 2),
-    "nine_band_db": ("at 10", 2),
+    "nine_band_db_5": ("nine-band error at 5 steps, dB", 3),
+    "nine_band_db": ("at 10", 3),
+    "base_nine_band_db": ("from the base layer alone", 3),
     "ktd_excess_5": ("KTD over real at 5 steps", 1),
     "ktd_excess": ("at 10", 1),
+    "base_ktd_excess": ("from the base layer alone", 1),
     "ftd_excess": ("FTD over real", 1),
     "snr_db": ("SNR, dB", 2),
     "power_difference_percent": ("power difference, %", 3),
@@ -37,13 +39,14 @@ _RATE = {
 }
 
 
-def markdown(results, data, split, pictures="."):
+def markdown(results, data, split, pictures=".", short=False):
     """Tables and pictures of an ablation.
 
     Args:
         results (`dict[str, dict]`): name of a row -> its result.json.
         data, split (`str`): what the rows were measured on.
-        pictures (`str`): folder of the pictures as the text links to it.
+        pictures (`str`): folder of the pictures, and of report.md, as the text links to it.
+        short (`bool`): without the tables of bands and of rate and distortion, which are in report.md.
     """
     titles = {name: f"{result['question']} (`{name}`)" for name, result in results.items()}
     finalists = {name: result for name, result in results.items() if "generation" in result}
@@ -53,32 +56,42 @@ def markdown(results, data, split, pictures="."):
         "held-out segments stand for 0 in every distance over real.",
         markdown_table({titles[name]: _main(result) for name, result in results.items()}, labels=_MAIN),
         f"![nine-band error and KTD of every row]({pictures}/rows.png)",
-        "Signed error of each band at 10 steps, dB:",
-        markdown_table({titles[name]: _signed(result) for name, result in results.items()}, labels=BANDS),
     ]
+    if not short:
+        parts += [
+            "Signed error of each band at 10 steps, dB:",
+            markdown_table({titles[name]: _signed(result) for name, result in results.items()}, labels=BANDS),
+        ]
     if finalists:
         table = {titles[name]: result["generation"] | result for name, result in finalists.items()}
         parts += ["The whole pipeline, from ratings, without guidance:", markdown_table(table, labels=_FINALISTS)]
+    parts += [
+        "Rate and distortion: latents that carry Gaussian noise, beside the texture low-passed to as many numbers "
+        "and bits a second:",
+        f"![nine-band error and SNR over bits]({pictures}/rate_distortion.png)",
+        f"[All tables]({pictures}/report.md)" if short else markdown_table(_points(results), labels=_RATE),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _points(results):
+    """The points of every row's rate-distortion curve, flat."""
     points = {}
     for name, result in results.items():
         for point in result["rate_distortion"]:
             kind = ", base layer only" if point["base_only"] else ""
             low_passed = {f"decimated_{key}": value for key, value in point["decimated"].items()}
             points[f"`{name}`, noise {point['sigma']:g}{kind}"] = point | low_passed
-    parts += [
-        "Rate and distortion: latents that carry Gaussian noise, beside the texture low-passed to as many numbers "
-        "and bits a second:",
-        f"![nine-band error and SNR over bits]({pictures}/rate_distortion.png)",
-        markdown_table(points, labels=_RATE),
-    ]
-    return "\n\n".join(parts) + "\n"
+    return points
 
 
 def _main(result):
     few, many = result["steps"]["5"], result["steps"]["10"]
-    at_five = {f"{key}_5": few[key] for key in ("nine_band_db", "ktd_excess")}
+    shown = {f"{key}_5": few[key] for key in ("nine_band_db", "ktd_excess")}
+    alone = [point for point in result["rate_distortion"] if point["base_only"]]
+    shown |= {f"base_{key}": alone[0][key] if alone else None for key in ("nine_band_db", "ktd_excess")}
     scaled = {"millions": result["parameters"] / 1e6, "training_minutes": result["training_seconds"] / 60}
-    return result | many | at_five | scaled
+    return result | many | shown | scaled
 
 
 def _signed(result):
