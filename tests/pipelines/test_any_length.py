@@ -97,8 +97,8 @@ def test_one_velocity_of_ten_seconds_equals_that_of_pieces(pipe, start):
 def test_ten_seconds_decoded_whole_equal_overlapped_pieces():
     """The bundled model, whose windows are shorter than what its coarsest level sees: equal to a tolerance only.
 
-    The RMS of the difference is 6 % and the nine bands differ by 0.3 dB on average, here and on recordings; the
-    tolerance is about twice that.
+    The RMS of the difference is 3.4 % and the nine bands differ by 0.003 dB on these latents, which jump from frame to
+    frame; the tolerance of the RMS is twice that. On recordings it is 0.5 % (report, section "robustness").
     """
     pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
     lctg, generator = pipe.lctg, torch.Generator().manual_seed(0)
@@ -117,8 +117,8 @@ def test_ten_seconds_decoded_whole_equal_overlapped_pieces():
         levels = lctg.band_levels(latents)
         made.append(pipe.feature_extractor.denormalize(state[:, 0], torch.tensor([-5.0]), band_levels=levels))
     whole, pieces = made
-    assert 0 < rms(pieces - whole)[0] < 0.15 * rms(whole)[0]
-    assert nine_band_error_db(pieces, whole, 10_000)[0] < 0.6
+    assert 0 < rms(pieces - whole)[0] < 0.07 * rms(whole)[0]
+    assert nine_band_error_db(pieces, whole, 10_000)[0] < 0.02
 
 
 _PEAK = """
