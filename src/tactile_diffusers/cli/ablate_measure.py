@@ -10,7 +10,7 @@ from ..evaluation.envelopes import Grid, surface_means
 from ..evaluation.generate import noise_seeds, reconstruct
 from ..evaluation.reconstruction import SIGNED_BANDS_HZ, signed_band_key, snr_db
 from ..evaluation.sections import Context, Settings
-from ..evaluation.sections.context import check_fit
+from ..evaluation.sections.context import HALF_PRECISION, check_fit
 from ..evaluation.sections.reconstruction import pair_metrics
 from ..evaluation.sections.speed import decoding_seconds
 from ..evaluation.statistics import excess
@@ -24,8 +24,6 @@ SETTINGS = Settings(steps=STEPS, per_surface=4, takes=4, repeats=3)
 SIGMAS = (0.05, 0.1, 0.2, 0.4, 0.8)
 #: Segments that the rate-distortion curve is measured on.
 RATE_SEGMENTS = 60
-#: What limits the rate of latents that no noise was added to in training: half precision, as they are stored.
-HALF_PRECISION = 2.0**-11
 _BATCH = 32
 
 
@@ -95,7 +93,7 @@ def reconstruction(context):
             "signed_db": {signed_band_key(band): leaves[signed_band_key(band)]["mean"] for band in SIGNED_BANDS_HZ},
             "seconds": float(np.median(decoding_seconds(context, context.pipe, count))),
         }
-    return {"parameters": sum(parameter.numel() for parameter in context.pipe.lctg.parameters()), "steps": steps}
+    return {"parameters": context.pipe.lctg.num_parameters(), "steps": steps}
 
 
 def _excess(context, leaves):

@@ -83,8 +83,7 @@ def _anchors(context, conditions, folder):
 
 
 def _training(pipe, folders):
-    parameters = sum(parameter.numel() for parameter in pipe.lctg.parameters())
-    return training_facts(folders) | {"parameters": parameters}
+    return training_facts(folders) | {"parameters": pipe.lctg.num_parameters()}
 
 
 def _embedding(context):

@@ -13,6 +13,8 @@ from ..baselines import BaselineRequest, TrainingTextures, default_baselines, la
 from ..generate import generate, latent_summary, noise_seeds
 from ..reference import Reference
 
+#: What limits the rate of latents that no noise was added to in training: half precision, as they are stored.
+HALF_PRECISION = 2.0**-11
 # segments encoded to find the rate of the latents, textures encoded at once
 _RATE_SEGMENTS, _BATCH = 200, 64
 
@@ -247,8 +249,7 @@ class Context:
         config = pipe.lctg.config
         spaced = np.linspace(0, len(self.training.textures) - 1, _RATE_SEGMENTS).astype(int)
         latents = _encode(pipe, self.training.textures[np.unique(spaced)], self.rate)
-        # without noise in training nothing but the half precision of stored weights and latents limits the rate
-        sigma = config.latent_noise or 2.0**-11
+        sigma = config.latent_noise or HALF_PRECISION
         frames_per_second = pipe.feature_extractor.sampling_rate / config.latent_hop
         return config.latent_channels * frames_per_second, float(latent_rate(latents, sigma))
 
