@@ -18,7 +18,7 @@ from tqdm.auto import tqdm
 from tactile_diffusers import DALEModel, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.ratings import rating_quantiles
-from tactile_diffusers.models.dale import NUM_SCALARS
+from tactile_diffusers.models.dale import NUM_SCALARS, latent_statistics
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.arguments import (
     add_training_arguments,
@@ -28,8 +28,8 @@ from tactile_diffusers.training.arguments import (
 )
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
 from tactile_diffusers.training.loop import Trainer, make_accelerator
-from tactile_diffusers.training.losses import rating_loss, velocity_loss
-from tactile_diffusers.training.rating_head import train_rating_head
+from tactile_diffusers.training.losses import rating_loss
+from tactile_diffusers.training.rating_head import fit_rating_estimator
 
 
 def parse_args(argv=None):
@@ -40,6 +40,13 @@ def parse_args(argv=None):
     parser.add_argument("--model_config_name_or_path", help="JSON with dale and dale_scheduler arguments")
     parser.add_argument("--condition_dropout", type=float, default=0.25, help="probability of dropping each axis")
     parser.add_argument("--unconditional", type=float, default=0.1, help="probability of dropping all axes")
+    parser.add_argument("--max_train_surfaces", type=int, help="use only this many training surfaces, evenly spread")
+    parser.add_argument(
+        "--ratings",
+        choices=["pooled", "single"],
+        default="pooled",
+        help="each surface's mean over raters, or another single rater's each time (as in the paper)",
+    )
     parser.add_argument(
         "--rating_jitter", type=float, default=1.0, help="spread of the ratings in units of their mean's standard error"
     )
@@ -48,14 +55,30 @@ def parse_args(argv=None):
     parser.add_argument("--rating_head_steps", type=int, default=600, help="updates of the head of the auxiliary loss")
     args = parser.parse_args(argv)
     check_training_arguments(args)
-    for name in ("rating_head_steps", "validation_samples"):
-        if getattr(args, name) < 1:
+    for name in ("rating_head_steps", "validation_samples", "max_train_surfaces"):
+        if getattr(args, name) is not None and getattr(args, name) < 1:
             raise ValueError(f"--{name} must be at least 1, got {getattr(args, name)}.")
     for name in ("condition_dropout", "unconditional"):
         if not 0 <= getattr(args, name) <= 1:
             raise ValueError(f"--{name} must lie in [0, 1], got {getattr(args, name)}.")
     check_not_negative(args, "rating_jitter", "scalar_weight", "conditioning_weight")
     return args
+
+
+def number_losses(dale, difference, knows_friction, weight):
+    """Mean squared error of the velocity: of what varies over the texture, and of the numbers of the whole.
+
+    Args:
+        dale (`DALEModel`): says what is read of a state.
+        difference (`torch.Tensor`): (batch, in_channels, frames), velocity minus its target.
+        knows_friction (`torch.Tensor`): (batch,) bool; an unknown friction coefficient counts nothing.
+        weight (`torch.Tensor`): (batch,) how much each texture counts.
+    """
+    squares = dale.numbers(difference.float()).square() * weight[:, None, None]
+    learned, departures, scalars = squares.split(dale.kinds, dim=1)
+    known = torch.ones_like(scalars[..., 0])
+    known[:, -1] = knows_friction
+    return sum(part.mean() for part in (learned, departures) if part.numel()), (scalars.mean(-1) * known).mean()
 
 
 class DALETrainingStep(nn.Module):
@@ -75,7 +98,12 @@ class DALETrainingStep(nn.Module):
         def normal(shape):
             return torch.randn(shape, generator=generator, device=device)
 
-        ratings = batch["ratings"] + args.rating_jitter * batch["ratings_error"] * normal(batch["ratings"].shape)
+        ratings = batch["ratings"]
+        if args.ratings == "single":  # of another rater for each texture
+            rater = (uniform(len(clean)) * ratings.shape[1]).long()
+            ratings = ratings[torch.arange(len(clean), device=device), rater]
+        else:
+            ratings = ratings + args.rating_jitter * batch["ratings_error"] * normal(ratings.shape)
         dropped = (uniform(*ratings.shape) < args.condition_dropout) | (uniform(len(ratings), 1) < args.unconditional)
         ratings = ratings.masked_fill(dropped, torch.nan)
 
@@ -86,18 +114,17 @@ class DALETrainingStep(nn.Module):
         velocity = self.model(noisy, timesteps, ratings, return_dict=False)[0].float()
         target = self.scheduler.get_velocity(clean, noise, timesteps)
 
-        latent_loss = velocity_loss(velocity[:, :-NUM_SCALARS], target[:, :-NUM_SCALARS]).mean()
-        # only the sum over frames is ever read of the two scalar channels; friction may be unknown
-        frames = clean.shape[-1] ** 0.5
-        difference = (velocity - target)[:, -NUM_SCALARS:].sum(-1) / frames
-        scalar_loss = (difference * batch["known_scalars"]).square().mean()
+        latent_loss, scalar_loss = number_losses(
+            self.model, velocity - target, batch["knows_friction"], batch["weight"]
+        )
         loss = latent_loss + args.scalar_weight * scalar_loss
         scalars = {"velocity": latent_loss.detach(), "scalars": scalar_loss.detach()}
         if args.conditioning_weight:
-            predicted = self.scheduler.get_original_sample(velocity, noisy, timesteps)
+            predicted = self.model.numbers(self.scheduler.get_original_sample(velocity, noisy, timesteps))
             # far from the data x0 is hardly known: weight cos^2 phi
             weight = self.scheduler.angle(timesteps).cos().square()
-            conditioning = (weight * rating_loss(self.head[0](predicted), ratings)).mean()
+            heard = self.head[0](predicted, batch["knows_friction"])
+            conditioning = (weight * batch["weight"] * rating_loss(heard, ratings)).mean()
             loss = loss + args.conditioning_weight * conditioning
             scalars["conditioning"] = conditioning.detach()
         return loss, scalars
@@ -136,12 +163,15 @@ def rating_statistics(dataset):
 def build_dale(config, pipe, dataset, latents):
     """A new DALE whose config holds the statistics of the training set."""
     level_mean, level_std = statistics(dataset.levels)
+    levels = pipe.lctg.level_channels
+    patch_size = config.get("dale", {}).get("patch_size", 4 if levels else 1)
     friction_mean, friction_std = statistics(np.log(np.maximum(dataset.friction_coefficients, 1e-3)))
     settings = {
-        "in_channels": pipe.lctg.base_channels + NUM_SCALARS,
+        "in_channels": pipe.lctg.base_channels + levels + NUM_SCALARS,
         "latent_frames": latents.shape[-1],
-        "latent_mean": latents.mean((0, 2)).tolist(),
-        "latent_std": latents.std((0, 2)).clamp_min(1e-3).tolist(),
+        "level_channels": levels,
+        "patch_size": patch_size,
+        **latent_statistics(latents, levels, patch_size),
         "level_mean": level_mean,
         "level_std": level_std,
         "log_friction_mean": friction_mean,
@@ -153,19 +183,28 @@ def build_dale(config, pipe, dataset, latents):
     return DALEModel(**settings), VDDIMScheduler(**{**RECOMMENDED, **config.get("dale_scheduler", {})})
 
 
-def make_states(dale, dataset, latents):
-    """Per segment: the clean state, its ratings with their standard error, and which scalars are known."""
+def make_states(dale, dataset, latents, single=False):
+    """Per segment: the clean state, its ratings with their standard error, and how much it counts.
+
+    Surfaces count alike, however many segments they have: within limits of force and speed that is a matter of how they
+    are explored, which depends on what they feel like. Weights end at four times the mean. `single`: ratings are
+    (n, raters, axes), of single raters.
+    """
     friction = torch.from_numpy(np.asarray(dataset.friction_coefficients, dtype=np.float32))
     level = torch.from_numpy(np.asarray(dataset.levels, dtype=np.float32))
     surfaces = dataset.surface_ids
+    ratings = np.moveaxis(dataset.single_ratings, 0, 1) if single else dataset.surface_ratings
+    counts = np.bincount(surfaces)
+    weight = np.minimum(1 / counts[surfaces], 4 * np.mean(1 / counts[surfaces]))
     error = dataset.surface_ratings_std / np.sqrt(np.maximum(dataset.surface_ratings_count, 1))
     return {
         "state": torch.cat(
             [dale.pack(*parts) for parts in zip(latents.split(512), level.split(512), friction.split(512), strict=True)]
         ),
-        "ratings": torch.from_numpy(dataset.surface_ratings[surfaces].astype(np.float32)),
+        "ratings": torch.from_numpy(ratings[surfaces].astype(np.float32)),
         "ratings_error": torch.nan_to_num(torch.from_numpy(error[surfaces].astype(np.float32))),
-        "known_scalars": torch.stack([torch.ones_like(level), torch.isfinite(friction).float()], dim=1),
+        "knows_friction": torch.isfinite(friction),
+        "weight": torch.from_numpy((weight / weight.mean()).astype(np.float32)),
     }
 
 
@@ -186,7 +225,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
     """Velocity error on unseen surfaces with and without their ratings, and one axis swept (picture)."""
     count = min(args.validation_samples * 4, len(held_out["state"]))
     rows = torch.randperm(len(held_out["state"]), generator=torch.Generator().manual_seed(0))[:count]
-    clean, ratings, known = (held_out[name][rows] for name in ("state", "ratings", "known_scalars"))
+    clean, ratings, *counted = (held_out[name][rows] for name in ("state", "ratings", "knows_friction", "weight"))
     noise = torch.randn(clean.shape, generator=torch.Generator().manual_seed(1))
     scheduler = VDDIMScheduler.from_config(dale_scheduler.config)
     timesteps = torch.linspace(0, scheduler.config.num_train_timesteps - 1, count)
@@ -198,9 +237,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
         for name, condition in (("rated", ratings), ("unrated", torch.full_like(ratings, torch.nan))):
             parts = zip(noisy.split(64), timesteps.split(64), condition.split(64), strict=True)
             velocity = torch.cat([model(*(p.to(device) for p in part), return_dict=False)[0].cpu() for part in parts])
-            losses[f"velocity_{name}"] = velocity_loss(velocity[:, :-NUM_SCALARS], target[:, :-NUM_SCALARS]).mean()
-            difference = (velocity - target)[:, -NUM_SCALARS:].sum(-1) / clean.shape[-1] ** 0.5
-            losses[f"scalars_{name}"] = (difference * known).square().mean()
+            losses[f"velocity_{name}"], losses[f"scalars_{name}"] = number_losses(model, velocity - target, *counted)
         whole = TactileTexturePipeline(
             lctg=pipe.lctg,
             feature_extractor=pipe.feature_extractor,
@@ -223,27 +260,32 @@ def main(argv=None):
     pipe.to(accelerator.device)
     pipe.lctg.requires_grad_(False)
     rate = pipe.feature_extractor.sampling_rate
-    dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
+    limits = {"max_samples": args.max_train_samples, "max_surfaces": args.max_train_surfaces}
+    dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, **limits)
+    if args.ratings == "single" and dataset.single_ratings is None:
+        raise ValueError("--ratings single: the file holds no single raters' ratings; prepare the data again.")
     held_out = PreparedDataset(args.train_data_dir, "validation", "filtered", rate, max_samples=2000)
     latents = encode_dataset(pipe, dataset, args.quiet)
     dale, dale_scheduler = build_dale(config, pipe, dataset, latents)
-    states = make_states(dale, dataset, latents)
+    states = make_states(dale, dataset, latents, single=args.ratings == "single")
     held_out_states = make_states(dale, held_out, encode_dataset(pipe, held_out, args.quiet))
     del latents
     head = None
     if torch.isnan(states["ratings"]).all():
         accelerator.print("No surface is rated: DALE learns how textures are distributed, and no ratings steer it.")
         args.conditioning_weight = 0.0
-    if args.conditioning_weight:
-        head, scores = train_rating_head(
-            states["state"],
-            states["ratings"],
-            held_out_states["state"],
+    else:
+        head, scores = fit_rating_estimator(
+            dale.kinds,
+            torch.cat([dale.numbers(part) for part in states["state"].split(512)]),
+            torch.from_numpy(dataset.surface_ratings[dataset.surface_ids]).float(),
+            torch.cat([dale.numbers(part) for part in held_out_states["state"].split(512)]),
             held_out_states["ratings"],
+            dale.config.rating_axes,
             steps=args.rating_head_steps,
             seed=args.seed,
         )
-        accelerator.print("rating head, R² on unseen surfaces:", [round(score, 3) for score in scores])
+        accelerator.print("rating estimator, R² on unseen surfaces:", [round(score, 3) for score in scores])
         head.to(accelerator.device)
     trainer = Trainer(
         accelerator,
@@ -262,6 +304,7 @@ def main(argv=None):
             scheduler=pipe.scheduler,
             dale=dale,
             dale_scheduler=dale_scheduler,
+            rating_estimator=None if head is None else head.cpu(),
         )
         whole.save_pretrained(str(args.output_dir))
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")

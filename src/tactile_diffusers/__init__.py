@@ -11,18 +11,26 @@ from transformers.feature_extraction_utils import FeatureExtractionMixin  # noqa
 
 from .checkpoints import bundled_checkpoint
 from .features import TactileFeatureExtractor
-from .models import DALEModel, LCTGModel
+from .models import DALEModel, LCTGModel, RatingEstimator
 from .pipelines import TactileLatents, TactileTexturePipeline, TactileTexturePipelineOutput
 from .schedulers import VDDIMScheduler
 from .version import __version__
 
-for _public in (DALEModel, LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler):
+for _public in (
+    DALEModel,
+    LCTGModel,
+    RatingEstimator,
+    TactileFeatureExtractor,
+    TactileTexturePipeline,
+    VDDIMScheduler,
+):
     _public.__module__ = __name__
 del _public
 
 __all__ = [
     "DALEModel",
     "LCTGModel",
+    "RatingEstimator",
     "TactileFeatureExtractor",
     "TactileLatents",
     "TactileTexturePipeline",

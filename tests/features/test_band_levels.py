@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from tactile_diffusers import TactileFeatureExtractor
-from tactile_diffusers.features.band_levels import LARGEST_GAIN_DB, impose_band_levels, measure_band_levels
+from tactile_diffusers.features.band_levels import LARGEST_GAIN_DB, PASSES, impose_band_levels, measure_band_levels
 from tactile_diffusers.signal import band_edges, rms
 
 COUNT, FRAMES, HOP = 8, 64, 64
@@ -110,7 +110,7 @@ def test_a_wrong_equaliser_is_undone():
 def test_another_noise_gets_the_levels_of_the_first():
     wanted, other = _measure(_noise()), _noise(seed=1)
     before, after = (np.abs(_measure(made) - wanted).mean() for made in (other, _impose(other, wanted)))
-    assert after < 0.45 * before  # gains are slow, and smoothed over time once more: what is faster stays
+    assert after < 0.3 * before  # gains are slow, and smoothed over time once more: what is faster stays
 
 
 def test_a_waveform_with_the_right_levels_is_left_alone():
@@ -123,10 +123,12 @@ def test_a_change_at_one_end_leaves_the_other_alone():
     levels = _measure(noise)
     levels[:, :, :16] += 1
     made = _impose(noise, levels)
-    # gains reach one hop further, and the window half its length; float64 transforms
-    early, late = slice(0, 15 * HOP - 256), slice(17 * HOP + 256, None)
-    np.testing.assert_allclose(made[:, early], np.exp(0.5) * noise[:, early], rtol=0, atol=1e-12)
+    # each pass hears half a window and half a kernel (eight hops) further, then gains reach one hop; float64 transforms
+    late = slice(17 * HOP + PASSES * (256 + 8 * HOP), None)
     np.testing.assert_allclose(made[:, late], noise[:, late], rtol=0, atol=1e-12)
+    early = slice(0, 4 * HOP)  # where later passes have sharpened the step a little
+    np.testing.assert_allclose(made[:, early], np.exp(0.5) * noise[:, early], rtol=0, atol=0.1 * np.abs(noise).max())
+    assert np.square(made[:, early]).mean() == pytest.approx(np.e * np.square(noise[:, early]).mean(), rel=0.1)
 
 
 @pytest.mark.parametrize("samples", [HOP, 2 * HOP, 448, 512, 576])
@@ -134,7 +136,8 @@ def test_waveforms_shorter_than_the_window(samples):
     noise = _noise(2, samples)
     levels = _measure(noise)
     assert levels.shape == (2, COUNT + 1, samples // HOP) and np.isfinite(levels).all()
-    np.testing.assert_allclose(_impose(noise, levels + 1), np.exp(0.5) * noise, rtol=0, atol=1e-12)
+    # 1e-6 of power, the floor, makes later passes correct a little
+    np.testing.assert_allclose(_impose(noise, levels + 1), np.exp(0.5) * noise, rtol=0, atol=1e-5)
 
 
 def test_silence_stays_silent():
@@ -152,7 +155,8 @@ def test_gains_are_limited(asked):
     noise = _noise(1)
     made = _impose(noise, _measure(noise) + asked)
     limit = LARGEST_GAIN_DB * np.log(10) / 20
-    np.testing.assert_allclose(made, np.exp(np.clip(asked / 2, -limit, limit)) * noise, rtol=0, atol=1e-9)
+    # 1e-6 of power, the floor, makes later passes correct a little
+    np.testing.assert_allclose(made, np.exp(np.clip(asked / 2, -limit, limit)) * noise, rtol=0, atol=2e-5)
 
 
 def test_bands_without_a_bin_are_refused():

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from tactile_diffusers.models.dale import latent_statistics
 from tactile_diffusers.models.embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep, sinusoidal_embedding
 
 
@@ -174,7 +175,11 @@ def test_unpack_gives_positive_friction_and_float32(dale):
     ("config", "message"),
     [
         ({"in_channels": 2, "latent_mean": None, "latent_std": None}, "`in_channels` must exceed 2"),
-        ({"latent_mean": [0.0]}, r"`latent_mean` must hold 4 numbers \(in_channels - 2\), got 1"),
+        ({"latent_mean": [0.0]}, "`latent_mean` must hold 4 numbers, got 1"),
+        ({"level_channels": 3}, "`in_channels` must exceed 2 .* twice `level_channels`"),
+        ({"level_channels": 1}, "`latent_mean` must hold 3 numbers, got 4"),
+        ({"departure_std": [1.0]}, "`departure_std` must hold 0 numbers, got 1"),
+        ({"patch_size": 3}, r"`latent_frames` \(32\) must be a multiple of `patch_size`, got 3"),
         ({"latent_std": [1.0] * 5}, "`latent_std` must hold 4 numbers"),
         ({"widths": [48]}, "`widths` must be multiples of the attention head width 32, got 48"),
         ({"widths": []}, "`widths` must hold at least one positive"),
@@ -184,6 +189,71 @@ def test_unpack_gives_positive_friction_and_float32(dale):
 def test_configs_that_cannot_be_built_are_refused(make_dale, config, message):
     with pytest.raises(ValueError, match=message):
         make_dale(**config)
+
+
+# --- band levels: one number a patch, and their means over the texture
+
+
+@pytest.fixture
+def layered(make_dale):
+    """Three band levels and two learned channels: 2 + 3 + 3 + 2 channels of state, in patches of four frames."""
+    statistics = {"latent_mean": [0.5, -0.2, 0.1, 0.3, -0.1], "latent_std": [2.0, 0.7, 0.4, 0.5, 0.6]}
+    return make_dale(in_channels=10, level_channels=3, patch_size=4, departure_std=[0.4, 0.2, 0.1], **statistics)
+
+
+def _smooth(count, seed=0):
+    """(count, 5, 32) latents whose first three channels are straight lines: what patches can hold."""
+    latents = _normal(count, 5, 32, seed=seed)
+    slopes, means = _normal(count, 3, 1, seed=seed + 1), _normal(count, 3, 1, seed=seed + 2)
+    latents[:, :3] = means + 0.05 * slopes * (torch.arange(32) - 15.5)
+    return latents
+
+
+def test_band_levels_survive_packing(layered):
+    latents, level, friction = _smooth(4), torch.tensor([-6.0, -5.0, -4.2, -3.0]), torch.tensor([0.1, 0.5, 1.0, 2.5])
+    state = layered.pack(latents, level, friction)
+    assert state.shape == (4, 10, 32) and layered.latent_channels == 5 and layered.num_scalars == 5
+    made = layered.unpack(state)
+    torch.testing.assert_close(made[0][:, 3:], latents[:, 3:], rtol=0, atol=1e-5)
+    # a line that rises by up to 0.15 a frame is one again, but for the waviness of torch's cubic and flat ends
+    torch.testing.assert_close(made[0][:, :3, 2:-2], latents[:, :3, 2:-2], rtol=0, atol=0.05)
+    torch.testing.assert_close(made[0][:, :3].mean(-1), latents[:, :3].mean(-1), rtol=0, atol=1e-5)
+    for value, expected in zip(made[1:], (level, friction), strict=True):
+        torch.testing.assert_close(value, expected, rtol=1e-5, atol=1e-5)
+
+
+def test_statistics_bring_every_number_to_unit_variance(make_dale):
+    latents = _normal(4000, 5, 32) * 0.5
+    mixed = _normal(3, 3, seed=3)
+    latents[:, :3] = mixed @ (_normal(4000, 3, 1, seed=4) + 0.3 * _normal(4000, 3, 32, seed=5)) + 1.0
+    model = make_dale(in_channels=10, level_channels=3, patch_size=4, **latent_statistics(latents, 3, 4))
+    level, friction = -5 + 0.6 * _normal(4000, seed=6), torch.exp(-0.4 + 0.4 * _normal(4000, seed=7))
+    numbers = model.numbers(model.pack(latents, level, friction))
+    assert numbers.shape == (4000, 2 * 4 + 3 + 5, 8) and sum(model.kinds) == 16
+    # 4000 textures: the standard error of a deviation is 1.1 %
+    torch.testing.assert_close(numbers.std((0, 2)), torch.ones(16), rtol=0, atol=0.06)
+    torch.testing.assert_close(numbers.mean((0, 2)), torch.zeros(16), rtol=0, atol=0.06)
+    noise = model.numbers(_normal(4000, 10, 32, seed=8))
+    torch.testing.assert_close(noise.std((0, 2)), torch.ones(16), rtol=0, atol=0.06)
+
+
+def test_numbers_and_spread_are_inverse(layered):
+    numbers = layered.numbers(_normal(2, 10, 16))
+    torch.testing.assert_close(layered.numbers(layered.spread(numbers)), numbers, rtol=0, atol=1e-5)
+    with pytest.raises(ValueError, match=r"multiple of 4 frames \(patch_size\), got 18"):
+        layered.numbers(_normal(2, 10, 18))
+
+
+def test_the_network_reads_and_writes_nothing_but_numbers(layered):
+    sample, ratings = _normal(2, 10, 32), torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])
+    velocity = _velocity(layered, ratings, sample)
+    torch.testing.assert_close(layered.spread(layered.numbers(velocity)), velocity, rtol=0, atol=1e-5)
+    same = layered.spread(layered.numbers(sample))  # without what is not read
+    torch.testing.assert_close(_velocity(layered, ratings, same), velocity, rtol=0, atol=1e-4)
+    for channel in (0, 2, 5):  # a learned channel, a departure, a mean
+        moved = sample.clone()
+        moved[:, channel] += 0.2
+        assert not torch.allclose(_velocity(layered, ratings, moved), velocity, atol=1e-3)
 
 
 # --- embeddings

@@ -496,7 +496,8 @@ def test_half_precision(pipe, dtype):
 def test_components_make_another_pipeline(pipe):
     other = TactileTexturePipeline(**pipe.components)
     other.set_progress_bar_config(disable=True)
-    assert set(pipe.components) == {"lctg", "dale", "scheduler", "dale_scheduler", "feature_extractor"}
+    names = {"lctg", "dale", "scheduler", "dale_scheduler", "feature_extractor", "rating_estimator"}
+    assert set(pipe.components) == names
     assert np.array_equal(_run(other).textures, _run(pipe).textures)
 
 

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from tactile_diffusers import VDDIMScheduler
+from tactile_diffusers.models.rating_estimator import RatingEstimator
 
 ROWS = 64
 
@@ -17,9 +18,9 @@ def _generator(seed=0):
 class _Recorder(torch.nn.Module):
     """Stands for DALE: remembers what it was asked, answers zero."""
 
-    def __init__(self):
+    def __init__(self, dale):
         super().__init__()
-        self.asked = []
+        self.asked, self.numbers, self.kinds = [], dale.numbers, dale.kinds
 
     def forward(self, sample, timestep, ratings, return_dict=True):
         self.asked.append((sample, timestep, ratings))
@@ -27,14 +28,15 @@ class _Recorder(torch.nn.Module):
 
 
 @pytest.fixture
-def step(script):
+def step(script, make_dale):
     """`step(head=None, **options)` makes a training step around a recorder."""
 
     def make(head=None, model=None, **options):
         defaults = {"rating_jitter": 0.0, "condition_dropout": 0.0, "unconditional": 0.0}
+        defaults |= {"ratings": "pooled"}
         defaults |= {"scalar_weight": 0.2, "conditioning_weight": 0.0}
         args = argparse.Namespace(**(defaults | options))
-        return script("train_dale").DALETrainingStep(model or _Recorder(), VDDIMScheduler(), head, args)
+        return script("train_dale").DALETrainingStep(model or _Recorder(make_dale()), VDDIMScheduler(), head, args)
 
     return make
 
@@ -46,7 +48,8 @@ def batch():
         "state": torch.randn((ROWS, 6, 8), generator=generator),
         "ratings": torch.randn((ROWS, 3), generator=generator),
         "ratings_error": torch.full((ROWS, 3), 0.3),
-        "known_scalars": torch.ones(ROWS, 2),
+        "knows_friction": torch.ones(ROWS, dtype=torch.bool),
+        "weight": torch.ones(ROWS),
     }
 
 
@@ -71,12 +74,12 @@ def test_the_loss_of_a_zero_answer_is_the_power_of_the_velocity(step, batch):
 
 
 def test_unknown_friction_is_left_out(step, batch):
-    batch["known_scalars"][:, 1] = 0.0
+    batch["knows_friction"][:] = False
     _, scalars = step()(batch, _generator())
     batch["state"][:, 5] += 100.0
     _, moved = step()(batch, _generator())
     assert moved["scalars"].item() == pytest.approx(scalars["scalars"].item(), rel=1e-6)
-    batch["known_scalars"][:, 1] = 1.0
+    batch["knows_friction"][:] = True
     _, heard = step()(batch, _generator())
     assert heard["scalars"] > 100 * scalars["scalars"]
 
@@ -112,8 +115,9 @@ def test_ratings_are_jittered_within_their_standard_error(step, batch):
 class _Head(torch.nn.Module):
     """Hears the mean of the first three channels."""
 
-    def forward(self, state):
-        return state[:, :3].mean(-1)
+    def forward(self, numbers, knows_friction):
+        assert knows_friction.all()
+        return numbers[:, :3].mean(-1)
 
 
 def test_the_auxiliary_loss_is_that_of_the_predicted_clean_state(step, batch):
@@ -130,7 +134,7 @@ def test_the_auxiliary_loss_is_that_of_the_predicted_clean_state(step, batch):
 
 
 def test_the_head_is_no_part_of_what_is_trained_or_saved(step, make_dale, batch):
-    head = torch.nn.Sequential(torch.nn.Flatten(), torch.nn.Linear(48, 3)).requires_grad_(False)
+    head = RatingEstimator(make_dale().kinds).requires_grad_(False)
     module = step(head=head, model=make_dale().train(), conditioning_weight=1.0)
     assert not any("head" in name for name, _ in module.named_parameters())
     assert not any("head" in name for name in module.state_dict())
@@ -162,7 +166,7 @@ def test_packed_states_carry_level_friction_and_ratings(script, prepared, make_d
     torch.testing.assert_close(states["ratings"][0], first["ratings"].float())
     error = first["ratings_std"] / first["ratings_count"].sqrt()
     torch.testing.assert_close(states["ratings_error"][0], error.float(), rtol=1e-5, atol=0)
-    assert states["known_scalars"].shape == (len(data), 2) and (states["known_scalars"] == 1).all()
+    assert states["knows_friction"].shape == (len(data),) and states["knows_friction"].all()
 
 
 def test_bad_arguments_are_refused(script):

@@ -5,11 +5,12 @@ import math
 import pytest
 import torch
 
-from tactile_diffusers.training.rating_head import RatingHead, train_rating_head
+from tactile_diffusers.models.rating_estimator import RatingEstimator
+from tactile_diffusers.training.rating_head import fit_rating_estimator
 
 
 def _separable(count, seed, noise=0.3):
-    """States whose first channel's mean, second channel's spread and first scalar carry the three ratings."""
+    """Numbers whose first channel's mean, second channel's spread and last scalar carry the three ratings."""
     generator = torch.Generator().manual_seed(seed)
 
     def normal(*shape):
@@ -18,15 +19,20 @@ def _separable(count, seed, noise=0.3):
     ratings, states = normal(count, 3), normal(count, 6, 16)
     states[:, 0] = 0.5 * states[:, 0] + ratings[:, :1]
     states[:, 1] = states[:, 1] * torch.exp(0.7 * ratings[:, 1:2])
-    states[:, 4] = (ratings[:, 2:3] + noise * normal(count, 1)) / math.sqrt(16)
+    states[:, 4:] = normal(count, 2, 1)
+    states[:, 5] = ratings[:, 2:3] + noise * normal(count, 1)
     return states, ratings
+
+
+def _fit(*arguments, **options):
+    return fit_rating_estimator([3, 1, 2], *arguments, ("roughness", "bumpiness", "slipperiness"), **options)
 
 
 @pytest.fixture(scope="module")
 def trained():
     states, ratings = _separable(600, 0)
     ratings[::3, 1] = torch.nan  # unknown ratings are left out
-    return train_rating_head(states, ratings, *_separable(300, 1), steps=150, batch_size=64, seed=0)
+    return _fit(states, ratings, *_separable(300, 1), steps=150, batch_size=64, seed=0)
 
 
 def test_it_finds_what_is_there(trained):
@@ -41,7 +47,7 @@ def test_it_finds_what_is_there(trained):
 def test_it_finds_nothing_where_nothing_is():
     states, ratings = _separable(300, 0)
     other, _ = _separable(300, 5)
-    _, scores = train_rating_head(states, ratings[torch.randperm(300)], other, ratings, steps=40, batch_size=64)
+    _, scores = _fit(states, ratings[torch.randperm(300)], other, ratings, steps=40, batch_size=64)
     assert max(scores) < 0.2
 
 
@@ -56,22 +62,25 @@ def test_it_is_frozen_and_still_passes_gradients_to_what_it_judges(trained):
 def test_seeded_and_without_touching_the_global_random_state():
     states, ratings = _separable(50, 0)
     before = torch.get_rng_state()
-    first, _ = train_rating_head(states, ratings, states, ratings, steps=3, batch_size=8, seed=4)
+    first, _ = _fit(states, ratings, states, ratings, steps=3, batch_size=8, seed=4)
     assert torch.equal(torch.get_rng_state(), before)
     torch.manual_seed(99)
-    again, _ = train_rating_head(states, ratings, states, ratings, steps=3, batch_size=8, seed=4)
-    other, _ = train_rating_head(states, ratings, states, ratings, steps=3, batch_size=8, seed=5)
+    again, _ = _fit(states, ratings, states, ratings, steps=3, batch_size=8, seed=4)
+    other, _ = _fit(states, ratings, states, ratings, steps=3, batch_size=8, seed=5)
     pairs = list(zip(first.parameters(), again.parameters(), strict=True))
     assert all(torch.equal(a, b) for a, b in pairs)
     assert not torch.equal(next(first.parameters()), next(other.parameters()))
 
 
-def test_scalar_channels_are_read_by_their_sum(trained):
-    head, _ = trained
-    states, _ = _separable(4, 2)
-    shuffled = states.clone()
-    shuffled[:, 4:] = states[:, 4:].flip(-1)
-    torch.testing.assert_close(head(shuffled), head(states), rtol=0, atol=1e-5)  # order of a sum
+def test_friction_may_be_unknown(trained):
+    states, ratings = _separable(300, 2)
+    moved = states.clone()
+    moved[:, 5] += 3.0
+    unknown = torch.zeros(300, dtype=torch.bool)
+    assert torch.equal(trained[0](states, unknown), trained[0](moved, unknown))
+    assert (trained[0](moved) - trained[0](states))[:, 2].mean() > 0.5  # known, it is heard
+    errors = (trained[0](states, unknown) - ratings).square().mean(0)
+    assert errors[0] < 0.5 and errors[2] < 1.3  # the others are heard as before; of this the mean is the best guess
 
 
 def test_the_score_of_an_axis_that_nobody_rated_is_not_a_number():
@@ -79,9 +88,12 @@ def test_the_score_of_an_axis_that_nobody_rated_is_not_a_number():
     states, ratings = _separable(40, 0)
     held_out = ratings.clone()
     held_out[:, 1] = torch.nan
-    _, scores = train_rating_head(states, ratings, states, held_out, steps=2, batch_size=8)
+    _, scores = _fit(states, ratings, states, held_out, steps=2, batch_size=8)
     assert math.isnan(scores[1]) and not math.isnan(scores[0])
 
 
 def test_shapes():
-    assert RatingHead(18, 3)(torch.zeros(2, 18, 64)).shape == (2, 3)
+    assert RatingEstimator([12, 4, 6])(torch.zeros(2, 22, 1)).shape == (2, 3)
+    assert RatingEstimator([2, 0, 2], ["warmth"])(torch.zeros(2, 4, 16)).shape == (2, 1)
+    with pytest.raises(ValueError, match="`kinds` must end with at least 2 scalars"):
+        RatingEstimator([2, 0, 1])

@@ -24,6 +24,7 @@ class PreparedDataset(torch.utils.data.Dataset):
         subset (`str`): "filtered" (within the limits of force and speed) or "full".
         sampling_rate (`int`, *optional*): Hz; defaults to the native rate.
         max_samples (`int`, *optional*): keep at most so many segments, evenly spread over the view.
+        max_surfaces (`int`, *optional*): keep at most so many surfaces, evenly spread over the view.
 
     Attributes:
         sampling_rate (`int`): Hz.
@@ -43,6 +44,8 @@ class PreparedDataset(torch.utils.data.Dataset):
         surface_ratings, surface_ratings_std, surface_ratings_count (`np.ndarray`): (surfaces, 3) of all surfaces; if
             raters are held out, by them in the split "hard" and by the others elsewhere.
         reliability (`RatingReliability` or `None`): how far these raters agree.
+        single_ratings (`np.ndarray` or `None`): (raters, surfaces, 3) z-scores of single raters, NaN = no answer;
+            `None` if nobody rated, or the file was prepared before they were kept.
         friction_coefficients, levels, speeds (`np.ndarray`): (len,) float32 of this view; NaN = unknown.
         levels_apart (`np.ndarray`): (len,) float32, levels without 60 ms around turnarounds.
         turnarounds (`np.ndarray`): (len,) int64, how many; `turnaround_positions` tells where.
@@ -53,20 +56,22 @@ class PreparedDataset(torch.utils.data.Dataset):
         ValueError: if the file is no prepared data set, an argument is unknown, or the view is empty.
     """
 
-    def __init__(self, path, split="train", subset="filtered", sampling_rate=None, max_samples=None):
+    def __init__(self, path, split="train", subset="filtered", sampling_rate=None, max_samples=None, max_surfaces=None):
         if split not in (*SPLITS, "all"):
             raise ValueError(f"`split` must be one of {(*SPLITS, 'all')}, got {split!r}.")
         if subset not in SUBSETS:
             raise ValueError(f"`subset` must be one of {SUBSETS}, got {subset!r}.")
         if max_samples is not None and max_samples < 1:
             raise ValueError(f"`max_samples` must be at least 1 or None, got {max_samples}.")
+        if max_surfaces is not None and max_surfaces < 1:
+            raise ValueError(f"`max_surfaces` must be at least 1 or None, got {max_surfaces}.")
         self.path, self.split, self.subset = str(path), split, subset
         self._lateral = None
         with open_whole(path) as file:
             self._check_file(file)
             self._set_rate(sampling_rate)
             self._read_surfaces(file)
-            self._read_windows(file, max_samples)
+            self._read_windows(file, max_samples, max_surfaces)
             self._find_textures(file)
 
     def _check_file(self, file):
@@ -102,15 +107,19 @@ class PreparedDataset(torch.utils.data.Dataset):
         self.splits = tuple(SPLITS[number] for number in self._splits.surfaces)
         self.account = read_account(file)
         group = "ratings_hard" if self.split == "hard" and "ratings_hard" in file else "ratings"
-        pooled, self.reliability = read_ratings(file[group])
+        pooled, self.reliability, self.single_ratings = read_ratings(file[group])
         self.surface_ratings, self.surface_ratings_std, self.surface_ratings_count = pooled[:3]
         self.ratings_mean, self.ratings_scale = pooled[3:]
 
-    def _read_windows(self, file, max_samples):
+    def _read_windows(self, file, max_samples, max_surfaces):
         windows = {name: values[()] for name, values in file[f"windows/{self.subset}"].items()}
         chosen = np.flatnonzero(self._splits.members(self.split)[windows["recording"]])
         if not len(chosen):
             raise ValueError(f"{self.path} has no {self.subset} segment in the split {self.split!r}: see its report.")
+        surfaces = self._splits.owners[windows["recording"]]
+        if max_surfaces is not None and max_surfaces < len(present := np.unique(surfaces[chosen])):
+            kept = present[np.linspace(0, len(present) - 1, max_surfaces).round().astype(np.int64)]
+            chosen = chosen[np.isin(surfaces[chosen], kept)]
         if max_samples is not None and max_samples < len(chosen):
             chosen = chosen[np.linspace(0, len(chosen) - 1, max_samples).round().astype(np.int64)]
         windows = {name: values[chosen] for name, values in windows.items()}

@@ -82,6 +82,8 @@ def write_ratings(file, name, ratings):
     group = file.create_group(name)
     for field in _RATING_FIELDS:
         group.create_dataset(field, data=getattr(ratings, field))
+    if ratings.each is not None:
+        group.create_dataset("each", data=ratings.each)
     if ratings.reliability is not None:
         group.create_dataset("axes", data=list(ratings.reliability.axes), dtype=h5py.string_dtype())
         for field in _RELIABILITY_FIELDS:
@@ -89,12 +91,13 @@ def write_ratings(file, name, ratings):
 
 
 def read_ratings(group):
-    """The five arrays of `SurfaceRatings` in order, and its `RatingReliability` or `None`."""
+    """The five arrays of `SurfaceRatings` in order, its `RatingReliability` or `None`, and `each` or `None`."""
     reliability = None
     if "axes" in group:
         fields = {field: group[field][()] for field in _RELIABILITY_FIELDS}
         reliability = RatingReliability(as_strings(group["axes"]), **fields)
-    return [group[field][()] for field in _RATING_FIELDS], reliability
+    each = group["each"][()] if "each" in group else None  # files of older versions lack it
+    return [group[field][()] for field in _RATING_FIELDS], reliability, each
 
 
 def write_windows(file, subset, columns, seconds):

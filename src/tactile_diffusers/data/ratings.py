@@ -57,6 +57,7 @@ class SurfaceRatings:
         raw_mean, raw_scale (`np.ndarray`): (3,) float32, the typical rater's mean and standard deviation, 0-8 scale.
         left_out (`list[str]`): raters left out of an axis, and why.
         reliability (`RatingReliability` or `None`): how far the raters agree; `None` if nobody rated.
+        each (`np.ndarray` or `None`): (raters, surfaces, 3) float32, z-scores of single raters, NaN = no answer.
     """
 
     mean: np.ndarray
@@ -66,6 +67,7 @@ class SurfaceRatings:
     raw_scale: np.ndarray
     left_out: list = field(default_factory=list)
     reliability: RatingReliability | None = None
+    each: np.ndarray | None = None
 
 
 def no_ratings(surfaces):
@@ -115,7 +117,7 @@ def pool_ratings(scores, surfaces, training):
     pooled[count == 0] = spread[count == 0] = np.nan
     typical = [np.nanmean(np.where(usable, moment, np.nan), axis=0).astype(np.float32) for moment in (mean, scale)]
     pooled = [array.astype(np.float32) for array in (pooled, spread, count)]
-    return SurfaceRatings(*pooled, *typical, left_out, rating_reliability(scores))
+    return SurfaceRatings(*pooled, *typical, left_out, rating_reliability(scores), z.astype(np.float32))
 
 
 def _axis_numbers(scores, axes):

@@ -16,6 +16,8 @@ from ..signal import band_edges
 SMOOTHING_SECONDS = 0.4
 #: Powers relative to white noise of unit RMS below which a band counts as silent.
 POWER_FLOOR = 1e-6
+#: Times that levels are measured and corrected: gains overlap in time and frequency, so one pass falls short of them.
+PASSES = 3
 #: Largest correction in dB: more means that the decoder left a band empty, and would only lift its noise.
 LARGEST_GAIN_DB = 20.0
 
@@ -105,11 +107,13 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop):
     """
     waveform = np.asarray(waveform, dtype=np.float64)
     members, shares = _members(sampling_rate, tuple(band), levels.shape[1] - 1, window)
-    transform = _transform(waveform, window, hop)
-    measured = _log_powers(transform, members, shares, _smoothing(sampling_rate, hop))
-    limit = LARGEST_GAIN_DB * np.log(10) / 20
-    gains = np.clip(0.5 * (np.asarray(levels, dtype=np.float64) - measured), -limit, limit)
-    gains = np.pad(gains, ((0, 0), (0, 0), (1, 1)), mode="edge")
-    gains = np.exp(0.5 * (gains[..., 1:] + gains[..., :-1]))  # back to the edges of hops
-    restored = signal.istft(transform * gains[:, members], nperseg=window, noverlap=window - hop, scaling="psd")[1]
-    return restored[:, : waveform.shape[-1]]
+    transform, smoothing = _transform(waveform, window, hop), _smoothing(sampling_rate, hop)
+    limit, gains, restored = LARGEST_GAIN_DB * np.log(10) / 20, 0.0, waveform
+    for _ in range(PASSES):
+        measured = _log_powers(_transform(restored, window, hop), members, shares, smoothing)
+        gains = np.clip(gains + 0.5 * (np.asarray(levels, dtype=np.float64) - measured), -limit, limit)
+        edges = np.pad(gains, ((0, 0), (0, 0), (1, 1)), mode="edge")
+        edges = np.exp(0.5 * (edges[..., 1:] + edges[..., :-1]))  # back to the edges of hops
+        restored = signal.istft(transform * edges[:, members], nperseg=window, noverlap=window - hop, scaling="psd")[1]
+        restored = restored[:, : waveform.shape[-1]]
+    return restored

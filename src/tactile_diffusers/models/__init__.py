@@ -2,5 +2,6 @@
 
 from .dale import DALEModel, DALEOutput
 from .lctg import LCTGModel, LCTGOutput
+from .rating_estimator import RatingEstimator
 
-__all__ = ["DALEModel", "DALEOutput", "LCTGModel", "LCTGOutput"]
+__all__ = ["DALEModel", "DALEOutput", "LCTGModel", "LCTGOutput", "RatingEstimator"]

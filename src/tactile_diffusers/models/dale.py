@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import torch
+import torch.nn.functional as F
 from diffusers.configuration_utils import ConfigMixin, register_to_config
 from diffusers.models.attention import AttentionMixin
 from diffusers.models.modeling_utils import ModelMixin
@@ -12,7 +13,7 @@ from diffusers.utils import BaseOutput
 
 from ..signal import RATING_AXES
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
-from .unet_1d import UNet1D
+from .unet_1d import UNet1D, from_patches, to_patches
 
 #: numbers that describe a whole texture and are generated with the latents: level and log friction coefficient
 NUM_SCALARS = 2
@@ -28,6 +29,44 @@ def _check_quantiles(quantiles, axes):
         )
 
 
+def _cosines(count, like):
+    """Orthonormal DCT-II, (count, count): band levels (count, ...) to their cepstrum, which is hardly correlated."""
+    places = torch.arange(count, device=like.device, dtype=torch.float32)
+    matrix = torch.cos(math.pi / max(count, 1) * places[:, None] * (places + 0.5)) * (2 / max(count, 1)) ** 0.5
+    matrix[:1] *= 0.5**0.5
+    return matrix.to(like)
+
+
+def _cepstra(latents, level_channels, patch_size):
+    """Cepstrum of band levels over the texture (batch, bands), and how each patch of frames departs from it."""
+    cepstra = _cosines(level_channels, latents) @ latents[:, :level_channels]
+    means = cepstra.mean(-1)
+    return means, (cepstra - means[..., None]).unflatten(-1, (-1, patch_size)).mean(-1)
+
+
+def latent_statistics(latents, level_channels=0, patch_size=1):
+    """What `DALEModel`'s config keeps of the training set's latents: its `latent_mean`, `latent_std`, `departure_std`.
+
+    Args:
+        latents (`torch.Tensor`): (n, latent_channels, frames), as `LCTGModel.encode` makes them.
+        level_channels, patch_size (`int`): of the model.
+
+    Returns:
+        `dict[str, list[float]]`
+    """
+    means, departures = _cepstra(latents, level_channels, patch_size)
+    learned = latents[:, level_channels:]
+
+    def deviation(values, dims):
+        return values.std(dims, correction=0).clamp_min(1e-3).tolist() if values.numel() else []
+
+    return {
+        "latent_mean": [*means.mean(0).tolist(), *learned.mean((0, 2)).tolist()],
+        "latent_std": deviation(means, 0) + deviation(learned, (0, 2)),
+        "departure_std": deviation(departures, (0, 2)),
+    }
+
+
 @dataclass
 class DALEOutput(BaseOutput):
     """Output of `DALEModel`: `sample` is the velocity v, (batch, in_channels, latent_frames)."""
@@ -39,20 +78,33 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
     r"""
     Velocity network in the latent space of LCTG, steered by perceptual ratings through cross-attention at every level.
 
-    Its state is (batch, latent_channels + 2, latent_frames). The last two channels carry level and log friction
-    coefficient, one number each: the sum of the channel over time, divided by sqrt(latent_frames), so that noise and
-    number both have unit variance and a few solver steps serve them as well as the latents. Only that sum is read.
-    This model inherits from [`ModelMixin`].
+    Its state is (batch, in_channels, latent_frames), of three kinds of channels in this order:
+
+    - LCTG's learned latents, as they are;
+    - how the band levels (LCTG's first `level_channels` latents) depart from their mean over the texture: their
+      cepstrum (DCT over bands), one number for each patch of frames, because they are smooth in time;
+    - one number for the whole texture each: the mean cepstrum of the band levels, level, log friction coefficient.
+
+    A number for a patch, or for the whole texture, is the sum of its channel there divided by the root of the number of
+    frames, so that noise and number both have unit variance and a few solver steps serve them all alike (a smooth
+    channel with noise in every frame does not: at 5 steps the spread of textures was a third too small). Only these
+    sums are read. This model inherits from [`ModelMixin`].
 
     Args:
-        in_channels (`int`, *optional*, defaults to 18): channels of LCTG's latents, and two more.
+        in_channels (`int`, *optional*, defaults to 18): channels of LCTG's latents, `level_channels` and two more.
         latent_frames (`int`, *optional*, defaults to 64): frames of one segment, the length it was trained on.
         rating_axes (`list[str]`, *optional*): names of the perceptual axes, in the order of `ratings`.
         widths (`list[int]`, *optional*): channels of the levels, multiples of 32.
         embedding_dim (`int`, *optional*, defaults to 256): width of the time embedding.
         cross_attention_dim (`int`, *optional*, defaults to 128): width of the rating tokens.
         kernel_size (`int`, *optional*, defaults to 3): length of all convolutions.
-        latent_mean, latent_std (`list[float]`, *optional*): statistics of each latent channel over the training set.
+        level_channels (`int`, *optional*, defaults to 0): how many of LCTG's first latents are band levels.
+        patch_size (`int`, *optional*, defaults to 1): latent frames per position of the U-Net, a power of two.
+        latent_mean, latent_std (`list[float]`, *optional*): statistics over the training set, of the mean cepstrum of
+            the band levels and of each learned latent channel (`latent_statistics`).
+        departure_std (`list[float]`, *optional*): likewise of the departures of the cepstrum from its mean.
+        fixed_gain (`bool`, *optional*, defaults to `False`): level and friction coefficient are not generated but
+            always the training mean, as in the paper.
         level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N.
         log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient; `None` = unknown in
             training, then it is NaN in what is generated.
@@ -80,8 +132,12 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         embedding_dim: int = 256,
         cross_attention_dim: int = 128,
         kernel_size: int = 3,
+        level_channels: int = 0,
+        patch_size: int = 1,
         latent_mean: list[float] | None = None,
         latent_std: list[float] | None = None,
+        departure_std: list[float] | None = None,
+        fixed_gain: bool = False,
         level_mean: float = -5.0,
         level_std: float = 0.6,
         log_friction_mean: float | None = -0.4,
@@ -94,23 +150,32 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         num_train_timesteps: int = 1000,
     ):
         super().__init__()
-        if in_channels <= NUM_SCALARS:
-            raise ValueError(f"`in_channels` must exceed {NUM_SCALARS} (level, log friction), got {in_channels}.")
-        latent_channels = in_channels - NUM_SCALARS
-        for name, values in (("latent_mean", latent_mean), ("latent_std", latent_std)):
-            if values is not None and len(values) != latent_channels:
-                raise ValueError(
-                    f"`{name}` must hold {latent_channels} numbers (in_channels - {NUM_SCALARS}), got {len(values)}."
-                )
+        beside = NUM_SCALARS + level_channels
+        if in_channels <= beside or 2 * level_channels > in_channels - NUM_SCALARS:
+            raise ValueError(
+                f"`in_channels` must exceed {NUM_SCALARS} (level, log friction) and twice `level_channels` "
+                f"({level_channels}), got {in_channels}."
+            )
+        if patch_size < 1 or latent_frames % patch_size:
+            raise ValueError(f"`latent_frames` ({latent_frames}) must be a multiple of `patch_size`, got {patch_size}.")
+        for name, values, count in (
+            ("latent_mean", latent_mean, in_channels - beside),
+            ("latent_std", latent_std, in_channels - beside),
+            ("departure_std", departure_std, level_channels),
+        ):
+            if values is not None and len(values) != count:
+                raise ValueError(f"`{name}` must hold {count} numbers, got {len(values)}.")
         if ratings_quantiles is not None:
             _check_quantiles(ratings_quantiles, rating_axes)
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(len(rating_axes), cross_attention_dim)
         self.rating_pool = torch.nn.Linear(len(rating_axes) * cross_attention_dim, embedding_dim)
+        #: channels of the U-Net: learned latents patch by patch, departures, numbers of the whole texture
+        self.kinds = [(in_channels - beside - level_channels) * patch_size, level_channels, beside]
         self.unet = UNet1D(
-            in_channels,
-            in_channels,
+            sum(self.kinds),
+            sum(self.kinds),
             list(widths),
             patch_size=1,
             embedding_dim=embedding_dim,
@@ -120,25 +185,61 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
 
     @property
     def latent_channels(self):
-        """Channels of LCTG's latents (the state has two more)."""
-        return self.config.in_channels - NUM_SCALARS
+        """Channels of LCTG's latents that it makes."""
+        return self.config.in_channels - NUM_SCALARS - self.config.level_channels
+
+    @property
+    def num_scalars(self):
+        """Numbers of the whole texture: mean cepstrum of the band levels, level, log friction coefficient."""
+        return NUM_SCALARS + self.config.level_channels
 
     def split(self, sample):
-        """The parts of a state (or velocity): latent channels (batch, channels, frames) and scalars (batch, 2)."""
-        latents, scalars = sample.split([self.latent_channels, NUM_SCALARS], dim=1)
-        return latents, scalars.sum(-1) / sample.shape[-1] ** 0.5
+        """The parts of a state (or velocity): what varies over frames, and numbers of the whole, (batch, scalars)."""
+        field, scalars = sample.split([sample.shape[1] - self.num_scalars, self.num_scalars], dim=1)
+        return field, scalars.sum(-1) / sample.shape[-1] ** 0.5
 
-    def join(self, latents, scalars):
+    def join(self, field, scalars):
         """Undoes `split`; each scalar is spread evenly over the frames."""
-        frames = latents.shape[-1]
-        return torch.cat([latents, scalars[..., None].expand(-1, -1, frames) / frames**0.5], dim=1)
+        frames = field.shape[-1]
+        return torch.cat([field, scalars[..., None].expand(-1, -1, frames) / frames**0.5], dim=1)
+
+    def numbers(self, sample):
+        """All that is read of a state (or velocity): (batch, sum of `kinds`, frames / patch_size).
+
+        Channels are the learned latents patch by patch, the departures, and the scalars, the same at every position.
+
+        Raises:
+            ValueError: if the frames are no multiple of `patch_size`.
+        """
+        size, levels = self.config.patch_size, self.config.level_channels
+        if sample.shape[-1] % size:
+            raise ValueError(f"`sample` must have a multiple of {size} frames (patch_size), got {sample.shape[-1]}.")
+        field, scalars = self.split(sample)
+        learned, departures = field.split([field.shape[1] - levels, levels], dim=1)
+        learned = to_patches(learned, size)
+        departures = departures.unflatten(-1, (-1, size)).sum(-1) / size**0.5
+        return torch.cat([learned, departures, scalars[..., None].expand(-1, -1, learned.shape[-1])], dim=1)
+
+    def spread(self, numbers):
+        """Undoes `numbers`: each number is spread evenly over its frames; scalars are averaged over positions."""
+        size = self.config.patch_size
+        learned, departures, scalars = numbers.split(self.kinds, dim=1)
+        departures = departures.repeat_interleave(size, dim=-1) / size**0.5
+        return self.join(torch.cat([from_patches(learned, size), departures], dim=1), scalars.mean(-1))
 
     def _latent_statistics(self, like):
-        """Mean and standard deviation of the latent channels, (channels, 1); no buffers: offloading would miss them."""
-        mean, std = self.config.latent_mean, self.config.latent_std
-        mean = torch.zeros(self.latent_channels) if mean is None else torch.tensor(mean)
-        std = torch.ones(self.latent_channels) if std is None else torch.tensor(std)
-        return mean.to(like)[:, None], std.to(like)[:, None]
+        """Means and standard deviations as (channels, 1); no buffers: offloading would miss them.
+
+        Of mean cepstrum and learned latents, mean and standard deviation, and of departures, standard deviation.
+        """
+        made = []
+        for values, default, count in (
+            (self.config.latent_mean, 0.0, self.latent_channels),
+            (self.config.latent_std, 1.0, self.latent_channels),
+            (self.config.departure_std, 1.0, self.config.level_channels),
+        ):
+            made.append(torch.tensor([default] * count if values is None else values).to(like)[:, None])
+        return made
 
     def pack(self, latents, level, friction_coefficient):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
@@ -151,22 +252,39 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         Returns:
             `torch.Tensor`: (batch, in_channels, frames).
         """
-        config = self.config
+        config, levels = self.config, self.config.level_channels
         mean, std = self._log_friction_statistics()
         friction = (friction_coefficient.clamp_min(1e-3).log() - mean) / std
-        scalars = torch.stack([(level - config.level_mean) / config.level_std, torch.nan_to_num(friction)], dim=1)
-        mean, std = self._latent_statistics(latents)
-        return self.join((latents - mean) / std, scalars.to(latents))
+        level = (level - config.level_mean) / config.level_std
+        if config.fixed_gain:
+            friction, level = torch.zeros_like(friction), torch.zeros_like(level)
+        mean, std, departure_std = self._latent_statistics(latents)
+        cepstra, departures = _cepstra(latents, levels, config.patch_size)
+        cepstra = (cepstra - mean[:levels, 0]) / std[:levels, 0]
+        scalars = torch.cat([cepstra, torch.stack([level, torch.nan_to_num(friction)], dim=1).to(latents)], dim=1)
+        learned = to_patches((latents[:, levels:] - mean[levels:]) / std[levels:], config.patch_size)
+        scalars = scalars[..., None].expand(-1, -1, learned.shape[-1])
+        return self.spread(torch.cat([learned, departures / departure_std, scalars], dim=1))
 
     def unpack(self, sample):
-        """Undoes `pack`: (batch, in_channels, frames) -> latents, level (batch,), friction coefficient (batch,)."""
-        config = self.config
-        latents, scalars = self.split(sample)
-        level, friction = scalars.float().unbind(1)
+        """Undoes `pack`: (batch, in_channels, frames) -> latents, level (batch,), friction coefficient (batch,).
+
+        Band levels come back smooth: cubic between the patches' numbers.
+        """
+        config, levels = self.config, self.config.level_channels
+        learned, departures, scalars = self.numbers(sample).split(self.kinds, dim=1)
+        cepstra, scalars = scalars[..., 0].split([levels, NUM_SCALARS], dim=1)
+        level, friction = (torch.zeros_like(scalars) if config.fixed_gain else scalars).float().unbind(1)
         log_friction_mean, log_friction_std = self._log_friction_statistics()
-        mean, std = self._latent_statistics(latents)
+        mean, std, departure_std = self._latent_statistics(sample)
+        latents = from_patches(learned, config.patch_size) * std[levels:] + mean[levels:]
+        if levels:
+            size = (levels, sample.shape[-1])
+            smooth = F.interpolate((departures * departure_std)[:, None], size=size, mode="bicubic")[:, 0]
+            smooth = smooth - smooth.mean(-1, keepdim=True) + (cepstra[..., None] * std[:levels] + mean[:levels])
+            latents = torch.cat([_cosines(levels, smooth).T @ smooth, latents], dim=1)
         return (
-            latents * std + mean,
+            latents,
             level * config.level_std + config.level_mean,
             torch.exp(friction * log_friction_std + log_friction_mean),
         )
@@ -190,17 +308,12 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
                 f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
                 f"{list(self.config.rating_axes)}, got {tuple(ratings.shape)}."
             )
-        latents, scalars = self.split(sample)
-        hidden_states = torch.cat([latents, scalars[..., None].expand(-1, -1, sample.shape[-1])], dim=1)
-
+        hidden_states = self.numbers(sample)
         tokens = self.rating_embedder(ratings, sample.dtype)
         embedding = self.time_embedder(expand_timestep(timestep, sample), sample.dtype)
         embedding = embedding + self.rating_pool(tokens.flatten(1))
         checkpoint = None
         if torch.is_grad_enabled() and self.gradient_checkpointing:
             checkpoint = self._gradient_checkpointing_func
-        velocity = self.unet(hidden_states, embedding, tokens=tokens, checkpoint=checkpoint)
-
-        latents, scalars = velocity.split([self.latent_channels, NUM_SCALARS], dim=1)
-        velocity = self.join(latents, scalars.mean(-1))
+        velocity = self.spread(self.unet(hidden_states, embedding, tokens=tokens, checkpoint=checkpoint))
         return DALEOutput(sample=velocity) if return_dict else (velocity,)

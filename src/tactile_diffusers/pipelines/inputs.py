@@ -123,10 +123,31 @@ def check_positive_integer(name, value):
         raise ValueError(f"`{name}` must be a whole number >= 1, got {value!r}.")
 
 
-def check_number(name, value, low, low_allowed, meaning):
-    """Raises a `ValueError` unless `value` is a finite number above `low` (or at it, if `low_allowed`)."""
+def parse_guidance(guidance_scale, axes):
+    """Guidance as `Guidance` takes it: a float, or a dict of indices of axes.
+
+    Args:
+        guidance_scale (`float` or `dict[str, float]`): for all axes, or of some.
+        axes (`Sequence[str]`): their names.
+
+    Raises:
+        ValueError: for an unknown axis, or a scale that is no finite number of at least 0.
+    """
+    if not isinstance(guidance_scale, dict):
+        check_number("guidance_scale", guidance_scale, 0, True, " (1.0 = off), or a dict of axes")
+        return float(guidance_scale)
+    unknown = sorted(str(name) for name in set(guidance_scale) - set(axes))
+    if unknown:
+        raise ValueError(f"`guidance_scale` has unknown axes {unknown}; the axes are {list(axes)}.")
+    for name, scale in guidance_scale.items():
+        check_number(f"guidance_scale[{name!r}]", scale, 0, True, " (1.0 = off)")
+    return {list(axes).index(name): float(scale) for name, scale in guidance_scale.items()}
+
+
+def check_number(name, value, low, low_allowed, meaning, high=float("inf")):
+    """Raises a `ValueError` unless `value` is a finite number, above `low` (or at it, if allowed), up to `high`."""
     number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not number or not np.isfinite(value) or value < low or (value == low and not low_allowed):
+    if not number or not np.isfinite(value) or value < low or (value == low and not low_allowed) or value > high:
         raise ValueError(
             f"`{name}` must be a finite number {'>=' if low_allowed else '>'} {low}{meaning}, got {value!r}."
         )

@@ -10,8 +10,9 @@ from diffusers.utils import replace_example_docstring
 from diffusers.utils.torch_utils import randn_tensor
 
 from ..features import TactileFeatureExtractor
-from ..models import DALEModel, LCTGModel
+from ..models import DALEModel, LCTGModel, RatingEstimator
 from ..schedulers import VDDIMScheduler
+from .guidance import Guidance
 from .inputs import (
     check_callback_inputs,
     check_components,
@@ -20,6 +21,7 @@ from .inputs import (
     check_generator,
     check_number,
     check_positive_integer,
+    parse_guidance,
     parse_ratings,
 )
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
@@ -56,10 +58,11 @@ class TactileTexturePipeline(DiffusionPipeline):
         scheduler ([`VDDIMScheduler`]): sampler of LCTG.
         dale ([`DALEModel`], *optional*): ratings to latents; `None` = a pipeline that only reconstructs.
         dale_scheduler ([`VDDIMScheduler`], *optional*): sampler of DALE, not the same object as `scheduler`.
+        rating_estimator ([`RatingEstimator`], *optional*): textures to ratings, for `estimate_ratings` alone.
     """
 
     model_cpu_offload_seq = "dale->lctg"
-    _optional_components = ["dale", "dale_scheduler"]
+    _optional_components = ["dale", "dale_scheduler", "rating_estimator"]
     _callback_tensor_inputs = ["latents"]
 
     def __init__(
@@ -69,6 +72,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         scheduler: VDDIMScheduler,
         dale: DALEModel = None,
         dale_scheduler: VDDIMScheduler = None,
+        rating_estimator: RatingEstimator = None,
     ):
         super().__init__()
         if dale is not None and dale_scheduler is None:
@@ -83,6 +87,7 @@ class TactileTexturePipeline(DiffusionPipeline):
             scheduler=scheduler,
             dale=dale,
             dale_scheduler=dale_scheduler,
+            rating_estimator=rating_estimator,
         )
 
     @classmethod
@@ -113,13 +118,13 @@ class TactileTexturePipeline(DiffusionPipeline):
 
     @property
     def guidance_scale(self):
-        """Guidance scale of the current or last call."""
+        """Guidance scale of the current or last call, as it was given."""
         return self._guidance_scale
 
     @property
     def do_classifier_free_guidance(self):
-        """Whether the current or last call evaluates DALE without ratings too."""
-        return self._guidance_scale != 1.0
+        """Whether the current or last call evaluates DALE without ratings, or without some, too."""
+        return self._guidance.active
 
     @property
     def num_timesteps(self):
@@ -140,6 +145,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         duration_s,
         output_type,
         callback_on_step_end_tensor_inputs,
+        guidance_rescale=0.0,
     ):
         """Refuses impossible arguments of `__call__`; ratings, generators and latents are checked where they are read.
 
@@ -152,7 +158,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         if num_latent_inference_steps is not None:
             check_positive_integer("num_latent_inference_steps", num_latent_inference_steps)
         check_positive_integer("num_textures_per_rating", num_textures_per_rating)
-        check_number("guidance_scale", guidance_scale, 0, True, " (1.0 = off)")
+        check_number("guidance_rescale", guidance_rescale, 0, True, " and <= 1 (0.0 = off)", 1)
         if duration_s is not None:
             check_number("duration_s", duration_s, 0, False, " (seconds), or None")
         if output_type not in ("np", "pt", "latent"):
@@ -199,7 +205,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         ratings,
         num_inference_steps: int = DEFAULT_STEPS,
         num_latent_inference_steps: int | None = None,
-        guidance_scale: float = 1.0,
+        guidance_scale: float | dict[str, float] = 1.0,
         num_textures_per_rating: int = 1,
         duration_s: float | None = None,
         generator: torch.Generator | list[torch.Generator] | None = None,
@@ -209,6 +215,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         callback_on_step_end=None,
         callback_on_step_end_tensor_inputs: list[str] = ["latents"],  # noqa: B006 (diffusers' signature; never mutated)
         rating_scale: str = "z",
+        guidance_rescale: float = 0.0,
     ):
         r"""
         Generates textures from ratings.
@@ -219,7 +226,8 @@ class TactileTexturePipeline(DiffusionPipeline):
                 None = not specified; `None` for all = nothing specified.
             num_inference_steps (`int`, *optional*, defaults to 5): steps of LCTG.
             num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = `num_inference_steps`.
-            guidance_scale (`float`, *optional*, defaults to 1.0): above 1 exaggerates the ratings; 1.0 = off.
+            guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): above 1 exaggerates the
+                ratings; 1.0 = off. A dict, `{"bumpiness": 1.5}`, does so for these axes alone.
             num_textures_per_rating (`int`, *optional*, defaults to 1): takes of each rating.
             duration_s (`float`, *optional*): seconds; `None` = one segment. Longer textures are continuous.
             generator (`torch.Generator` or list, *optional*): one generator draws (N, ...) noise for DALE, then for
@@ -233,6 +241,8 @@ class TactileTexturePipeline(DiffusionPipeline):
             callback_on_step_end_tensor_inputs (`list[str]`, *optional*): `["latents"]`: the current stage's state.
             rating_scale (`str`, *optional*, defaults to `"z"`): `"z"`, one rater's z-scores; `"raw"`, the 0-8 scale as
                 the typical rater uses it; `"percentile"`, 0-100 % of the training surfaces' ratings.
+            guidance_rescale (`float`, *optional*, defaults to 0.0): 0 to 1, how far the spread of what guidance
+                predicts is brought back to that without guidance, so that a strong one does not make levels explode.
 
         Returns:
             [`TactileTexturePipelineOutput`], [`TactileLatents`], or a tuple of their fields.
@@ -251,13 +261,15 @@ class TactileTexturePipeline(DiffusionPipeline):
             duration_s,
             output_type,
             callback_on_step_end_tensor_inputs,
+            guidance_rescale,
         )
+        scale = parse_guidance(guidance_scale, self.dale.config.rating_axes)
         ratings = parse_ratings(ratings, self.dale.config, rating_scale)
         count = len(ratings) * num_textures_per_rating
         generator = check_generator(generator, count)
         device = self._execution_device
         ratings = ratings.repeat_interleave(num_textures_per_rating, dim=0).to(device)
-        self._guidance_scale = float(guidance_scale)
+        self._guidance_scale, self._guidance = guidance_scale, Guidance(scale, float(guidance_rescale))
         self._interrupt = False
 
         # 1. sizes, schedules and DALE's noise
@@ -272,7 +284,7 @@ class TactileTexturePipeline(DiffusionPipeline):
         with self.progress_bar(total=self._num_timesteps) as bar:
             # 2. DALE: ratings to latents, level and friction coefficient
             timesteps = self.dale_scheduler.timesteps
-            velocity = rating_velocity(self.dale, ratings, frames, self.guidance_scale)
+            velocity = rating_velocity(self.dale, self.dale_scheduler, ratings, frames, self._guidance)
             latents = self._denoise(self.dale_scheduler, velocity, latents, timesteps, bar, *callback)
             made = TactileLatents(*self.dale.unpack(latents))
             made.latents = self.lctg.complete(made.latents.to(self.dale.dtype))
@@ -295,7 +307,8 @@ class TactileTexturePipeline(DiffusionPipeline):
             duration_s = frames * hop / rate
         else:
             # at least one window of the trained length; what is too much is cut off at the end
-            frames = max(self.dale.config.latent_frames, math.ceil(duration_s * rate / hop - 1e-6))
+            size = self.dale.config.patch_size
+            frames = max(self.dale.config.latent_frames, math.ceil(duration_s * rate / hop / size - 1e-6) * size)
         return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
 
     def _decode(self, latents, num_inference_steps, generator, bar, callback=None, callback_inputs=(), first_index=0):
@@ -395,3 +408,41 @@ class TactileTexturePipeline(DiffusionPipeline):
         return self.decode(
             made.latents, made.level, None, num_inference_steps, generator, output_type=output_type, samples=samples
         )
+
+    @torch.no_grad()
+    def estimate_ratings(self, texture, sampling_rate, friction_coefficient=None):
+        """Ratings that textures would be given, by a small regression on their latents (`RatingEstimator`).
+
+        For round trips in tools; it is no judge of a generator, because it helped to train DALE. Estimates are shrunk
+        towards the middle, as those of any regression are.
+
+        Args:
+            texture (`np.ndarray` or `torch.Tensor`): (samples,) or (batch, samples), N, band-passed and zero mean.
+            sampling_rate (`int`): Hz.
+            friction_coefficient (`float`, `np.ndarray` or `torch.Tensor`, *optional*): one, or (batch,); `None` or NaN
+                = unknown, which costs most of what is known about slipperiness.
+
+        Returns:
+            `np.ndarray`: (batch, axes) float32, z-scores in the order of `dale.config.rating_axes`.
+
+        Raises:
+            ValueError: if the checkpoint has no estimator, or there is another number of friction coefficients.
+        """
+        if self.dale is None or self.rating_estimator is None:
+            raise ValueError(
+                "This checkpoint has no `rating_estimator`: examples/train_dale.py trains one along with DALE."
+            )
+        made = self.encode(texture, sampling_rate)
+        level = made.level
+        friction = torch.as_tensor(math.nan if friction_coefficient is None else friction_coefficient).to(level)
+        if friction.ndim and friction.shape != level.shape:
+            raise ValueError(
+                f"`friction_coefficient` must be one number or ({len(level)},), one for each texture, got "
+                f"{tuple(friction.shape)}."
+            )
+        friction, size = friction.expand(len(level)), self.dale.config.patch_size
+        latents = made.latents[:, : self.lctg.base_channels, : made.latents.shape[-1] // size * size]
+        numbers = self.dale.numbers(self.dale.pack(latents, level, friction)).to(self.rating_estimator.dtype)
+        ratings = self.rating_estimator(numbers, torch.isfinite(friction)).float().cpu().numpy()
+        self.maybe_free_model_hooks()
+        return ratings

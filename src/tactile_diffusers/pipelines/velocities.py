@@ -1,27 +1,22 @@
 """Velocity functions `velocity(state, t)` of both stages, for segments and for longer textures."""
 
-import torch
-
 from .windows import Windows, in_chunks
 
 
-def rating_velocity(dale, ratings, frames, guidance_scale):
-    """DALE's velocity given ratings; with guidance both conditions go through in one batch.
+def rating_velocity(dale, scheduler, ratings, frames, guidance):
+    """DALE's velocity given ratings.
 
     Args:
         dale (`DALEModel`): its `latent_frames` is the window of long textures.
+        scheduler (`VDDIMScheduler`): DALE's.
         ratings (`torch.Tensor`): (batch, axes), z-scores, NaN = not specified.
         frames (`int`): latent frames of the whole, at least one window.
-        guidance_scale (`float`): 1.0 = off.
+        guidance (`Guidance`): pushes away from what DALE would answer without ratings.
     """
 
     def guided(state, t, ratings):
         state = state.to(dale.dtype)  # the sampler's state is wider than a half-precision model
-        if guidance_scale == 1.0:
-            return dale(state, t, ratings, return_dict=False)[0]
-        both = torch.cat([torch.full_like(ratings, torch.nan), ratings])
-        free, steered = dale(torch.cat([state, state]), t, both, return_dict=False)[0].chunk(2)
-        return free + guidance_scale * (steered - free)
+        return guidance.velocity(dale, scheduler, state, t, ratings)
 
     windows = Windows(frames, dale.config.latent_frames)
     if len(windows.starts) == 1:

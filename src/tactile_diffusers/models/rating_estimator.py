@@ -1,0 +1,61 @@
+"""`RatingEstimator`: which ratings a texture would be given, read from its latents."""
+
+import torch
+from diffusers.configuration_utils import ConfigMixin, register_to_config
+from diffusers.models.modeling_utils import ModelMixin
+from torch import nn
+
+from ..signal import RATING_AXES
+from .dale import NUM_SCALARS
+
+
+class RatingEstimator(ModelMixin, ConfigMixin):
+    r"""
+    A small regression from DALE's clean state to ratings: no judge of quality, but good for round trips in tools.
+
+    It learns from real latents before DALE trains and is frozen then, where it serves the paper's auxiliary
+    conditioning loss (section 2.2): a head that learned along with DALE would collude with it and hide the rating in a
+    latent direction that nobody feels. Estimates are shrunk towards the mean of the training surfaces, as those of any
+    regression are, by about R². This model inherits from [`ModelMixin`].
+
+    Args:
+        kinds (`list[int]`): channels of `DALEModel.numbers`: learned latents, departures, numbers of the whole texture.
+        rating_axes (`list[str]`, *optional*): names of the perceptual axes.
+        width (`int`, *optional*, defaults to 96): channels of the convolutions.
+    """
+
+    @register_to_config
+    def __init__(self, kinds: list[int], rating_axes: tuple[str, ...] = RATING_AXES, width: int = 96):
+        super().__init__()
+        learned, departures, scalars = kinds
+        if scalars < NUM_SCALARS:
+            raise ValueError(f"`kinds` must end with at least {NUM_SCALARS} scalars, got {list(kinds)}.")
+        self.net = nn.Sequential(
+            nn.Conv1d(learned + departures, width, 3, padding=1),
+            nn.SiLU(),
+            nn.Conv1d(width, width, 3, padding=1),
+            nn.SiLU(),
+            nn.Conv1d(width, width, 3, padding=1),
+        )
+        self.out = nn.Sequential(
+            nn.Linear(2 * width + scalars + 1, width), nn.SiLU(), nn.Linear(width, len(rating_axes))
+        )
+
+    def forward(self, numbers, knows_friction=None):
+        """Ratings in z-scores, (batch, axes).
+
+        Args:
+            numbers (`torch.Tensor`): (batch, sum of `kinds`, positions), `DALEModel.numbers` of a clean state.
+            knows_friction (`torch.Tensor`, *optional*): (batch,) bool; `None` = of all. Where it is unknown, the last
+                scalar is ignored.
+        """
+        field, scalars = numbers.split([sum(self.config.kinds[:2]), self.config.kinds[2]], dim=1)
+        hidden_states = self.net(field)
+        known = torch.ones_like(scalars[:, :1, 0])
+        if knows_friction is not None:
+            known = knows_friction.to(scalars)[:, None]
+        scalars = scalars.mean(-1)
+        scalars = torch.cat([scalars[:, :-1], scalars[:, -1:] * known, known], dim=1)
+        # std of a single position is not defined; the small constant keeps its gradient finite
+        spread = (hidden_states.var(-1, correction=0) + 1e-6).sqrt()
+        return self.out(torch.cat([hidden_states.mean(-1), spread, scalars], dim=1))

@@ -1,0 +1,75 @@
+"""Classifier-free guidance: under which ratings DALE is asked, and how its answers are combined."""
+
+from dataclasses import dataclass
+
+import torch
+
+
+@dataclass(frozen=True)
+class Guidance:
+    """How far an answer is pushed away from what it would be without its ratings (Ho and Salimans, arXiv 2207.12598).
+
+    Args:
+        scale (`float` or `dict[int, float]`): 1.0 = off. A number pushes away from the answer without any rating; a
+            dict, axis to number, from the answer without that axis alone, v + sum_a (s_a - 1) (v - v_without_a).
+        rescale (`float`): how far, 0 to 1, the spread of the predicted clean state is brought back to that of the
+            unguided one (Lin et al., arXiv 2305.08891), for each kind of channel apart: levels stay within the data's.
+    """
+
+    scale: float | dict = 1.0
+    rescale: float = 0.0
+
+    @property
+    def active(self):
+        """Whether DALE is asked more than once."""
+        return self.scale != 1.0 if not isinstance(self.scale, dict) else any(s != 1.0 for s in self.scale.values())
+
+    def conditions(self, ratings):
+        """Weights and ratings of the answers that are added: a list of (float, (batch, axes)); the plain one is last.
+
+        Weights sum to one. Nothing is asked twice: an axis that no row specifies is left alone.
+        """
+        if not isinstance(self.scale, dict):
+            pushes = [(self.scale - 1, torch.full_like(ratings, torch.nan))] if self.active else []
+        else:
+            pushes = []
+            for axis, scale in self.scale.items():
+                if scale != 1.0 and not torch.isnan(ratings[:, axis]).all():
+                    without = ratings.clone()
+                    without[:, axis] = torch.nan
+                    pushes.append((scale - 1, without))
+        return [(-push, without) for push, without in pushes] + [(1 + sum(push for push, _ in pushes), ratings)]
+
+    def velocity(self, dale, scheduler, state, t, ratings):
+        """DALE's velocity, guided; all conditions go through in one batch.
+
+        Args:
+            dale (`DALEModel`).
+            scheduler (`VDDIMScheduler`): DALE's; turns velocities into clean states for `rescale`.
+            state (`torch.Tensor`): (batch, in_channels, frames).
+            t (`torch.Tensor`): timestep, a scalar.
+            ratings (`torch.Tensor`): (batch, axes) z-scores, NaN = not specified.
+        """
+        conditions = self.conditions(ratings)
+        if len(conditions) == 1:
+            return dale(state, t, ratings, return_dict=False)[0]
+        weights, rows = zip(*conditions, strict=True)
+        answers = dale(torch.cat([state] * len(rows)), t, torch.cat(rows), return_dict=False)[0].chunk(len(rows))
+        guided = sum(weight * answer for weight, answer in zip(weights, answers, strict=True))
+        return self._rescaled(dale, scheduler, state, t, guided, answers[-1]) if self.rescale else guided
+
+    def _rescaled(self, dale, scheduler, state, t, guided, plain):
+        clean = [scheduler.get_original_sample(answer, state, t) for answer in (guided, plain)]
+        guided_spread, plain_spread = (_spreads(dale, dale.numbers(x)) for x in clean)
+        factor = 1 + self.rescale * (plain_spread / guided_spread.clamp_min(1e-6) - 1)
+        angle = scheduler.angle(t).to(state)
+        # at the data end (angle 0) velocity says nothing about the clean state; steps never ask there
+        return (angle.cos() * state - factor[..., None] * clean[0]) / angle.sin().clamp_min(1e-3)
+
+
+def _spreads(dale, numbers):
+    """Root mean square of each kind of number, for every channel of the state: (batch, in_channels)."""
+    levels, scalars = dale.config.level_channels, dale.num_scalars
+    channels = (dale.config.in_channels - levels - scalars, levels, scalars)
+    parts = zip(numbers.split(dale.kinds, dim=1), channels, strict=True)
+    return torch.cat([part.square().mean((1, 2)).sqrt()[:, None].expand(-1, count) for part, count in parts], dim=1)
