@@ -17,7 +17,7 @@ from tqdm.auto import tqdm
 
 from tactile_diffusers import DALEModel, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.data.ratings import rating_quantiles
+from tactile_diffusers.data.ratings import rating_coverage, rating_quantiles
 from tactile_diffusers.models.dale import NUM_SCALARS, latent_statistics
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.arguments import (
@@ -152,7 +152,12 @@ def rating_statistics(dataset):
     quantiles = rating_quantiles(dataset.surface_ratings[np.unique(dataset.surface_ids)])
     if np.isnan(quantiles).any():
         return {}
+    coverage = rating_coverage(dataset.surface_ratings[np.unique(dataset.surface_ids)])
+    centre, covariance, reach = coverage or (None, None, None)
     return {
+        "ratings_centre": centre if coverage is None else centre.tolist(),
+        "ratings_covariance": covariance if coverage is None else covariance.tolist(),
+        "ratings_reach": reach,
         "ratings_mean": dataset.ratings_mean.tolist(),
         "ratings_std": dataset.ratings_scale.tolist(),
         "ratings_range": quantiles[:, [0, -1]].tolist(),

@@ -52,6 +52,22 @@ def test_ratings_reach_every_level_through_cross_attention(dale):
     torch.testing.assert_close(one, other, rtol=0, atol=1e-6)
 
 
+def test_without_modulation_attention_alone_hears_ratings(make_dale):
+    model = make_dale(rating_modulation=False)
+    assert not any(name.startswith("rating_pool") for name, _ in model.named_parameters())
+    one, other = _velocity(model, [[0.0, 0.0, 0.0], [2.0, -1.0, 0.5]], _normal(1, 6, 32).expand(2, -1, -1))
+    assert (one - other).norm() / one.norm() > 0.01
+
+
+def test_a_fixed_gain_is_the_training_mean(make_dale):
+    model = make_dale(fixed_gain=True)
+    state = model.pack(_normal(2, 4, 8), torch.tensor([-7.0, -3.0]), torch.tensor([0.1, 2.0]))
+    for sample in (state, _normal(2, 6, 8)):
+        _, level, friction = model.unpack(sample)
+        assert level.tolist() == [model.config.level_mean] * 2
+        assert friction.log().tolist() == pytest.approx([model.config.log_friction_mean] * 2, rel=1e-5)
+
+
 def test_axes_are_not_interchangeable(dale):
     one, other = _velocity(dale, [[1.5, -0.5, 0.0], [-0.5, 1.5, 0.0]], _normal(1, 6, 32).expand(2, -1, -1))
     assert not torch.allclose(one, other, atol=1e-3)

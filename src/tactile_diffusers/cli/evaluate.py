@@ -9,7 +9,17 @@ from pathlib import Path
 from ..data.splits import SPLITS
 from . import readme
 
-_SECTIONS = ("reconstruction", "generation", "control", "paper", "speed", "long_textures", "latents", "robustness")
+_SECTIONS = (
+    "reconstruction",
+    "generation",
+    "control",
+    "novel",
+    "paper",
+    "speed",
+    "long_textures",
+    "latents",
+    "robustness",
+)
 
 
 def parse_arguments(argv=None):

@@ -220,6 +220,38 @@ def rating_quantiles(mean):
     return np.stack([np.quantile(k, shares) if len(k) else np.full(QUANTILES, np.nan) for k in known])
 
 
+def rating_coverage(mean):
+    """Where in the space of ratings surfaces lie: centre (axes,), covariance (axes, axes) and reach.
+
+    The reach is the largest Mahalanobis distance of a surface from the centre; `coverage_distance` is how far others
+    are.
+
+    Args:
+        mean (`np.ndarray`): (surfaces, axes) pooled ratings; surfaces with a NaN are left out.
+
+    Returns:
+        `tuple[np.ndarray, np.ndarray, float]`, or `None` for fewer surfaces than settle a covariance.
+    """
+    known = mean[np.isfinite(mean).all(1)].astype(np.float64)
+    if len(known) < 2 * mean.shape[1]:
+        return None
+    centre = known.mean(0)
+    covariance = np.cov(known.T) + 1e-6 * np.eye(mean.shape[1])  # axes that are always rated alike stay solvable
+    return centre, covariance, float(coverage_distance(known, centre, covariance).max())
+
+
+def coverage_distance(ratings, centre, covariance):
+    """Mahalanobis distance of ratings (n, axes) from the centre over the axes that each specifies: (n,), NaN = none."""
+    ratings, centre, covariance = (np.asarray(values, dtype=np.float64) for values in (ratings, centre, covariance))
+    distances = np.full(len(ratings), np.nan)
+    for row, rating in enumerate(ratings):
+        given = np.flatnonzero(np.isfinite(rating))
+        if len(given):
+            away = rating[given] - centre[given]
+            distances[row] = np.sqrt(away @ np.linalg.solve(covariance[np.ix_(given, given)], away))
+    return distances
+
+
 def from_percentile(percentiles, quantiles):
     """From percentiles to ratings in z-scores, along straight lines between the quantiles.
 

@@ -9,6 +9,10 @@ from .checks import check_textures
 
 #: Band in which waveforms are compared, Hz. A low upper edge keeps lags resolved at a low rate, which makes this fast.
 COPY_BAND_HZ = (20.0, 400.0)
+#: Standard deviation over all three ratings of the kernel by which real surfaces count as alike, z-scores.
+RATING_WIDTH = 0.3
+#: Fewest effective real surfaces near a rating for its spread to be known.
+FEWEST_NEAR = 20
 # lags per period of the band's upper edge: 0.35 ms at 400 Hz
 _LAGS_PER_PERIOD = 7.2
 # width over which the mean spectrum is smoothed, Hz: a rough one, as of few segments, would make whitening ring
@@ -300,6 +304,40 @@ def diversity(generated_levels, generated_groups, real_levels, real_groups):
     if real == 0:
         raise ValueError("`real_levels` must differ within a group, got identical takes.")
     return take_spread_db(generated_levels, generated_groups) / real
+
+
+def rating_diversity(generated_levels, generated_groups, group_ratings, real_levels, real_ratings, real_groups):
+    """Spread of generated takes of one rating over that of real textures with such ratings: 1 = as diverse as the data.
+
+    Ratings do not settle a surface, so takes of a rating should differ by more than takes of a surface do. Real
+    surfaces count by a Gaussian kernel over all three ratings; ratings with fewer than 20 of them near are left out.
+
+    Args:
+        generated_levels (`np.ndarray`): (n, bands) dB.
+        generated_groups (`np.ndarray`): (n,) row of `group_ratings` that a take was made for.
+        group_ratings (`np.ndarray`): (groups, 3) z-scores.
+        real_levels (`np.ndarray`): (m, bands) dB.
+        real_ratings (`np.ndarray`): (m, 3) z-scores of each texture's surface; rows with NaN are left out.
+        real_groups (`np.ndarray`): (m,) which textures belong together.
+
+    Returns:
+        `float`: NaN where no rating has enough real surfaces near it.
+    """
+    rated = ~np.isnan(real_ratings).any(1)
+    real_levels, real_ratings = np.asarray(real_levels)[rated], np.asarray(real_ratings)[rated]
+    _, surface, textures = np.unique(np.asarray(real_groups)[rated], return_inverse=True, return_counts=True)
+    made, real = [], []
+    for group in np.unique(generated_groups):
+        own = generated_levels[generated_groups == group]
+        squares = np.square((real_ratings - group_ratings[group]) / RATING_WIDTH).sum(1)
+        weights = np.exp(-0.5 * squares) / textures[surface]
+        total = np.bincount(surface, weights)
+        if len(own) < 2 or not total.sum() or total.sum() ** 2 / np.square(total).sum() < FEWEST_NEAR:
+            continue
+        weights = weights / weights.sum()
+        made.append(own.var(0, ddof=1).mean())
+        real.append((weights @ np.square(real_levels - weights @ real_levels)).mean())
+    return float(np.sqrt(np.mean(made) / np.mean(real))) if made else float("nan")
 
 
 def _blocks(points):

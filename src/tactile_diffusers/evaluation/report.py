@@ -21,10 +21,19 @@ from .training_record import training_facts
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
 MEASURED = (
     *("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "long_textures"),
-    *("latents", "robustness"),
+    *("latents", "robustness", "novel"),
 )
 # files that only write tables, or what is read anew each time
-_TELLING = ("labels.py", "summary.py", "tables.py", "telling.py", "training_record.py", "winners.py")
+_TELLING = (
+    "labels.py",
+    "summary.py",
+    "tables.py",
+    "telling.py",
+    "telling_ratings.py",
+    "obedience.py",
+    "training_record.py",
+    "winners.py",
+)
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
 
 

@@ -5,14 +5,22 @@ from .labels import (
     COMPARED_STEPS,
     NAMES,
     PAPER,
-    SETS,
     SPECTRAL,
     compared_steps,
     default_guidance,
     default_steps,
 )
-from .tables import markdown_table, text
+from .tables import markdown_table, text, title
 from .telling import latents_markdown, robustness_markdown
+from .telling_ratings import (
+    control_markdown,
+    generation_markdown,
+    novel_markdown,
+    obedience_markdown,
+    paper_figures_markdown,
+    responses_markdown,
+    unseen_markdown,
+)
 from .training_record import FLAT
 from .winners import baselines_that_win
 
@@ -21,10 +29,11 @@ def report_markdown(report):
     """The whole report as Markdown."""
     writers = {
         "reconstruction": (_reconstruction, _bands, _steps, *((_beside,) if report.get("anchors") else ())),
-        "generation": (_generation,),
-        "unseen_surfaces": (_unseen,),
-        "control": (_control, _responses),
-        "paper": (_paper_figures,),
+        "generation": (generation_markdown,),
+        "unseen_surfaces": (unseen_markdown,),
+        "control": (obedience_markdown, control_markdown, responses_markdown),
+        "novel": (novel_markdown,),
+        "paper": (paper_figures_markdown,),
         "speed": (_speed,),
         "long_textures": (_long,),
         "latents": (lambda whole: latents_markdown(whole["latents"]) + "\n\n![latents](latents.png)",),
@@ -43,9 +52,9 @@ def readme_markdown(report, figures):
     pictures = {"reconstruction": "overlays", "unseen_surfaces": "unseen", "control": "control"}
     shown = {
         "reconstruction": _reconstruction,
-        "generation": _generation,
-        "unseen_surfaces": _unseen,
-        "control": _control,
+        "generation": generation_markdown,
+        "unseen_surfaces": unseen_markdown,
+        "control": control_markdown,
     }
     for key, writer in shown.items():
         if report.get(key):
@@ -55,14 +64,10 @@ def readme_markdown(report, figures):
         if key == "reconstruction" and report.get("anchors") and report[key]:
             parts.append(_beside(report, 4, figures))
     if report.get("control"):
-        parts.append(_responses(report, 4))
+        parts += [obedience_markdown(report, 4), responses_markdown(report, 4)]
     if report.get("long_textures"):
         parts.append(_long(report, 4))
     return "\n\n".join([*parts, _baselines_that_win(report, 4)]) + "\n"
-
-
-def _title(name, level):
-    return f"{'#' * level} {name}\n\n"
 
 
 def _head(report, level=1):
@@ -75,7 +80,7 @@ def _head(report, level=1):
         "surfaces. A silent output has an SNR of 0 dB, a second take of the same surface about −3 dB: read waveform "
         "figures beside those rows only."
     )
-    return _title("Report" if level == 1 else "Measured", level) + facts
+    return title("Report" if level == 1 else "Measured", level) + facts
 
 
 def _side_by_side(report, level=2):
@@ -132,9 +137,7 @@ def _side_by_side(report, level=2):
             columns[0]: PAPER["latent_shift_percent"],
             columns[3]: f"{min(shifts):.0f}–{max(shifts):.0f}",
         }
-    return _title("Paper, yardsticks, ours", level) + markdown_table(
-        rows, labels={column: column for column in columns}
-    )
+    return title("Paper, yardsticks, ours", level) + markdown_table(rows, labels={column: column for column in columns})
 
 
 def _rows(report, steps):
@@ -161,12 +164,12 @@ def _shown_steps(report):
 def _reconstruction(report, level=2):
     table = markdown_table(_rows(report, _shown_steps(report)), labels=SPECTRAL)
     note = "The level of a reconstruction is set after decoding, so its error is nothing by construction."
-    return _title("Reconstruction (LCTG)", level) + note + "\n\n" + table
+    return title("Reconstruction (LCTG)", level) + note + "\n\n" + table
 
 
 def _bands(report, level=2):
     table = markdown_table(_rows(report, _shown_steps(report)), labels=BANDS)
-    return _title("Signed level error by band, dB", level) + table
+    return title("Signed level error by band, dB", level) + table
 
 
 def _steps(report, level=2):
@@ -180,7 +183,7 @@ def _steps(report, level=2):
     }
     rows = {f"{count} steps": entry for count, entry in report["reconstruction"]["steps"].items()}
     pictures = "![steps](steps.png)\n\n![best, median and worst segment](overlays.png)"
-    return _title("Steps", level) + markdown_table(rows, labels=labels) + "\n\n" + pictures
+    return title("Steps", level) + markdown_table(rows, labels=labels) + "\n\n" + pictures
 
 
 def _beside(report, level=2, figures="."):
@@ -223,114 +226,11 @@ def _beside(report, level=2, figures="."):
         + "."
     )
     table, picture = markdown_table(rows, labels=labels), f"![ours beside the anchors]({figures}/beside.png)"
-    return _title("Beside the paper's configuration", level) + f"{note}\n\n{table}\n\n{picture}"
+    return title("Beside the paper's configuration", level) + f"{note}\n\n{table}\n\n{picture}"
 
 
 def _signed(value):
     return text(value) if value is None else f"{value:+.2f}"
-
-
-def _generation(report, level=2):
-    section = report["generation"]
-    rows = {"real, held out": section["real"]}
-    for scale, entry in section.items():
-        if scale not in ("real", "baselines"):
-            rows[f"**generated from ratings, guidance {scale}**"] = entry
-    rows |= {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
-    note = (
-        "Sets of equal size. Precision and recall are against the held-out textures; a diversity of 1 means that takes "
-        "of one rating differ as much as takes of one real surface (ratings do not settle a surface: more is right); "
-        "a memoriser would have a large share closer to a training segment than the "
-        "closest 1 % of real held-out ones."
-    )
-    return _title("Generated sets", level) + note + "\n\n" + markdown_table(rows, labels=SETS)
-
-
-def _unseen(report, level=2):
-    section = report["unseen_surfaces"]
-    rows = {}
-    for slug in section["nine_band_db"]:
-        name = "**generated from ratings**" if slug == "model" else NAMES[slug]
-        rows[name] = {metric: section[metric][slug] for metric in ("nine_band_db", "level_r", "log_friction_r")}
-    for scale, entry in section["guidance"].items():
-        if scale != default_guidance(report):
-            rows[f"**guidance {scale}**"] = entry
-    labels = {
-        "nine_band_db": "error of the mean spectrum, dB",
-        "level_r": "r of level",
-        "log_friction_r": "r of log friction",
-    }
-    note = (
-        "Only the blend, the ridge regression and the model work from ratings; the mean spectrum knows nothing; all "
-        "others are told the surface's own recording."
-    )
-    return (
-        _title("Unseen surfaces from their ratings", level)
-        + note
-        + "\n\n"
-        + markdown_table(rows, labels=labels, interval=True)
-    )
-
-
-def _control(report, level=2):
-    control, guidance = report["control"], default_guidance(report)
-    judges = ", ".join(f"{axis} {text(value, interval=True)}" for axis, value in control["judge_r2"].items())
-    truth = control["truth"]
-    few = [
-        n for n, size in truth["effective_surfaces"].items() if (size["mean"] or 0) < truth["fewest_surfaces"]["mean"]
-    ]
-    far = [n for n, away in truth["rating_offset"].items() if abs(away["mean"] or 0) > truth["largest_offset"]["mean"]]
-    fewest = min(size["mean"] or 0 for size in truth["effective_surfaces"].values())
-    note = (
-        f'One rating set, the others not specified, guidance {guidance}; "real" is what real surfaces with that '
-        f"rating are. Fewest effective surfaces behind a row: {fewest:.0f}. Extrapolated for want of surfaces: "
-        f"{', '.join(few) or 'none'}; because the surfaces found lie well inside of the request: "
-        f"{', '.join(far) or 'none'}. R² of the judge on held-out surfaces: {judges}."
-    )
-    rows = {}
-    for axis, values in control[guidance]["axes"].items():
-        for value, entry in values.items():
-            if value in ("-2.0", "-1.0", "1.0", "2.0"):
-                rows[f"{axis} {float(value):+g}"] = entry | {
-                    f"shape_difference_{slug}": made["axes"][axis][value]["shape_difference_db"]
-                    for slug, made in control["baselines"].items()
-                }
-    labels = {
-        "rating_truth": "rating of the real",
-        "level_db": "level, dB re 1 N",
-        "level_db_truth": "real",
-        "shape_db": "shape change, dB",
-        "shape_db_truth": "real",
-        "shape_difference_db": "shape against real: ours, dB",
-        "shape_difference_knn_blend": "blend",
-        "shape_difference_ridge": "ridge",
-        "log_friction": "log friction",
-        "log_friction_truth": "real",
-        "latent_shift_percent": "latent shift, %",
-        "latent_shift_dprime": "latent shift, d′",
-        "latent_shift_dprime_truth": "real",
-    }
-    return _title("Control", level) + note + "\n\n" + markdown_table(rows, labels=labels)
-
-
-def _responses(report, level=2):
-    control, guidance = report["control"], default_guidance(report)
-    sources = {"real": control["response_real"], "generated": control[guidance]["response"]}
-    sources |= {slug: entry["response"] for slug, entry in control["baselines"].items()}
-    axes = list(control["judge_r2"])
-    rows = {
-        f"{source}: recovered {axis}": dict(zip(axes, row, strict=True))
-        for source, matrix in sources.items()
-        for axis, row in zip(axes, matrix, strict=True)
-    }
-    note = "Slope of what the judge recovers on what was asked for, all three ratings of held-out surfaces."
-    labels = {axis: f"requested {axis}" for axis in axes}
-    return _title("Response", level) + note + "\n\n" + markdown_table(rows, labels=labels, interval=True)
-
-
-def _paper_figures(report, level=2):
-    pictures = "![latent shift](latent_shift.png)\n\n![spectra](spectra.png)"
-    return _title("The paper's protocols of conditioning", level) + pictures
 
 
 def _speed(report, level=2):
@@ -345,7 +245,7 @@ def _speed(report, level=2):
         "real_time_steps": ("real-time steps", 0),
     }
     words = [f"{key.replace('_', ' ')} {text(speed[key], 4)}" for key in speed if key not in ("segment", "block_100ms")]
-    return _title("Speed", level) + markdown_table(rows, labels=labels) + "\n\n" + "; ".join(words) + "."
+    return title("Speed", level) + markdown_table(rows, labels=labels) + "\n\n" + "; ".join(words) + "."
 
 
 def _long(report, level=2):
@@ -356,7 +256,7 @@ def _long(report, level=2):
         "largest_correlation": "largest correlation with itself a second or more away",
     }
     name = f"{found['seconds']['n']} × {text(found['seconds'], 0)} s"
-    return _title("Long textures", level) + markdown_table({name: found}, labels=labels)
+    return title("Long textures", level) + markdown_table({name: found}, labels=labels)
 
 
 def _baselines_that_win(report, level=2):
@@ -366,4 +266,4 @@ def _baselines_that_win(report, level=2):
         "Reconstruction is compared with every baseline and anchor, generation with those that know ratings or "
         "nothing. Another take and the phase-randomised copy are told the recording itself."
     )
-    return _title("Where a baseline still wins", level) + note + "\n\n" + "\n".join(lines)
+    return title("Where a baseline still wins", level) + note + "\n\n" + "\n".join(lines)

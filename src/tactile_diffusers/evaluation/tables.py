@@ -48,3 +48,7 @@ def markdown_table(rows, digits=2, labels=None, interval=False):
         cells = [text(row.get(key), places, interval) for key, (_, places) in columns.items()]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def title(name, level):
+    return f"{'#' * level} {name}\n\n"

@@ -108,6 +108,29 @@ class RatedTextures:
         total = weights.sum(0)
         return np.where(total > 0, (weights * np.nan_to_num(self.ratings)).sum(0) / np.maximum(total, 1e-300), np.nan)
 
+    def draw_ratings(self, request, count, width=KERNEL_WIDTH):
+        """Ratings of the surfaces that count for a request: what to ask for, to be compared with them.
+
+        Args:
+            request, width: as for `surface_weights`; one specified axis at most.
+            count (`int`): evenly spread over their distribution.
+
+        Returns:
+            `np.ndarray`: (count, 3) z-scores, ascending; NaN on axes that are not specified.
+        """
+        request = np.asarray(request, dtype=np.float64)
+        specified = np.flatnonzero(~np.isnan(request))
+        if len(specified) > 1:
+            raise ValueError(f"`request` must specify one axis at most, got {request.tolist()}.")
+        drawn = np.full((count, len(request)), np.nan)
+        if len(specified):
+            values = self.ratings[:, specified[0]]
+            order = np.argsort(values)
+            shares = np.cumsum(np.nan_to_num(self.surface_weights(request, width))[order])
+            places = np.searchsorted(shares, (np.arange(count) + 0.5) / count * shares[-1])
+            drawn[:, specified[0]] = values[order][np.minimum(places, len(order) - 1)]
+        return drawn
+
     def mean(self, name, request, width=KERNEL_WIDTH):
         """Weighted mean of a measure over textures: (...,)."""
         return np.tensordot(self.weights(request, width), self.measures[name], 1)

@@ -103,6 +103,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         latent_mean, latent_std (`list[float]`, *optional*): statistics over the training set, of the mean cepstrum of
             the band levels and of each learned latent channel (`latent_statistics`).
         departure_std (`list[float]`, *optional*): likewise of the departures of the cepstrum from its mean.
+        rating_modulation (`bool`, *optional*, defaults to `True`): ratings also modulate features, through the time
+            embedding, beside cross-attention; `False` = cross-attention alone, as in the paper.
         fixed_gain (`bool`, *optional*, defaults to `False`): level and friction coefficient are not generated but
             always the training mean, as in the paper.
         level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N.
@@ -113,6 +115,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         ratings_range (`list[list[float]]`, *optional*): smallest and largest rating per axis of the training surfaces.
         ratings_quantiles (`list[list[float]]`, *optional*): for each axis the quantiles of the training surfaces'
             ratings at equally spaced shares from 0 to 1, ascending (`data.ratings.rating_quantiles`).
+        ratings_centre, ratings_covariance (`list`, *optional*): mean and covariance of the training surfaces' ratings.
+        ratings_reach (`float`, *optional*): their largest Mahalanobis distance from the centre.
         reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s; `None` = unknown.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
     """
@@ -137,6 +141,7 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         latent_mean: list[float] | None = None,
         latent_std: list[float] | None = None,
         departure_std: list[float] | None = None,
+        rating_modulation: bool = True,
         fixed_gain: bool = False,
         level_mean: float = -5.0,
         level_std: float = 0.6,
@@ -146,6 +151,9 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         ratings_std: list[float] | None = None,
         ratings_range: list[list[float]] | None = None,
         ratings_quantiles: list[list[float]] | None = None,
+        ratings_centre: list[float] | None = None,
+        ratings_covariance: list[list[float]] | None = None,
+        ratings_reach: float | None = None,
         reference_speed: float | None = 80.0,
         num_train_timesteps: int = 1000,
     ):
@@ -170,7 +178,9 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(len(rating_axes), cross_attention_dim)
-        self.rating_pool = torch.nn.Linear(len(rating_axes) * cross_attention_dim, embedding_dim)
+        self.rating_pool = None
+        if rating_modulation:
+            self.rating_pool = torch.nn.Linear(len(rating_axes) * cross_attention_dim, embedding_dim)
         #: channels of the U-Net: learned latents patch by patch, departures, numbers of the whole texture
         self.kinds = [(in_channels - beside - level_channels) * patch_size, level_channels, beside]
         self.unet = UNet1D(
@@ -311,7 +321,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         hidden_states = self.numbers(sample)
         tokens = self.rating_embedder(ratings, sample.dtype)
         embedding = self.time_embedder(expand_timestep(timestep, sample), sample.dtype)
-        embedding = embedding + self.rating_pool(tokens.flatten(1))
+        if self.rating_pool is not None:
+            embedding = embedding + self.rating_pool(tokens.flatten(1))
         checkpoint = None
         if torch.is_grad_enabled() and self.gradient_checkpointing:
             checkpoint = self._gradient_checkpointing_func

@@ -7,6 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from diffusers.utils import logging
+
+logger = logging.get_logger(__name__)
 
 #: scales in which ratings may be given
 RATING_SCALES = ("z", "raw", "percentile")
@@ -82,6 +85,35 @@ def parse_ratings(ratings, config, rating_scale="z"):
             f"{list(RATING_SCALES)}."
         )
     return torch.tensor(scale.to_z(values, *statistics), dtype=torch.float32)
+
+
+def warn_of_novel_ratings(ratings, config):
+    """Logs a warning if ratings lie outside what the training surfaces covered, alone or together.
+
+    Args:
+        ratings (`torch.Tensor`): (batch, axes) z-scores, NaN = not specified.
+        config: DALE's, with `ratings_range`, `ratings_centre`, `ratings_covariance` and `ratings_reach`; what it lacks
+            is not checked.
+    """
+    found = []
+    for axis, (low, high) in zip(config.rating_axes, getattr(config, "ratings_range", None) or (), strict=False):
+        values = ratings[:, list(config.rating_axes).index(axis)]
+        beyond = values[(values < low) | (values > high)]
+        if len(beyond):
+            farthest = beyond[beyond.abs().argmax()].item()
+            found.append(f"{axis} {farthest:+.2f} (training surfaces: {low:+.2f} to {high:+.2f})")
+    reach = getattr(config, "ratings_reach", None)
+    if not found and reach is not None:
+        from ..data.ratings import coverage_distance  # here, as in `_scale`
+
+        distances = coverage_distance(ratings.numpy(), config.ratings_centre, config.ratings_covariance)
+        if np.nanmax(distances, initial=0.0) > reach:
+            row = ratings[int(np.nanargmax(distances))].tolist()
+            found.append(f"the combination {[round(value, 2) for value in row]}, which no training surface is near to")
+    if found:
+        logger.warning(
+            f"`ratings` lie outside what training covered: {'; '.join(found)}. Textures are extrapolated there."
+        )
 
 
 def _statistics(config, rating_scale, names):

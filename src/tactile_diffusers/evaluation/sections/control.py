@@ -1,9 +1,13 @@
-"""Section "control": do ratings do what they do in real data, neither less nor more."""
+"""Section "control": do ratings do what they do in real data, neither less nor more.
+
+A condition rates one axis and leaves the others open. Bounded answers and disagreeing raters leave few surfaces at ±2:
+what is asked for are the ratings of the real surfaces that stand for a condition, so that both sides have the same.
+"""
 
 import numpy as np
 from scipy.stats import spearmanr
 
-from ...signal import RATING_AXES, band_levels_db, level
+from ...signal import RATING_AXES, level
 from ..baselines import BaselineRequest
 from ..conditioning import d_prime, latent_shift_percent, shape_change_db, texture_measures
 from ..figures import plot_control, plot_responses
@@ -12,8 +16,6 @@ from ..judge import FEWEST_SURFACES, Judge, response_interval, response_matrix
 from ..statistics import jackknife, leaf, number
 from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE, truth_of
 
-#: Band whose share of the power is the share of fine vibration, Hz.
-SHARE_BAND_HZ = (150.0, 400.0)
 # requests from which three slopes and an intercept can be told, also with one left out
 _FEWEST_REQUESTS = 6
 # baselines that know ratings and so can be steered
@@ -32,14 +34,22 @@ def run(context):
         "response_real": _matrix(real, requested, context.surfaces),
         "truth": _sizes(truth, context),
     }
+    ratings, surfaces = context.requests
     for scale in context.guidance_scales:
-        made = {key: _generated(context, key, scale) for key in _conditions(context)}
-        entry = _axes(context, made, truth, _generated(context, (None, None), scale, purpose=6))
+        made = {key: _generated(context, key, scale, truth) for key in _conditions(context)}
+        independent = _generated(context, (None, None), scale, truth, purpose=6)
         textures = context.generated(scale)
-        ratings, surfaces = context.requests
         points = context.reference.embed(textures.textures)
         recovered = _recovered(judge, points, np.log(textures.friction_coefficients))
-        result[str(scale)] = entry | {"response": _matrix(recovered, ratings, surfaces)}
+        result[str(scale)] = _axes(context, made, truth, independent) | {
+            "response": _matrix(recovered, ratings, surfaces)
+        }
+        if scale == context.default_guidance:
+            # the control: the same textures under the wrong labels must fail
+            wrong = _axes(context, _permuted(context, made), truth, independent)
+            shuffled = context.rng("permuted").permutation(len(ratings))
+            response = _matrix(None if recovered is None else recovered[shuffled], ratings, surfaces)
+            result["permuted"] = wrong | {"response": response}
     result["baselines"] = {
         slug: _baseline(context, slug, judge, truth) for slug in _STEERABLE if slug in context.baselines
     }
@@ -52,6 +62,14 @@ def _conditions(context):
     """(axis, value) of every condition; (None, None) is the baseline, nothing specified."""
     values = context.settings.control_values
     return [(None, None), *((axis, value) for axis in RATING_AXES for value in values)]
+
+
+def _permuted(context, made):
+    """Conditions under the label of another value: each axis's lower half changes places with its upper half."""
+    values = context.settings.control_values
+    half = len(values) // 2
+    other = dict(zip(values, [*values[-half:], *values[half : len(values) - half], *values[:half]], strict=True))
+    return {key: condition if key[0] is None else made[key[0], other[key[1]]] for key, condition in made.items()}
 
 
 def _request(key):
@@ -122,16 +140,13 @@ class _Condition:
         summary = context.summarise(textures)
         frictions = frictions if context.knows_friction else np.full(len(textures), np.nan)
         self.measures = texture_measures(textures, levels, frictions, context.rate, context.edges, summary)
-        edges = np.array([context.edges[0], *SHARE_BAND_HZ, context.edges[-1]])
-        power = 10 ** (band_levels_db(textures, context.rate, edges) / 10)
-        self.share = power[:, 1] / power.sum(-1)
         self.latents = latents
 
 
-def _generated(context, key, scale, purpose=3):
+def _generated(context, key, scale, truth, purpose=3):
     """Textures of one condition; one `purpose` is one set of noises."""
     takes = context.settings.control_takes
-    ratings = np.tile(_request(key), (takes, 1))
+    ratings = truth.draw_ratings(_request(key), takes)
     made = context.generate(ratings, noise_seeds([context.seed, purpose], takes), scale)
     return _Condition(context, made.textures, made.levels, made.friction_coefficients, made.latents)
 
@@ -141,7 +156,7 @@ def _baseline(context, slug, judge, truth):
     baseline, takes = context.baselines[slug], context.settings.control_takes
     made = {}
     for key in _conditions(context):
-        request, rng = BaselineRequest(np.tile(_request(key), (takes, 1))), context.rng(f"control {slug}")
+        request, rng = BaselineRequest(truth.draw_ratings(_request(key), takes)), context.rng(f"control {slug}")
         textures = baseline.sample(request, rng)
         # the same state of the generator: the friction that belongs to these textures
         frictions = baseline.friction_coefficients(request, context.rng(f"control {slug}"))
@@ -165,15 +180,33 @@ def _axes(context, made, truth, independent=None):
             str(value): _against_truth(made[axis, value], base, independent, truth, _request((axis, value)))
             for value in values
         }
-        tracks = {
-            "level_db": [made[axis, value].measures["level_db"].mean() for value in values],
-            "share_150_400": [made[axis, value].share.mean() for value in values],
-            "log_friction": [made[axis, value].measures["log_friction"].mean() for value in values],
-        }
-        spearman[axis] = {
-            name: number(spearmanr(values, track).statistic, len(values)) for name, track in tracks.items()
-        }
+        moved, tracks, real = _tracks(truth, axis, values, [made[axis, value].measures for value in values])
+        found = {name: number(spearmanr(values, track).statistic, len(values)) for name, track in tracks.items()}
+        direction = np.sign(spearmanr(values, real).statistic)
+        along = number(direction * spearmanr(values, tracks[moved]).statistic, len(values))
+        spearman[axis] = found | {"moved": along, "moved_name": moved}
     return {"axes": axes, "spearman": spearman}
+
+
+def _tracks(truth, axis, values, measures):
+    """What an axis moves most in truth, means over a sweep of all that it could, and the real means of the former.
+
+    A name, name -> (values,), and (values,). Of the shape, what lies along the difference that real textures show
+    between the two ends of the sweep.
+    """
+    nothing = np.full(len(RATING_AXES), np.nan)
+    requests = [_request((axis, value)) for value in values]
+    ends = [truth.mean("shape_db", request) for request in (requests[0], requests[-1])]
+    direction = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    tracks, effects, means = {}, {}, {}
+    for name in ("level_db", "shape_db", "log_friction"):
+        along = (lambda value: value @ direction) if name == "shape_db" else (lambda value: value)
+        tracks[name] = [along(made[name]).mean() for made in measures]
+        means[name] = [along(truth.mean(name, request)) for request in requests]
+        spread = along(truth.measures[name]).std() if name == "shape_db" else truth.spread(name, nothing)
+        effects[name] = np.nan_to_num(np.ptp(means[name]) / spread)
+    moved = max(effects, key=effects.get)
+    return moved, tracks, means[moved]
 
 
 def _against_truth(condition, base, independent, truth, request):
@@ -185,6 +218,12 @@ def _against_truth(condition, base, independent, truth, request):
         entry[name] = leaf(ours[name])
         interval = truth.interval(name, request)
         entry[f"{name}_truth"] = number(truth.mean(name, request), truth.effective_size(request), interval)
+        entry[f"{name}_change"] = leaf(ours[name] - ours_base[name])  # take by take from the same noise
+        nothing_mean = truth.mean(name, nothing)
+        shifted = tuple(bound - nothing_mean for bound in interval)
+        entry[f"{name}_change_truth"] = number(
+            truth.mean(name, request) - nothing_mean, truth.effective_size(request), shifted
+        )
 
     takes = np.arange(len(ours["level_db"]))
     change = jackknife(
@@ -192,7 +231,10 @@ def _against_truth(condition, base, independent, truth, request):
     )
     entry["shape_db"] = number(change[0], len(takes), change[1])
     true_change = truth.mean("shape_db", request) - truth.mean("shape_db", nothing)
-    entry["shape_db_truth"] = number(np.abs(true_change).mean(), truth.effective_size(request))
+    size, change = truth.effective_size(request), np.abs(true_change).mean()
+    low, high = truth.interval("shape_db", request)
+    chance = float(np.mean(high - low)) / 2
+    entry["shape_db_truth"] = number(change, size, (change - chance, change + chance))
     own_change = ours["shape_db"].mean(0) - ours_base["shape_db"].mean(0)
     entry["shape_difference_db"] = number(np.abs(own_change - true_change).mean(), len(takes))
 

@@ -7,7 +7,14 @@ from ..audio_distance import frechet_audio_distance, log_mel_embedding
 from ..baselines import BaselineRequest
 from ..figures import plot_unseen
 from ..generate import noise_seeds
-from ..novelty import TrainingWaveforms, closer_share, diversity, nearest_distance, precision_recall
+from ..novelty import (
+    TrainingWaveforms,
+    closer_share,
+    diversity,
+    nearest_distance,
+    precision_recall,
+    rating_diversity,
+)
 from ..reconstruction import out_of_band_ratio_db, rmse
 from ..statistics import excess, jackknife, leaf, number
 
@@ -28,6 +35,7 @@ def run(context):
         entry = judge.metrics(made.textures[rows], points, surfaces[rows])
         entry |= judge.audio(made.textures)
         entry["rmse_protocol_n"] = _protocol_rmse(context, scale)
+        entry["diversity_of_rating"] = _rating_diversity(context, made.textures)
         generation[str(scale)] = entry
         unseen[str(scale)] = _Unseen(context, made.textures, surfaces, made.levels, made.friction_coefficients)
     generation["baselines"] = {
@@ -53,6 +61,11 @@ class _SetJudge:
 
     def _flat(self, textures):
         return self.context.encode(textures).reshape(len(textures), -1)
+
+    def _other_surfaces(self, count):
+        """Embeddings of so many textures of training surfaces."""
+        points = self.context.reference.points
+        return points[self.context.rng("other surfaces").permutation(len(points))[:count]]
 
     def _subset(self, groups):
         """Evenly spaced rows: the textures compared with every training segment at every lag."""
@@ -87,8 +100,10 @@ class _SetJudge:
             bands = context.real_bands if real else band_levels_db(textures, context.rate, context.edges)
             spread = diversity(bands, groups, context.real_bands, context.surfaces)
             leaves["diversity"] = number(spread, len(textures))
-            if not real and min(len(points), len(context.real_points)) > NEIGHBOURS:
-                precision, recall = precision_recall(points, context.real_points, NEIGHBOURS)
+            # of the real ones: what other surfaces, of training, make of it
+            compared = self._other_surfaces(len(points)) if real else points
+            if min(len(compared), len(context.real_points)) > NEIGHBOURS:
+                precision, recall = precision_recall(compared, context.real_points, NEIGHBOURS)
                 leaves["precision"], leaves["recall"] = number(precision, len(points)), number(recall, len(points))
         subset = self._subset(groups) if correlate else None
         nearest = self.real if real else self._nearest(textures, points, subset)
@@ -145,6 +160,18 @@ def _protocol_rmse(context, scale):
     return leaf(rmse(made.textures, context.real[rows]), rows)
 
 
+def _rating_diversity(context, textures):
+    """Takes of one rating against real training textures with such ratings."""
+    ratings, surfaces = context.requests
+    groups = np.unique(surfaces, return_inverse=True)[1]
+    group_ratings = np.stack([ratings[groups == group][0] for group in range(groups.max() + 1)])
+    training = context.training
+    bands = (band_levels_db(rows, context.rate, context.edges) for rows in (textures, training.textures))
+    made, real = bands
+    value = rating_diversity(made, groups, group_ratings, real, training.ratings, training.surface_ids)
+    return number(value, len(textures))
+
+
 class _Unseen:
     """One set of textures against held-out surfaces, surface by surface.
 
@@ -182,8 +209,14 @@ class _Unseen:
 
 def _unseen_table(context, by_guidance):
     """`{"nine_band_db": {slug or "model": leaf}, "level_r": ..., "log_friction_r": ..., "guidance": ...}`."""
-    entries = {"model": by_guidance[str(context.default_guidance)]}
+    default = str(context.default_guidance)
+    entries = {"model": by_guidance[default]}
     ratings, surfaces = context.requests
+    # the control: the same textures as if they had been asked for with another surface's ratings
+    shuffled = dict(zip(np.unique(surfaces), context.rng("permuted").permutation(np.unique(surfaces)), strict=True))
+    wrong = np.array([shuffled[surface] for surface in surfaces])
+    made = context.generated(context.default_guidance)
+    permuted = _Unseen(context, made.textures, wrong, made.levels, made.friction_coefficients)
     for slug, baseline in context.baselines.items():
         textures, groups, request = context.baseline_textures[slug], context.surfaces, context.request
         if not np.any(textures):
@@ -204,4 +237,5 @@ def _unseen_table(context, by_guidance):
         name: {slug: entry.leaves[name] if entry else number() for slug, entry in entries.items()}
         for name in ("nine_band_db", "level_r", "log_friction_r")
     }
-    return table | {"guidance": {scale: entry.leaves for scale, entry in by_guidance.items()}}
+    guidance = {scale: entry.leaves for scale, entry in by_guidance.items()}
+    return table | {"guidance": guidance, "permuted": permuted.leaves}

@@ -1,0 +1,107 @@
+"""Whether ratings do what they do in real data: figures of a report beside what was set as a target, for tables."""
+
+import numpy as np
+
+from ..signal import RATING_AXES
+
+#: Ratings at which changes are compared.
+VALUES = ("-2.0", "-1.0", "1.0", "2.0")
+#: A change is right if it is within this share of the real one, or cannot be told from it.
+TOLERANCE = 0.2
+#: Largest difference of an entry of the response matrix from that of real textures.
+MATRIX_TOLERANCE = 0.1
+QUANTITIES = {
+    "level_db_change": "level, dB",
+    "shape_db": "nine-band shape, dB",
+    "log_friction_change": "log friction",
+    "latent_shift_dprime": "latent displacement, d′",
+}
+
+
+def comparisons(axes, fewest):
+    """Every change beside the real one.
+
+    Args:
+        axes (`dict`): "axes" of a set of conditions in a report's section "control".
+        fewest (`float`): effective surfaces below which a condition is left out.
+
+    Returns:
+        `list[dict]`: "axis", "value", "quantity", "ours", "real", "chance" (half of the 95 % interval of the real one,
+        or of ours if that is wider) and "right".
+    """
+    rows = []
+    for axis in RATING_AXES:
+        for value in (value for value in VALUES if value in axes[axis]):
+            entry = axes[axis][value]
+            for name in QUANTITIES:
+                ours, real = entry[name], entry[f"{name}_truth"]
+                if None in (ours["mean"], real["mean"]) or (real["n"] or 0) < fewest:
+                    continue
+                chance = max(_half(ours), _half(real))
+                difference = abs(ours["mean"] - real["mean"])
+                right = difference <= max(TOLERANCE * abs(real["mean"]), chance)
+                rows.append(
+                    {
+                        "axis": axis,
+                        "value": float(value),
+                        "quantity": name,
+                        "ours": ours["mean"],
+                        "real": real["mean"],
+                        "chance": chance,
+                        "right": bool(right),
+                    }
+                )
+    return rows
+
+
+def matrix_difference(response, real):
+    """Largest difference of an entry of two 3 x 3 response matrices of leaves; None where either is unknown."""
+    matrices = [
+        np.array([[leaf["mean"] for leaf in row] for row in matrix], dtype=float) for matrix in (response, real)
+    ]
+    difference = np.abs(matrices[0] - matrices[1]).max()
+    return float(difference) if np.isfinite(difference) else None
+
+
+def obedience_rows(report):
+    """Figures of a report by set ("generated ..., permuted ratings"): name -> {column: text or number}."""
+    control, unseen, generation = report["control"], report["unseen_surfaces"], report["generation"]
+    fewest = control["truth"]["fewest_surfaces"]["mean"]
+    scales = [key for key in control if _is_number(key)]
+    rows = {}
+    for name in [*scales, "permuted"]:
+        entry = control[name]
+        found = comparisons(entry["axes"], fewest)
+        row = {
+            "changes": f"{sum(item['right'] for item in found)} of {len(found)}",
+            "matrix": matrix_difference(entry["response"], control["response_real"]),
+            "spearman": min((leaf["moved"]["mean"] or 0 for leaf in entry["spearman"].values()), default=None),
+        }
+        if name == "permuted":
+            row["nine_band_db"] = unseen["permuted"]["nine_band_db"]
+        else:
+            row["nine_band_db"] = unseen["guidance"][name]["nine_band_db"]
+            row |= {key: generation[name][key] for key in ("ktd_excess", "ftd", "diversity", "diversity_of_rating")}
+            row |= {key: generation[name][key] for key in ("novelty_share", "precision", "recall")}
+        rows["**ratings permuted**" if name == "permuted" else f"guidance {name}"] = row
+    real = {key: generation["real"][key] for key in ("ftd", "diversity", "novelty_share", "precision", "recall")}
+    rows = {"real, held out": real} | rows
+    best = min(
+        (unseen["nine_band_db"][slug]["mean"] for slug in ("ridge", "knn_blend") if slug in unseen["nine_band_db"]),
+        default=None,
+    )
+    rows["best regression on the same data"] = {"nine_band_db": best}
+    return rows
+
+
+def _half(leaf):
+    interval = leaf["interval"]
+    return 0.0 if interval is None else (interval[1] - interval[0]) / 2
+
+
+def _is_number(key):
+    try:
+        float(key)
+    except ValueError:
+        return False
+    return True
