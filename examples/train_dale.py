@@ -38,7 +38,7 @@ def parse_args(argv=None):
     parser.set_defaults(train_batch_size=64)
     parser.add_argument("--pretrained_model_name_or_path", required=True, help="pipeline folder with the trained LCTG")
     parser.add_argument("--model_config_name_or_path", help="JSON with dale and dale_scheduler arguments")
-    parser.add_argument("--condition_dropout", type=float, default=0.25, help="probability of dropping each axis")
+    parser.add_argument("--condition_dropout", type=float, default=0.4, help="probability of dropping each axis")
     parser.add_argument("--unconditional", type=float, default=0.1, help="probability of dropping all axes")
     parser.add_argument("--max_train_surfaces", type=int, help="use only this many training surfaces, evenly spread")
     parser.add_argument(
@@ -48,10 +48,12 @@ def parse_args(argv=None):
         help="each surface's mean over raters, or another single rater's each time (as in the paper)",
     )
     parser.add_argument(
-        "--rating_jitter", type=float, default=1.0, help="spread of the ratings in units of their mean's standard error"
+        "--rating_jitter", type=float, default=0.3, help="spread of the ratings in units of their mean's standard error"
     )
-    parser.add_argument("--scalar_weight", type=float, default=0.2, help="loss weight of level and log friction")
-    parser.add_argument("--conditioning_weight", type=float, default=0.05, help="of the auxiliary loss; 0 = off")
+    parser.add_argument(
+        "--scalar_weight", type=float, default=3.0, help="loss weight of what a whole texture has one of"
+    )
+    parser.add_argument("--conditioning_weight", type=float, default=0.1, help="of the auxiliary loss; 0 = off")
     parser.add_argument("--rating_head_steps", type=int, default=600, help="updates of the head of the auxiliary loss")
     args = parser.parse_args(argv)
     check_training_arguments(args)

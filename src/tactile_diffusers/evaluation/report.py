@@ -31,6 +31,7 @@ _TELLING = (
     "telling.py",
     "telling_ratings.py",
     "obedience.py",
+    "comparison.py",
     "training_record.py",
     "winners.py",
 )

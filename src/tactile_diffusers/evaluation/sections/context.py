@@ -44,7 +44,7 @@ class Settings:
 
     steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 15, 25, 50)
     per_surface: int = 4
-    takes: int = 9
+    takes: int = 16
     audio_textures: int = 500
     novelty_textures: int = 160
     novelty_segments: int | None = None

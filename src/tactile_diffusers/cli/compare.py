@@ -1,0 +1,67 @@
+"""`python examples/compare.py`: reports of `evaluate.py` side by side, as one table and pictures."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from . import readme
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command.
+
+    Raises:
+        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+    """
+    parser = argparse.ArgumentParser(
+        prog="compare.py",
+        description="Put reports of evaluate.py side by side: what ratings do, on the same held-out surfaces.",
+    )
+    parser.add_argument(
+        "--report",
+        nargs="+",
+        required=True,
+        metavar="NAME=FOLDER",
+        help="output folders of evaluate.py with the sections control and generation, called by these names",
+    )
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="compare.md and pictures")
+    readme.add_arguments(parser, "compare")
+    arguments = parser.parse_args(argv)
+    arguments.report = dict(_named(parser, item) for item in arguments.report)
+    readme.check_arguments(parser, arguments)
+    return arguments
+
+
+def _named(parser, item):
+    name, _, folder = item.partition("=")
+    if not (name and folder):
+        parser.error(f"argument --report: {item!r} must be NAME=FOLDER")
+    path = Path(folder) / "report.json"
+    if not path.is_file():
+        parser.error(f"argument --report: {path} is not a file; write one with examples/evaluate.py")
+    return name, json.loads(path.read_text())
+
+
+def main(argv=None):
+    """Runs the command."""
+    arguments = parse_arguments(argv)
+    from ..data.files import write_text
+    from ..evaluation.comparison import comparison_markdown, plot_axis_spectra, plot_surfaces
+
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    try:
+        comparison_markdown(arguments.report)
+    except ValueError as error:
+        print(f"compare.py: error: {error}", file=sys.stderr)
+        return 2
+    plot_axis_spectra(arguments.report, arguments.output / "axes.png")
+    plot_surfaces(arguments.report, arguments.output / "surfaces.png")
+    write_text(arguments.output / "report.md", comparison_markdown(arguments.report))
+    if arguments.readme:
+        folder = readme.results_folder(arguments.readme_name)
+        readme.copy_results(arguments.output, arguments.readme.parent / folder, ("*.png", "report.md"))
+        text = comparison_markdown(arguments.report, folder.as_posix())
+        readme.write_between(arguments.readme, arguments.readme_name, text)
+    print(comparison_markdown(arguments.report))
+    return 0
