@@ -332,11 +332,15 @@ def rating_diversity(generated_levels, generated_groups, group_ratings, real_lev
         squares = np.square((real_ratings - group_ratings[group]) / RATING_WIDTH).sum(1)
         weights = np.exp(-0.5 * squares) / textures[surface]
         total = np.bincount(surface, weights)
-        if len(own) < 2 or not total.sum() or total.sum() ** 2 / np.square(total).sum() < FEWEST_NEAR:
+        size = total.sum() ** 2 / max(np.square(total).sum(), np.finfo(np.float64).tiny)
+        if len(own) < 2 or size < FEWEST_NEAR:
             continue
-        weights = weights / weights.sum()
+        # what a straight line over ratings explains is no spread of one rating
+        lines = np.concatenate([np.ones((len(real_ratings), 1)), real_ratings - group_ratings[group]], axis=1)
+        weights = (weights / weights.sum())[:, None]
+        left = real_levels - lines @ np.linalg.lstsq(np.sqrt(weights) * lines, np.sqrt(weights) * real_levels)[0]
         made.append(own.var(0, ddof=1).mean())
-        real.append((weights @ np.square(real_levels - weights @ real_levels)).mean())
+        real.append((weights * np.square(left)).sum(0).mean() / (1 - lines.shape[1] / size))
     return float(np.sqrt(np.mean(made) / np.mean(real))) if made else float("nan")
 
 
