@@ -54,7 +54,9 @@ def parse_args(argv=None):
         "--scalar_weight", type=float, default=3.0, help="loss weight of what a whole texture has one of"
     )
     parser.add_argument("--conditioning_weight", type=float, default=0.1, help="of the auxiliary loss; 0 = off")
-    parser.add_argument("--rating_head_steps", type=int, default=600, help="updates of the head of the auxiliary loss")
+    parser.add_argument(
+        "--rating_head_steps", type=int, default=600, help="updates of the rating estimator, saved and auxiliary loss"
+    )
     args = parser.parse_args(argv)
     check_training_arguments(args)
     for name in ("rating_head_steps", "validation_samples", "max_train_surfaces"):

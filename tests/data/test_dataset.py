@@ -201,6 +201,7 @@ def test_split_seed_and_sizes():
         ({"subset": "all"}, "`subset` must be one of"),
         ({"sampling_rate": 2000}, "`sampling_rate` must be .* above 2000"),
         ({"max_samples": 0}, "`max_samples`"),
+        ({"max_surfaces": 0}, "`max_surfaces` must be at least 1 or None, got 0"),
     ],
 )
 def test_reader_refuses(virtual_prepared, arguments, message):
@@ -251,3 +252,58 @@ def test_virtual_statistics(tmp_path):
     take, another = textures[0][same], textures[1][same]
     snr = 10 * np.log10(np.square(take).sum(1) / np.square(take - another).sum(1))
     assert snr.mean() == pytest.approx(-3.0, abs=1.0)  # independent takes of equal power
+
+
+def test_max_surfaces_keeps_whole_surfaces_spread_over_the_view(virtual_prepared):
+    every = PreparedDataset(virtual_prepared, "all", "full")
+    for count, kept in ((1, [0]), (2, [0, 5]), (3, [0, 2, 5]), (6, range(6)), (7, range(6))):
+        data = PreparedDataset(virtual_prepared, "all", "full", max_surfaces=count)
+        assert np.unique(data.surface_ids).tolist() == list(kept)
+        inside = np.isin(every.surface_ids, data.surface_ids)
+        for name in ("surface_ids", "recording_ids", "starts", "levels", "friction_coefficients"):
+            np.testing.assert_array_equal(getattr(data, name), getattr(every, name)[inside])
+        np.testing.assert_array_equal(data.textures([0, -1]), every.textures(np.flatnonzero(inside)[[0, -1]]))
+        # indices go on meaning the surfaces of the file
+        assert data.surfaces == every.surfaces and len(data.surface_ratings) == 6
+
+
+@pytest.mark.parametrize("split", ["train", "validation"])
+def test_max_surfaces_counts_surfaces_of_the_split(virtual_prepared, split):
+    every = np.unique(PreparedDataset(virtual_prepared, split, "full").surface_ids)
+    kept = np.unique(PreparedDataset(virtual_prepared, split, "full", max_surfaces=2).surface_ids)
+    assert kept.tolist() == (every[[0, -1]].tolist() if len(every) > 1 else every.tolist())
+
+
+def test_max_samples_are_those_of_the_surfaces_that_are_left(virtual_prepared):
+    data = PreparedDataset(virtual_prepared, "all", "full", max_samples=8, max_surfaces=2)
+    assert len(data) == 8 and set(data.surface_ids) == {0, 5}
+
+
+@pytest.mark.parametrize("rate", [None, WORKING_RATE, 4000])
+def test_max_surfaces_at_every_rate(virtual_prepared, rate):
+    every = PreparedDataset(virtual_prepared, "all", sampling_rate=rate)
+    data = PreparedDataset(virtual_prepared, "all", sampling_rate=rate, max_surfaces=1)
+    expected = every.textures(np.flatnonzero(every.surface_ids == data.surface_ids[0]))
+    np.testing.assert_array_equal(data.textures(range(len(data))), expected)
+
+
+def test_ratings_of_single_raters_average_to_the_pooled_ones(virtual_prepared):
+    data = PreparedDataset(virtual_prepared)
+    raters, *shape = data.single_ratings.shape
+    assert raters > 1 and shape == [6, 3] and data.single_ratings.dtype == np.float32
+    np.testing.assert_allclose(np.nanmean(data.single_ratings, axis=0), data.surface_ratings, atol=1e-6)  # float32
+    np.testing.assert_array_equal((~np.isnan(data.single_ratings)).sum(0), data.surface_ratings_count)
+    assert data.single_ratings.std(0).max() > 0.1  # raters differ
+
+
+def test_single_ratings_are_none_where_the_file_has_none(
+    virtual_prepared, tmp_path, recording_maker, recordings_writer
+):
+    with h5py.File(shutil.copy(virtual_prepared, tmp_path / "older.h5"), "r+") as file:
+        del file["ratings/each"]
+    older, newer = (PreparedDataset(path) for path in (tmp_path / "older.h5", virtual_prepared))
+    assert older.single_ratings is None
+    np.testing.assert_array_equal(older.surface_ratings, newer.surface_ratings)
+    path = recordings_writer(tmp_path / "r.h5", {name: recording_maker() for name in "abc"})  # nobody rated
+    prepare_recordings(path, tmp_path / "p.h5", quiet=True)
+    assert PreparedDataset(tmp_path / "p.h5").single_ratings is None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data import RaterScores, from_raw, pool_ratings, to_raw
-from tactile_diffusers.data.ratings import QUANTILES, axis_correlation, from_percentile, rating_quantiles
+from tactile_diffusers.data.ratings import QUANTILES, axis_correlation, from_percentile, no_ratings, rating_quantiles
 from tactile_diffusers.signal import RATING_AXES
 
 TRAINING = np.array([True] * 6 + [False] * 3)
@@ -122,6 +122,28 @@ def test_order_of_surfaces_and_axes_is_by_name(scores):
     np.testing.assert_array_equal(
         pool_ratings(shuffled, SURFACES, TRAINING).mean, pool_ratings(scores, SURFACES, TRAINING).mean
     )
+
+
+def test_z_scores_of_each_rater_are_kept_and_average_to_the_pooled_mean(scores):
+    scores.values[0, 0] = scores.values[3, 7, 1] = np.nan  # no answer
+    scores.values[2, :6, 1] = 5  # left out of this axis
+    pooled = pool_ratings(scores, SURFACES, TRAINING)
+    assert pooled.each.shape == (4, 9, 3) and pooled.each.dtype == np.float32
+    np.testing.assert_allclose(np.nanmean(pooled.each, axis=0), pooled.mean, atol=1e-6)  # float32
+    np.testing.assert_allclose(np.nanstd(pooled.each, axis=0), pooled.std, atol=1e-6)
+    expected = np.isnan(scores.values)
+    expected[2, :, 1] = True
+    np.testing.assert_array_equal(np.isnan(pooled.each), expected)
+    # every rater's own scale, on training surfaces
+    np.testing.assert_allclose(np.nanmean(pooled.each[:, :6, [0, 2]], axis=1), 0, atol=1e-6)
+    np.testing.assert_allclose(np.nanstd(pooled.each[:, :6, [0, 2]], axis=1), 1, atol=1e-6)
+    shuffled = [SURFACES[i] for i in (8, 0, 4)]
+    few = pool_ratings(scores, [*shuffled, *SURFACES[1:4]], np.ones(6, dtype=bool))
+    assert np.isnan(few.each[0, 1]).all() and np.isfinite(few.each[1]).all()  # in the order of the surfaces
+
+
+def test_nobody_has_no_single_ratings():
+    assert no_ratings(4).each is None
 
 
 def test_impossible_ratings_are_errors(scores):

@@ -11,6 +11,7 @@ from tactile_diffusers.evaluation.novelty import (
     diversity,
     nearest_distance,
     precision_recall,
+    rating_diversity,
     take_spread_db,
 )
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db
@@ -301,3 +302,98 @@ def test_spread_refuses_bad_input():
         take_spread_db(np.full((3, 9), np.nan), [0, 0, 0])
     with pytest.raises(ValueError, match="`real_levels` must differ"):
         diversity(np.eye(3), [0, 0, 0], levels, [0, 0, 0])
+
+
+CENTRES = np.array([[1.0, 0.5, -1.0], [-1.0, 0.0, 1.0]])
+
+
+def _rated_surfaces(rng, near=300, per_surface=2, slope=0.0):
+    """Real textures of surfaces near two ratings: what ratings leave open is 4 dB, in bands of 30 and 60 dB.
+
+    Beyond that levels rise by `slope` dB for each unit of the second rating.
+    """
+    ratings = np.repeat(CENTRES, near, axis=0) + 0.2 * rng.standard_normal((2 * near, 3))
+    surfaces = np.repeat(np.arange(2 * near), per_surface)
+    centres = np.where(ratings[:, :1] > 0, 30.0, 60.0) + slope * ratings[:, 1:2]
+    levels = centres + 4.0 * rng.standard_normal((2 * near, 9))
+    return levels[surfaces], ratings[surfaces], surfaces
+
+
+def _takes(rng, spread, count=150):
+    """Generated takes of the two ratings, in other bands: only their spread counts."""
+    groups = np.repeat([0, 1], count)
+    return np.array([[0.0], [90.0]])[groups] + spread * rng.standard_normal((2 * count, 9)), groups
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 2.0])
+@pytest.mark.parametrize("slope", [0.0, 20.0])
+def test_diversity_of_a_rating_is_the_share_of_what_ratings_leave_open(share, slope):
+    rng = np.random.default_rng(5)
+    real = _rated_surfaces(rng, slope=slope)  # 20 dB x 0.17, what ratings that count alike spread: nearly as much
+    # 2 x 9 x 149 numbers of takes and some 2 x 9 x 200 of surfaces that count: relative deviations of standard
+    # deviations of 1/sqrt(2 * 2700) = 1.4 % and 1.2 %, together 1.8 %; three of them
+    made = rating_diversity(*_takes(rng, share * 4.0), CENTRES, *real)
+    assert made == pytest.approx(share, rel=0.06)
+
+
+def test_diversity_of_a_rating_is_more_than_that_of_a_surface():
+    # takes of a rating that differ as takes of a surface do, 1 dB of 4, are not diverse
+    rng = np.random.default_rng(6)
+    levels, ratings, surfaces = _rated_surfaces(rng)
+    levels = levels + rng.standard_normal(levels.shape)
+    made, groups = _takes(rng, 1.0)
+    assert diversity(made, groups, levels, surfaces) == pytest.approx(1, rel=0.06)
+    # 1 / sqrt(4^2 + 1^2)
+    assert rating_diversity(made, groups, CENTRES, levels, ratings, surfaces) == pytest.approx(0.243, rel=0.06)
+
+
+def test_surfaces_count_alike_however_many_textures_they_have():
+    rng = np.random.default_rng(7)
+    levels, ratings, surfaces = _rated_surfaces(rng, per_surface=1)
+    made = _takes(rng, 4.0)
+    expected = rating_diversity(*made, CENTRES, levels, ratings, surfaces)
+    often = np.repeat(np.arange(len(levels)), np.where(np.arange(len(levels)) % 10 == 0, 30, 1))
+    again = rating_diversity(*made, CENTRES, levels[often], ratings[often], surfaces[often])
+    assert again == pytest.approx(expected, rel=1e-9)
+    # if each texture were a surface of its own, a tenth of the surfaces would rule
+    apart = rating_diversity(*made, CENTRES, levels[often], ratings[often], np.arange(len(often)))
+    assert abs(apart - expected) > 1e-3
+
+
+def test_only_surfaces_of_such_ratings_count():
+    rng = np.random.default_rng(8)
+    levels, ratings, surfaces = _rated_surfaces(rng)
+    made = _takes(rng, 4.0)
+    expected = rating_diversity(*made, CENTRES, levels, ratings, surfaces)
+    far = [np.concatenate(pair) for pair in ((levels, 1000 * levels[:50]), (ratings, ratings[:50] + 4))]
+    more = np.append(surfaces, 10_000 + np.arange(50))
+    assert rating_diversity(*made, CENTRES, *far, more) == pytest.approx(expected, rel=1e-9)
+    unrated = ratings.copy()
+    unrated[:10, 2] = np.nan
+    wild = levels.copy()
+    wild[:10] = 1e6
+    without = rating_diversity(*made, CENTRES, levels[10:], ratings[10:], surfaces[10:])
+    assert rating_diversity(*made, CENTRES, wild, unrated, surfaces) == pytest.approx(without, rel=1e-9)
+
+
+def test_ratings_with_few_surfaces_near_and_single_takes_are_left_out():
+    rng = np.random.default_rng(9)
+    real = _rated_surfaces(rng, near=40)
+    levels, groups = _takes(rng, 4.0)
+    expected = rating_diversity(levels[:150], groups[:150], CENTRES, *real)
+    lonely = np.concatenate([CENTRES[:1], [[3.0, 3.0, 3.0]]])  # no surface is near to the second
+    assert rating_diversity(levels, groups, lonely, *real) == pytest.approx(expected, rel=1e-9)
+    assert rating_diversity(levels[:151], groups[:151], CENTRES, *real) == pytest.approx(expected, rel=1e-9)
+    assert np.isnan(rating_diversity(levels[:150], groups[:150], lonely[[1]], *real))
+    # 10 surfaces with two textures each are no 20
+    few = [part[(real[2] % 40) < 10] for part in real]
+    assert np.isnan(rating_diversity(levels, groups, CENTRES, *few))
+
+
+def test_few_surfaces_do_not_make_real_takes_look_alike():
+    # some 22 surfaces that count settle the four numbers of a line: uncorrected, real variances would be 15 % too small
+    rng = np.random.default_rng(10)
+    found = [rating_diversity(*_takes(rng, 4.0), CENTRES, *_rated_surfaces(rng, near=30)) ** -2 for _ in range(60)]
+    # real over generated variances, with a standard error of 1 %; surfaces at the rim, which a line follows most, count
+    # little, so that the correction is 3 % too large
+    assert np.mean(found) == pytest.approx(1.0, abs=0.065)

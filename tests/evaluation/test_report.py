@@ -118,6 +118,23 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path):
             for name in "level_db shape_db log_friction".split():
                 assert is_leaf(entry[name]) and entry[f"{name}_truth"]["mean"] is not None
             assert is_leaf(entry["latent_shift_percent"]) and is_leaf(entry["latent_shift_dprime"])
+    # the same textures under other labels: other figures for them, the same ones all in all
+    permuted, axes = control["permuted"], control["1.0"]["axes"]
+    assert np.array([[leaf["mean"] for leaf in row] for row in permuted["response"]]).shape == (3, 3)
+    for axis in control["judge_r2"]:
+        for value, other in (("-2.0", "1.0"), ("-1.0", "2.0"), ("1.0", "-2.0"), ("2.0", "-1.0")):
+            wrong = permuted["axes"][axis][value]
+            assert wrong["level_db"] == axes[axis][other]["level_db"] != axes[axis][value]["level_db"]
+            assert wrong["level_db_truth"] == axes[axis][value]["level_db_truth"]
+    assert report["unseen_surfaces"]["permuted"]["nine_band_db"] != report["unseen_surfaces"]["nine_band_db"]["model"]
+    novel = {name: entry for name, entry in report["novel"].items() if name != "range_db"}
+    assert "corners ±4, guidance 1.0" in novel and "one axis ±1, guidance 1.0" in novel and len(novel) == 1 + 2 * 4
+    for name, entry in novel.items():
+        for figure in ("level_db", "friction", "beyond", "crest"):
+            assert np.isfinite(entry[figure]["mean"]), (name, figure)
+    trained = report["novel"]["range_db"]
+    assert trained["min"] < trained["mean"] < trained["max"]
+    assert all(entry["finite"]["mean"] == 1 for name, entry in novel.items() if "real" not in name)
     assert set(report["unseen_surfaces"]["nine_band_db"]) == {"model", *SLUGS}
     assert report["paper"]["latent_shift_percent"]["roughness"]["0.0"]["mean"] == pytest.approx(0, abs=1e-3)
     found = list(leaves(report))

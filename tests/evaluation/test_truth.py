@@ -169,6 +169,52 @@ def test_intervals_cover():
     assert 0.89 < np.mean(covered) < 0.99
 
 
+@pytest.mark.parametrize("axis", [0, 2])
+@pytest.mark.parametrize("value", [-1.5, 0.4])
+def test_drawn_ratings_are_distributed_as_those_that_count(gaussian, axis, value):
+    request = [FREE] * 3
+    request[axis] = value
+    drawn = gaussian.draw_ratings(request, 500)
+    assert drawn.shape == (500, 3) and np.isnan(np.delete(drawn, axis, axis=1)).all()
+    drawn = drawn[:, axis]
+    assert (np.diff(drawn) >= 0).all() and np.isin(drawn, gaussian.ratings[:, axis]).all()
+    # at every rating the shares of both distributions differ by a draw's half, and by what one surface weighs
+    weights = gaussian.surface_weights(request)
+    shares = [weights[gaussian.ratings[:, axis] <= edge].sum() for edge in drawn]
+    np.testing.assert_allclose(shares, (np.arange(500) + 0.5) / 500, atol=weights.max() + 1e-9)
+    assert drawn.mean() == pytest.approx(gaussian.mean_rating(request)[axis], abs=0.01)
+    spread = np.sqrt(weights @ np.square(gaussian.ratings[:, axis] - gaussian.mean_rating(request)[axis]))
+    assert drawn.std() == pytest.approx(spread, rel=0.05)
+
+
+def test_drawn_ratings_lie_where_surfaces_do_not_where_they_were_asked_for():
+    ratings = np.stack([np.linspace(-1, 1, 101), *np.zeros((2, 101))], axis=1)
+    textures = RatedTextures({}, np.arange(101), ratings, np.ones(101))
+    drawn = textures.draw_ratings([2.0, FREE, FREE], 50)[:, 0]
+    # the kernel at a distance of four widths decays like exp(-x / 0.0625): most of it within 0.2 of the last surface
+    assert drawn.max() == 1.0 and 0.85 < np.median(drawn) < 1.0
+    assert textures.draw_ratings([0.0, FREE, FREE], 1)[0, 0] == pytest.approx(0.0, abs=0.021)  # the median
+
+
+def test_importance_counts_in_what_is_drawn():
+    ratings = np.array([[-0.1, 0, 0], [0.1, 0, 0], [0.1, 9, 9]])
+    textures = RatedTextures({}, np.arange(3), ratings, np.array([6.0, 1.0, 1.0]))
+    drawn = textures.draw_ratings([0.0, None, FREE], 40)[:, 0]
+    assert (drawn == -0.1).sum() == 30 and (drawn == 0.1).sum() == 10
+
+
+def test_surfaces_that_are_not_rated_are_not_drawn():
+    ratings = np.array([[FREE, 1.0, 0.0], [0.3, FREE, 0.0], [FREE] * 3, [0.5, 0.0, 0.0]])
+    textures = RatedTextures({}, np.arange(4), ratings, np.ones(4))
+    assert set(textures.draw_ratings([0.4, FREE, FREE], 10)[:, 0]) == {0.3, 0.5}
+
+
+def test_nothing_is_drawn_where_nothing_is_specified(gaussian):
+    assert np.isnan(gaussian.draw_ratings(POPULATION, 7)).all() and gaussian.draw_ratings(POPULATION, 7).shape == (7, 3)
+    with pytest.raises(ValueError, match="`request` must specify one axis at most"):
+        gaussian.draw_ratings([0.0, 1.0, FREE], 7)
+
+
 @pytest.mark.parametrize(
     "arguments, message",
     [

@@ -234,6 +234,26 @@ def test_every_rating_changes_the_texture(pipe, axis):
     assert out.level[0] != out.level[1] and out.friction_coefficient[0] != out.friction_coefficient[1]
 
 
+@pytest.mark.parametrize("modulation", [True, False], ids=["both ways", "cross-attention alone"])
+def test_opposite_ratings_of_one_noise_reach_latents_and_textures(make_pipeline, modulation):
+    pipe = make_pipeline(dale_config={"rating_modulation": modulation})
+    asked = [[1.5] * 3, [-1.5] * 3, [float("nan")] * 3]
+    noises = [_generator(0) for _ in asked]
+    made = _run(pipe, asked, generator=noises, output_type="latent").latents.numpy()
+    out = _run(pipe, asked, generator=[_generator(0) for _ in asked])
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        assert rms((made[first] - made[second]).ravel()) > 0.02 * made.std()
+        assert rms(out.textures[first] - out.textures[second]) > 0.02 * rms(out.textures[first])
+        assert abs(out.level[first] - out.level[second]) > 1e-3
+
+
+def test_no_ratings_are_ratings_that_are_all_unknown(pipe):
+    expected = _run(pipe, None)
+    for unknown in ([float("nan")] * 3, [None] * 3, {}, {"roughness": None}, torch.full((1, 3), torch.nan)):
+        assert np.array_equal(_run(pipe, unknown).textures, expected.textures)
+    assert not np.allclose(_run(pipe, [0.0] * 3).level, expected.level, atol=1e-4)  # the middle is a rating
+
+
 # --- guidance
 
 

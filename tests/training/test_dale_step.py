@@ -112,6 +112,35 @@ def test_ratings_are_jittered_within_their_standard_error(step, batch):
     assert torch.isnan(module.model.asked[-1][2][0]).all() and loss.isfinite()
 
 
+def test_single_ratings_are_those_of_one_rater_never_a_mix(step, batch):
+    # (rater, row, axis) can be read off each number; raters left some axes out
+    raters, rows, axes = torch.meshgrid(*(torch.arange(n).float() for n in (5, ROWS, 3)), indexing="ij")
+    batch["ratings"] = (100 * raters + rows / 100 + axes / 1000).transpose(0, 1)  # (rows, raters, axes)
+    batch["ratings"][:, 3, 1] = torch.nan
+    module = step(ratings="single", rating_jitter=1.0)  # jitter is of pooled ratings alone
+    for seed in range(20):
+        module(batch, _generator(seed))
+    asked = torch.stack([ratings for _, _, ratings in module.model.asked])  # (calls, rows, axes)
+    chosen = (asked[..., 0] / 100).round().long()
+    expected = torch.stack([batch["ratings"][torch.arange(ROWS), rater] for rater in chosen])
+    torch.testing.assert_close(asked, expected, rtol=0, atol=0, equal_nan=True)
+    # every rater alike: of 1280 draws a fifth, standard error 1.1 %
+    assert (chosen.flatten().bincount(minlength=5) / chosen.numel()).tolist() == pytest.approx([0.2] * 5, abs=0.045)
+    assert (chosen != chosen[0]).any(0).float().mean() > 0.9  # another one each time
+
+
+def test_single_ratings_are_dropped_as_pooled_ones_are(step, batch):
+    batch["ratings"] = batch["ratings"][:, None].expand(-1, 4, -1)
+    module = step(ratings="single", condition_dropout=0.5)
+    for seed in range(20):
+        module(batch, _generator(seed))
+    asked = torch.cat([ratings for _, _, ratings in module.model.asked])
+    # 3840 numbers: the standard error of a share is 0.8 %
+    assert torch.isnan(asked).float().mean().item() == pytest.approx(0.5, abs=0.035)
+    kept, expected = ~torch.isnan(asked), batch["ratings"][:, 0].repeat(20, 1)
+    assert torch.equal(asked[kept], expected[kept])
+
+
 class _Head(torch.nn.Module):
     """Hears the mean of the first three channels."""
 
@@ -169,6 +198,23 @@ def test_packed_states_carry_level_friction_and_ratings(script, prepared, make_d
     assert states["knows_friction"].shape == (len(data),) and states["knows_friction"].all()
 
 
+def test_states_hold_the_ratings_of_every_single_rater(script, prepared, make_dale):
+    from tactile_diffusers.data import PreparedDataset
+
+    data = PreparedDataset(prepared, "train")
+    latents = torch.randn((len(data), 4, 8), generator=_generator())
+    module, dale = script("train_dale"), make_dale()
+    single, pooled = (module.make_states(dale, data, latents, single=single) for single in (True, False))
+    raters = len(data.single_ratings)
+    assert single["ratings"].shape == (len(data), raters, 3) and single["ratings"].dtype == torch.float32
+    for row in (0, len(data) - 1):
+        expected = data.single_ratings[:, data.surface_ids[row]]
+        assert torch.equal(single["ratings"][row], torch.from_numpy(expected))
+    torch.testing.assert_close(single["ratings"].nanmean(1), pooled["ratings"], rtol=0, atol=1e-5)  # float32
+    for name in set(pooled) - {"ratings"}:
+        assert torch.equal(single[name], pooled[name]), name
+
+
 def test_bad_arguments_are_refused(script):
     parse = script("train_dale").parse_args
     words = ["--train_data_dir=x.h5", "--output_dir=out", "--pretrained_model_name_or_path=lctg"]
@@ -177,6 +223,13 @@ def test_bad_arguments_are_refused(script):
         for value in ("-0.1", "1.5", "nan"):
             with pytest.raises(ValueError, match=f"--{name} "):
                 parse([*words, f"--{name}={value}"])
+    assert parse(words).ratings == "pooled" and parse([*words, "--ratings=single"]).ratings == "single"
+    with pytest.raises(SystemExit):
+        parse([*words, "--ratings=mixed"])
+    assert parse(words).max_train_surfaces is None
+    for value in ("0", "-3"):
+        with pytest.raises(ValueError, match="--max_train_surfaces must be at least 1"):
+            parse([*words, f"--max_train_surfaces={value}"])
     for name in ("rating_jitter", "scalar_weight", "conditioning_weight"):
         with pytest.raises(ValueError, match=f"--{name}"):
             parse([*words, f"--{name}=-1"])

@@ -333,7 +333,7 @@ def rating_diversity(generated_levels, generated_groups, group_ratings, real_lev
         weights = np.exp(-0.5 * squares) / textures[surface]
         total = np.bincount(surface, weights)
         size = total.sum() ** 2 / max(np.square(total).sum(), np.finfo(np.float64).tiny)
-        if len(own) < 2 or size < FEWEST_NEAR:
+        if len(own) < 2 or not size >= FEWEST_NEAR:  # NaN where an axis is not rated
             continue
         # what a straight line over ratings explains is no spread of one rating
         lines = np.concatenate([np.ones((len(real_ratings), 1)), real_ratings - group_ratings[group]], axis=1)

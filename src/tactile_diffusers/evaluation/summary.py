@@ -49,22 +49,20 @@ def report_markdown(report):
 def readme_markdown(report, figures):
     """README's results: the tables that matter most, and the pictures under `figures` (a path in README's folder)."""
     parts = [_head(report, level=3), _side_by_side(report, 4)]
-    pictures = {"reconstruction": "overlays", "unseen_surfaces": "unseen", "control": "control"}
-    shown = {
-        "reconstruction": _reconstruction,
-        "generation": generation_markdown,
-        "unseen_surfaces": unseen_markdown,
-        "control": control_markdown,
-    }
-    for key, writer in shown.items():
-        if report.get(key):
-            parts.append(writer(report, 4))
-            if key in pictures:
-                parts.append(f"![{key}]({figures}/{pictures[key]}.png)")
-        if key == "reconstruction" and report.get("anchors") and report[key]:
+    if report.get("reconstruction"):
+        parts += [_reconstruction(report, 4), f"![best, median and worst segment]({figures}/overlays.png)"]
+        if report.get("anchors"):
             parts.append(_beside(report, 4, figures))
     if report.get("control"):
-        parts += [obedience_markdown(report, 4), responses_markdown(report, 4)]
+        parts += [obedience_markdown(report, 4), f"![one rating at a time]({figures}/control.png)"]
+        parts += [responses_markdown(report, 4), control_markdown(report, 4)]
+    if report.get("paper"):
+        what = "Mean spectra while one rating runs and the others are drawn at random (paper, section 3.4):"
+        parts.append(f"{what}\n\n![mean spectra]({figures}/spectra.png)")
+    if report.get("unseen_surfaces"):
+        parts += [unseen_markdown(report, 4), generation_markdown(report, 4)]
+    if report.get("novel"):
+        parts.append(novel_markdown(report, 4))
     if report.get("long_textures"):
         parts.append(_long(report, 4))
     return "\n\n".join([*parts, _baselines_that_win(report, 4)]) + "\n"

@@ -120,13 +120,18 @@ def responses_markdown(report, level=2):
     control, guidance = report["control"], default_guidance(report)
     sources = {"real": control["response_real"], "generated": control[guidance]["response"]}
     sources |= {slug: entry["response"] for slug, entry in control["baselines"].items()}
+    sources |= {"estimator, real": control["estimator_real"], "estimator, generated": control[guidance]["estimator"]}
     axes = list(control["judge_r2"])
     rows = {
         f"{source}: recovered {axis}": dict(zip(axes, row, strict=True))
         for source, matrix in sources.items()
         for axis, row in zip(axes, matrix, strict=True)
     }
-    note = "Slope of what the judge recovers on what was asked for, all three ratings of held-out surfaces."
+    note = (
+        "Slope of what the judge recovers on what was asked for, all three ratings of held-out surfaces. The estimator "
+        "helped to train DALE and hears its result before decoding: more slope there than for the judge, each against "
+        "its own slope on real textures, would be flattery."
+    )
     labels = {axis: f"requested {axis}" for axis in axes}
     return title("Response", level) + note + "\n\n" + markdown_table(rows, labels=labels, interval=True)
 

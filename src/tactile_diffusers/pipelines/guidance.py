@@ -27,10 +27,11 @@ class Guidance:
     def conditions(self, ratings):
         """Weights and ratings of the answers that are added: a list of (float, (batch, axes)); the plain one is last.
 
-        Weights sum to one. Nothing is asked twice: an axis that no row specifies is left alone.
+        Weights sum to one. Nothing is asked twice: what no row specifies is left alone.
         """
         if not isinstance(self.scale, dict):
-            pushes = [(self.scale - 1, torch.full_like(ratings, torch.nan))] if self.active else []
+            steered = self.active and not torch.isnan(ratings).all()
+            pushes = [(self.scale - 1, torch.full_like(ratings, torch.nan))] if steered else []
         else:
             pushes = []
             for axis, scale in self.scale.items():

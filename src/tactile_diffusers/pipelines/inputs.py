@@ -98,9 +98,9 @@ def warn_of_novel_ratings(ratings, config):
     found = []
     for axis, (low, high) in zip(config.rating_axes, getattr(config, "ratings_range", None) or (), strict=False):
         values = ratings[:, list(config.rating_axes).index(axis)]
-        beyond = values[(values < low) | (values > high)]
-        if len(beyond):
-            farthest = beyond[beyond.abs().argmax()].item()
+        beyond = torch.maximum(low - values, values - high).nan_to_num(-1.0)
+        if beyond.max() > 0:
+            farthest = values[beyond.argmax()].item()
             found.append(f"{axis} {farthest:+.2f} (training surfaces: {low:+.2f} to {high:+.2f})")
     reach = getattr(config, "ratings_reach", None)
     if not found and reach is not None:

@@ -154,7 +154,11 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         if num_latent_inference_steps is not None:
             check_positive_integer("num_latent_inference_steps", num_latent_inference_steps)
         check_positive_integer("num_textures_per_rating", num_textures_per_rating)
+        parse_guidance(guidance_scale, self.dale.config.rating_axes)
         check_number("guidance_rescale", guidance_rescale, 0, True, " and <= 1 (0.0 = off)", 1)
+        if guidance_rescale and not isinstance(self.dale_scheduler, VDDIMScheduler):
+            found = type(self.dale_scheduler).__name__
+            raise ValueError(f"`guidance_rescale` needs a VDDIMScheduler as `dale_scheduler`, got {found}.")
         if duration_s is not None:
             check_number("duration_s", duration_s, 0, False, " (seconds), or None")
         if output_type not in ("np", "pt", "latent"):

@@ -68,7 +68,7 @@ def plot_axis_sweep(pipe, output_path, takes=8, values=(-2.0, -1.0, 0.0, 1.0, 2.
         pipe (`TactileTexturePipeline`): with a DALE.
         output_path (`str` or `Path`): the PNG.
         takes (`int`): textures averaged per value, in dB.
-        values (`tuple[float, ...]`): ratings, z-scores.
+        values (`tuple[float, ...]`): ratings, z-scores, as far as training surfaces reach.
     """
     import matplotlib
 
@@ -80,16 +80,18 @@ def plot_axis_sweep(pipe, output_path, takes=8, values=(-2.0, -1.0, 0.0, 1.0, 2.
     from ..signal import power_spectral_density
 
     names = pipe.dale.config.rating_axes
+    ranges = pipe.dale.config.ratings_range or [(min(values), max(values))] * len(names)
     figure, axes = plt.subplots(1, len(names), figsize=(4.5 * len(names), 3.4), constrained_layout=True, sharey=True)
-    for axis, name in zip(axes, names, strict=True):
+    for axis, name, (low, high) in zip(axes, names, ranges, strict=True):
         generator = torch.Generator("cpu").manual_seed(0)
-        out = pipe([{name: v} for v in values], num_textures_per_rating=takes, generator=generator)
+        asked = [min(max(value, low), high) for value in values]
+        out = pipe([{name: v} for v in asked], num_textures_per_rating=takes, generator=generator)
         frequencies, density = power_spectral_density(out.textures, out.sampling_rate)
         spectra = (10 * np.log10(density + 1e-20)).reshape(len(values), takes, -1).mean(1)
         friction = out.friction_coefficient.reshape(len(values), takes).mean(1)
-        for value, spectrum, mu in zip(values, spectra, friction, strict=True):
+        for value, spectrum, mu in zip(asked, spectra, friction, strict=True):
             colour = plt.cm.coolwarm(0.5 + value / 2 / max(values) if max(values) else 0.5)
-            axis.semilogx(frequencies[1:], spectrum[1:], color=colour, label=f"{value:+.0f}, friction {mu:.2f}")
+            axis.semilogx(frequencies[1:], spectrum[1:], color=colour, label=f"{value:+.1f}, friction {mu:.2f}")
         axis.set(title=name, xlabel="Hz", xlim=(20, 1250), ylim=(-115, -45))
         axis.grid(alpha=0.3)
         axis.legend(fontsize=7)

@@ -5,6 +5,7 @@ what is asked for are the ratings of the real surfaces that stand for a conditio
 """
 
 import numpy as np
+import torch
 from scipy.stats import spearmanr
 
 from ...signal import RATING_AXES, level
@@ -32,6 +33,7 @@ def run(context):
     result = {
         "judge_r2": r2,
         "response_real": _matrix(real, requested, context.surfaces),
+        "estimator_real": _estimator_response(context, context.real, context.real_frictions, requested),
         "truth": _sizes(truth, context),
     }
     ratings, surfaces = context.requests
@@ -41,8 +43,10 @@ def run(context):
         textures = context.generated(scale)
         points = context.reference.embed(textures.textures)
         recovered = _recovered(judge, points, np.log(textures.friction_coefficients))
+        heard = {key: getattr(textures, key) for key in ("latents", "levels", "friction_coefficients")}
         result[str(scale)] = _axes(context, made, truth, independent) | {
-            "response": _matrix(recovered, ratings, surfaces)
+            "response": _matrix(recovered, ratings, surfaces),
+            "estimator": _matrix(_estimated(context, **heard), ratings, surfaces),
         }
         if scale == context.default_guidance:
             # the control: the same textures under the wrong labels must fail
@@ -121,6 +125,29 @@ def _judge(context):
 
 def _recovered(judge, points, log_friction):
     return None if judge is None else judge.predict(points, log_friction)
+
+
+def _estimator_response(context, textures, frictions, requested):
+    """What the checkpoint's own estimator hears of real textures: 3 x 3 leaves."""
+    if context.pipe.rating_estimator is None:
+        return _matrix(None, requested, context.surfaces)
+    recovered = context.pipe.estimate_ratings(textures, context.rate, frictions)
+    return _matrix(recovered, requested, context.surfaces)
+
+
+def _estimated(context, latents, levels, friction_coefficients):
+    """What the estimator, which helped to train DALE, hears of DALE's own result before it is decoded: (n, 3).
+
+    If it hears more of the ratings than the judge does after decoding, DALE flatters it. `None` without an estimator.
+    """
+    pipe = context.pipe
+    if pipe.rating_estimator is None:
+        return None
+    parts = (latents[:, : pipe.lctg.base_channels], levels, friction_coefficients)
+    state = pipe.dale.pack(*(torch.from_numpy(np.asarray(part, dtype=np.float32)).to(pipe.device) for part in parts))
+    with torch.no_grad():
+        knows = torch.isfinite(torch.from_numpy(friction_coefficients)).to(pipe.device)
+        return pipe.rating_estimator(pipe.dale.numbers(state), knows).float().cpu().numpy()
 
 
 def _matrix(recovered, requested, groups):

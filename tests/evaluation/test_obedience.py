@@ -1,0 +1,165 @@
+"""Whether a change is right: beside planted ones, and from a report."""
+
+import numpy as np
+import pytest
+
+from tactile_diffusers.evaluation.obedience import (
+    MATRIX_TOLERANCE,
+    QUANTITIES,
+    TOLERANCE,
+    VALUES,
+    comparisons,
+    matrix_difference,
+    obedience_rows,
+)
+from tactile_diffusers.evaluation.statistics import number
+from tactile_diffusers.signal import RATING_AXES
+
+FEWEST = 20
+
+
+def _axes(**changes):
+    """Conditions in which everything is as real, 2 of 2; `changes` are of roughness +1.0."""
+    entry = {name: number(2.0, 100) for name in QUANTITIES}
+    entry |= {f"{name}_truth": number(2.0, 50) for name in QUANTITIES}
+    return {axis: {"1.0": entry | (changes if axis == "roughness" else {})} for axis in RATING_AXES}
+
+
+def _right(**changes):
+    (row,) = [
+        row
+        for row in comparisons(_axes(**changes), FEWEST)
+        if (row["axis"], row["quantity"]) == ("roughness", "level_db_change")
+    ]
+    return row["right"]
+
+
+def test_everything_is_compared_and_as_real_is_right():
+    rows = comparisons(_axes(), FEWEST)
+    assert [(row["axis"], row["quantity"]) for row in rows] == [(a, name) for a in RATING_AXES for name in QUANTITIES]
+    for row in rows:
+        assert (row["value"], row["ours"], row["real"], row["chance"], row["right"]) == (1.0, 2.0, 2.0, 0.0, True)
+
+
+@pytest.mark.parametrize("real", [2.0, -2.0])
+@pytest.mark.parametrize("share", [-TOLERANCE, TOLERANCE])
+def test_changes_are_right_within_a_share_of_the_real_one_alone(real, share):
+    for inside, expected in ((0.99, True), (1.01, False)):
+        ours = number(real * (1 + inside * share), 100)
+        assert _right(level_db_change=ours, level_db_change_truth=number(real, 50)) == expected
+    assert not _right(level_db_change=number(-real, 100), level_db_change_truth=number(real, 50))
+
+
+@pytest.mark.parametrize("whose", ["level_db_change", "level_db_change_truth"])
+def test_a_difference_within_the_wider_interval_cannot_be_told(whose):
+    for half, expected in ((1.01, True), (0.99, False)):
+        leaves = {"level_db_change": (3.0, 100), "level_db_change_truth": (2.0, 50)}
+        changes = {
+            name: number(mean, n, (mean - half, mean + half) if name == whose else (mean - 0.1, mean + 0.1))
+            for name, (mean, n) in leaves.items()
+        }
+        assert _right(**changes) == expected
+
+
+def test_where_the_real_change_is_nothing_only_chance_is_allowed():
+    for ours, expected in ((0.0, True), (0.3, True), (0.5, False)):
+        truth = number(0.0, 50, (-0.4, 0.4))
+        assert _right(level_db_change=number(ours, 100), level_db_change_truth=truth) == expected
+
+
+@pytest.mark.parametrize("size", [FEWEST - 0.1, 1, None])
+def test_too_few_surfaces_are_left_out(size):
+    rows = comparisons(_axes(level_db_change_truth=number(2.0, size)), FEWEST)
+    assert len(rows) == 3 * len(QUANTITIES) - 1
+    assert not any((row["axis"], row["quantity"]) == ("roughness", "level_db_change") for row in rows)
+    assert len(comparisons(_axes(level_db_change_truth=number(2.0, FEWEST)), FEWEST)) == 3 * len(QUANTITIES)
+
+
+@pytest.mark.parametrize("name", ["log_friction_change", "log_friction_change_truth"])
+def test_what_is_not_known_is_left_out(name):
+    assert len(comparisons(_axes(**{name: number()}), FEWEST)) == 3 * len(QUANTITIES) - 1
+
+
+def test_other_values_than_those_compared_are_left_out():
+    axes = _axes()
+    for axis in RATING_AXES:
+        axes[axis] = {value: axes[axis]["1.0"] for value in ("-2.0", "-1.5", "0.0", "0.5", "2.0")}
+    rows = comparisons(axes, FEWEST)
+    assert {row["value"] for row in rows} == {-2.0, 2.0} and {"-2.0", "2.0"} < set(VALUES)
+    assert len(rows) == 2 * 3 * len(QUANTITIES)
+
+
+# --- the response matrix
+
+
+def _matrix(values):
+    return [[number(value, 100) for value in row] for row in values]
+
+
+def test_difference_of_matrices_is_that_of_the_worst_entry():
+    real = np.array([[0.9, 0.1, 0.0], [0.2, 0.8, 0.0], [0.0, -0.1, 0.7]])
+    other = real.copy()
+    other[2, 1] -= 0.25
+    other[0, 0] += 0.2
+    assert matrix_difference(_matrix(other), _matrix(real)) == pytest.approx(0.25)
+    assert matrix_difference(_matrix(real), _matrix(real)) == 0 < MATRIX_TOLERANCE
+
+
+def test_difference_of_unknown_matrices_is_unknown():
+    known, unknown = _matrix(np.eye(3)), _matrix(np.eye(3))
+    unknown[1][2] = number()
+    assert matrix_difference(known, unknown) is None is matrix_difference(unknown, known)
+
+
+# --- a report
+
+
+def _report():
+    """Guidance 1.0 and 2.0 as real, permuted ratings wrong everywhere."""
+    keys = "ktd_excess ftd diversity diversity_of_rating novelty_share precision recall".split()
+    spearman = {axis: {"moved": number(value, 9)} for axis, value in zip(RATING_AXES, (1.0, 0.9, 0.8), strict=True)}
+    good = {"axes": _axes(), "response": _matrix(np.eye(3)), "spearman": spearman}
+    wrong = _axes()
+    for axis in RATING_AXES:
+        wrong[axis]["1.0"] = wrong[axis]["1.0"] | {name: number(-2.0, 100) for name in QUANTITIES}
+    bad = {"axes": wrong, "response": _matrix(np.zeros((3, 3))), "spearman": spearman}
+    bad["spearman"] = {axis: {"moved": number()} for axis in RATING_AXES}
+    return {
+        "control": {
+            "truth": {"fewest_surfaces": number(FEWEST)},
+            "response_real": _matrix(np.eye(3)),
+            "judge_r2": {},
+            "baselines": {},
+            **{"1.0": good, "2.0": good, "permuted": bad},
+        },
+        "unseen_surfaces": {
+            "nine_band_db": {"model": number(3.0), "ridge": number(2.5), "knn_blend": number(2.8), "other": number(1)},
+            "guidance": {scale: {"nine_band_db": number(3.0)} for scale in ("1.0", "2.0")},
+            "permuted": {"nine_band_db": number(6.0)},
+        },
+        "generation": {
+            "baselines": {},
+            "real": {key: number(0.1) for key in keys},
+            **{scale: {key: number(i) for i, key in enumerate(keys)} for scale in ("1.0", "2.0")},
+        },
+    }
+
+
+def test_figures_of_a_report_stand_beside_the_permuted_ones():
+    rows = obedience_rows(_report())
+    real, *guided, permuted, best = rows
+    assert guided == ["guidance 1.0", "guidance 2.0"] and "permuted" in permuted and "real" in real and "best" in best
+    changes = 3 * len(QUANTITIES)
+    assert rows["guidance 1.0"]["changes"] == f"{changes} of {changes}" and rows["guidance 1.0"]["matrix"] == 0
+    assert rows["guidance 1.0"]["spearman"] == 0.8  # the worst axis
+    assert rows["guidance 1.0"]["diversity_of_rating"]["mean"] == 3 and rows[real]["recall"]["mean"] == 0.1
+    assert rows[permuted]["changes"] == f"0 of {changes}" and rows[permuted]["matrix"] == 1
+    assert rows[permuted]["spearman"] == 0 and rows[permuted]["nine_band_db"]["mean"] == 6.0
+    assert rows[best]["nine_band_db"] == 2.5
+
+
+def test_without_a_regression_no_best_one_is_claimed():
+    report = _report()
+    for slug in ("ridge", "knn_blend"):
+        del report["unseen_surfaces"]["nine_band_db"][slug]
+    assert obedience_rows(report)["best regression on the same data"]["nine_band_db"] is None

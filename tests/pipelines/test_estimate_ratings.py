@@ -1,0 +1,127 @@
+"""`pipe.estimate_ratings` and its optional component: from textures to ratings, saved and loaded."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers import RatingEstimator, TactileTexturePipeline
+
+RATE = 10_000
+SAMPLES = 2048  # of the tiny pipeline's segment
+
+
+@pytest.fixture
+def pipe(make_pipeline, randomized):
+    made = make_pipeline()
+    made.register_modules(rating_estimator=randomized(RatingEstimator(made.dale.kinds, width=8), 5).eval())
+    return made
+
+
+@pytest.fixture
+def textures(pink_noise):
+    return pink_noise(SAMPLES, RATE, count=3, seed=1) * np.array([[0.5], [1.0], [2.0]])
+
+
+def test_a_row_of_ratings_for_each_texture(pipe, textures):
+    made = pipe.estimate_ratings(textures, RATE, 0.6)
+    assert made.shape == (3, 3) and made.dtype == np.float32 and np.isfinite(made).all()
+    assert np.abs(made[0] - made[1]).max() > 0.01
+    # float32; batched and single convolutions add in another order
+    np.testing.assert_allclose(pipe.estimate_ratings(textures[1], RATE, 0.6), made[1:2], atol=1e-4)
+    np.testing.assert_array_equal(pipe.estimate_ratings(torch.from_numpy(textures), RATE, 0.6), made)
+
+
+def test_it_is_the_estimator_of_the_packed_state(pipe, textures):
+    made = pipe.encode(textures, RATE)
+    friction = torch.tensor([0.3, 0.6, 1.2])
+    with torch.no_grad():
+        numbers = pipe.dale.numbers(pipe.dale.pack(made.latents, made.level, friction))
+        expected = pipe.rating_estimator(numbers, torch.ones(3, dtype=torch.bool))
+    np.testing.assert_allclose(pipe.estimate_ratings(textures, RATE, friction), expected, atol=1e-6)  # float32
+
+
+def test_axes_of_the_estimator_are_those_of_dale(pipe, textures, randomized):
+    other = RatingEstimator(pipe.dale.kinds, pipe.dale.config.rating_axes, width=4)
+    pipe.register_modules(rating_estimator=randomized(other).eval())
+    assert pipe.estimate_ratings(textures, RATE).shape == (3, len(pipe.dale.config.rating_axes))
+
+
+@pytest.mark.parametrize("many", [list, np.array, torch.tensor], ids=["list", "array", "tensor"])
+def test_one_friction_coefficient_or_one_for_each(pipe, textures, many):
+    each = pipe.estimate_ratings(textures, RATE, many([0.3, 0.3, 1.2]))
+    alike = pipe.estimate_ratings(textures, RATE, 0.3)
+    np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, many([0.3] * 3)), alike)
+    np.testing.assert_array_equal(each[:2], alike[:2])
+    assert np.abs(each[2] - alike[2]).max() > 1e-3  # friction is heard
+
+
+def test_unknown_friction_is_ignored(pipe, textures):
+    unknown = pipe.estimate_ratings(textures, RATE)
+    np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, float("nan")), unknown)
+    np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, [np.nan] * 3), unknown)
+    some = pipe.estimate_ratings(textures, RATE, [np.nan, 0.3, np.nan])
+    np.testing.assert_array_equal(some[[0, 2]], unknown[[0, 2]])
+    # not the same as the mean friction of training, which is known
+    mean = np.exp(pipe.dale.config.log_friction_mean)
+    assert all(np.abs(pipe.estimate_ratings(textures, RATE, value) - unknown).max() > 1e-3 for value in (0.3, mean))
+
+
+@pytest.mark.parametrize("friction", [[0.5], [0.5] * 2, [0.5] * 4, [[0.5] * 3]], ids=str)
+def test_another_number_of_friction_coefficients_is_refused(pipe, textures, friction):
+    with pytest.raises(ValueError, match=r"`friction_coefficient` must be one number or \(3,\)"):
+        pipe.estimate_ratings(textures, RATE, friction)
+
+
+def test_frames_beyond_whole_patches_are_left_out(make_pipeline, randomized, pink_noise):
+    pipe = make_pipeline(dale_config={"patch_size": 4})
+    pipe.register_modules(rating_estimator=randomized(RatingEstimator(pipe.dale.kinds, width=8), 5).eval())
+    texture = pink_noise(2350, RATE)
+    assert pipe.encode(texture, RATE).latents.shape[-1] % 4
+    assert np.isfinite(pipe.estimate_ratings(texture, RATE, 0.5)).all()
+
+
+def test_a_checkpoint_without_an_estimator_says_so(make_pipeline, textures):
+    for pipe in (make_pipeline(), make_pipeline(dale=False)):
+        with pytest.raises(ValueError, match="no `rating_estimator`: examples/train_dale.py trains one"):
+            pipe.estimate_ratings(textures, RATE)
+
+
+def test_saved_and_loaded_it_gives_the_same(pipe, textures, tmp_path, recorded_warnings):
+    pipe.save_pretrained(tmp_path / "saved")
+    index = json.loads((tmp_path / "saved" / "model_index.json").read_text())
+    assert index["rating_estimator"] == ["tactile_diffusers", "RatingEstimator"]
+    with recorded_warnings() as found:
+        again = TactileTexturePipeline.from_pretrained(tmp_path / "saved")
+    assert found == []
+    assert isinstance(again.rating_estimator, RatingEstimator) and not again.rating_estimator.training
+    assert list(again.rating_estimator.config.kinds) == pipe.dale.kinds
+    expected = pipe.estimate_ratings(textures, RATE, 0.6)
+    # weights are equal, but their place in memory may change the order of float32 sums
+    np.testing.assert_allclose(again.estimate_ratings(textures, RATE, 0.6), expected, atol=1e-5)
+
+
+def test_it_is_optional_and_may_be_left_out_on_loading(make_pipeline, pipe, textures, tmp_path):
+    make_pipeline().save_pretrained(tmp_path / "without")
+    assert not (tmp_path / "without" / "rating_estimator").exists()
+    pipe.save_pretrained(tmp_path / "with")
+    for folder, options in (("without", {}), ("with", {"rating_estimator": None})):
+        again = TactileTexturePipeline.from_pretrained(tmp_path / folder, **options)
+        assert again.rating_estimator is None and again.dale is not None
+
+
+def test_a_checkpoint_from_before_it_still_loads(tiny_checkpoint, recorded_warnings, pink_noise):
+    assert "rating_estimator" not in json.loads((tiny_checkpoint / "model_index.json").read_text())
+    with recorded_warnings() as found:
+        old = TactileTexturePipeline.from_pretrained(tiny_checkpoint)
+    assert found == [] and old.rating_estimator is None
+    with pytest.raises(ValueError, match="no `rating_estimator`"):
+        old.estimate_ratings(pink_noise(SAMPLES, RATE), RATE)
+
+
+def test_half_precision(pipe, textures):
+    expected = pipe.estimate_ratings(textures, RATE, 0.6)
+    made = pipe.to(torch.bfloat16).estimate_ratings(textures, RATE, 0.6)
+    assert made.dtype == np.float32
+    np.testing.assert_allclose(made, expected, atol=0.1 * np.abs(expected).max())  # 8 bits through two networks

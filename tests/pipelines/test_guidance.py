@@ -1,0 +1,181 @@
+"""Guidance of single axes and of all, and what brings the spread of its answers back."""
+
+import pytest
+import torch
+
+from tactile_diffusers import VDDIMScheduler
+from tactile_diffusers.pipelines.guidance import Guidance
+from tactile_diffusers.pipelines.inputs import parse_guidance
+from tactile_diffusers.signal import RATING_AXES
+
+NAN = torch.nan
+RATINGS = torch.tensor([[1.0, 0.5, -1.0]])
+#: all three kinds of numbers: learned latents in patches, departures of band levels, numbers of the whole
+WITH_LEVELS = {"in_channels": 8, "level_channels": 2, "patch_size": 4, "departure_std": [0.5, 0.3]}
+
+
+def _without(*axes, ratings=RATINGS):
+    left = ratings.clone()
+    left[:, list(axes)] = NAN
+    return left
+
+
+@pytest.fixture
+def state_of(pipe, seeded):
+    """`state_of(ratings, **options)` is what DALE makes of the same noise in one step, (batch, 6, 32)."""
+
+    def run(ratings, **options):
+        noise = torch.randn((1, 6, 32), generator=seeded(2)).repeat(len(ratings), 1, 1)
+        seen = []
+        look = lambda pipe, index, t, tensors: seen.append(tensors["latents"])  # noqa: E731
+        options = {"num_inference_steps": 1, "output_type": "latent", "callback_on_step_end": look, **options}
+        pipe(ratings, latents=noise, **options)
+        return noise, seen[-1]
+
+    return run
+
+
+# --- axis by axis
+
+
+@pytest.mark.parametrize(
+    "scale",
+    [
+        {"roughness": 3.0},
+        {"bumpiness": 0.0, "slipperiness": 2.5},
+        {"slipperiness": 2, "roughness": 0.5, "bumpiness": 4},
+    ],
+    ids=str,
+)
+def test_guidance_of_axes_equals_its_formula(pipe, state_of, scale):
+    noise, made = state_of(RATINGS, guidance_scale=scale)
+    with torch.no_grad():
+        plain = pipe.dale(noise, 999.0, RATINGS).sample
+        velocity = plain.clone()
+        for axis, number in scale.items():
+            velocity += (number - 1) * (plain - pipe.dale(noise, 999.0, _without(RATING_AXES.index(axis))).sample)
+    # one step from pure noise: x0 = -v; float32, numbers near 3, sums of four answers
+    torch.testing.assert_close(made, -velocity, rtol=0, atol=3e-5)
+    assert (made + plain).abs().max() > 0.01  # or the line above would show nothing
+
+
+def test_all_conditions_go_through_in_one_forward(pipe, state_of, calls_of):
+    ratings, calls = torch.tensor([[1.0, NAN, 0.5], [0.0, 1.0, -1.0]]), calls_of(pipe.dale)
+    state_of(ratings, guidance_scale={"roughness": 3.0, "slipperiness": 0.5}, num_inference_steps=3)
+    assert [len(state) for state, *_ in calls] == [6] * 3
+    wanted = [ratings, _without(0, ratings=ratings), _without(2, ratings=ratings)]
+    for state, _, asked in calls:
+        assert torch.equal(state[:2], state[2:4]) and torch.equal(state[:2], state[4:])
+        for rows in wanted:  # once each, in whatever order
+            assert sum(torch.equal(rows.nan_to_num(9.0), part.nan_to_num(9.0)) for part in asked.chunk(3)) == 1
+    assert pipe.do_classifier_free_guidance and pipe.guidance_scale == {"roughness": 3.0, "slipperiness": 0.5}
+
+
+def test_a_row_that_does_not_specify_the_axis_is_not_pushed(state_of):
+    ratings = torch.tensor([[1.0, NAN, 0.5], [NAN, 1.0, 0.5]])
+    _, plain = state_of(ratings)
+    _, made = state_of(ratings, guidance_scale={"roughness": 3.0})
+    torch.testing.assert_close(made[1], plain[1], rtol=0, atol=1e-5)  # float32, another size of batch
+    assert (made[0] - plain[0]).abs().max() > 0.01
+
+
+@pytest.mark.parametrize(
+    "scale",
+    [{}, dict.fromkeys(RATING_AXES, 1.0), {"bumpiness": 3.0}, {"bumpiness": 3.0, "roughness": 1}],
+    ids=str,
+)
+def test_a_dict_that_changes_nothing_asks_once(pipe, state_of, calls_of, scale):
+    ratings, calls = _without(1), calls_of(pipe.dale)
+    _, made = state_of(ratings, guidance_scale=scale)
+    assert len(calls) == 1 and len(calls[0][0]) == 1
+    assert torch.equal(made, state_of(ratings)[1])
+
+
+@pytest.mark.parametrize(
+    ("scale", "message"),
+    [
+        ({"warmth": 2.0}, r"unknown axes \['warmth'\]; the axes are \['roughness', 'bumpiness', 'slipperiness'\]"),
+        ({0: 2.0}, r"unknown axes \['0'\]"),
+        *(({"roughness": value}, r"\['roughness'\]` must be") for value in (-0.1, NAN, float("inf"), "2", None, True)),
+        *((value, "` must be a finite number >= 0") for value in (-0.1, NAN, "2", None, [2.0])),
+    ],
+    ids=str,
+)
+def test_bad_scales_are_refused_by_name_before_any_work(pipe, calls_of, scale, message):
+    calls = calls_of(pipe.dale)
+    with pytest.raises(ValueError, match="`guidance_scale.*" + message):
+        pipe(RATINGS, guidance_scale=scale)
+    assert not calls
+
+
+def test_scales_become_numbers_and_indices():
+    assert parse_guidance(2, RATING_AXES) == 2.0 and isinstance(parse_guidance(2, RATING_AXES), float)
+    assert parse_guidance({"slipperiness": 2, "roughness": 0}, RATING_AXES) == {2: 2.0, 0: 0.0}
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.0, 2.5, {}, {0: 3.0, 2: 0.5}, {1: 4.0}], ids=str)
+def test_weights_sum_to_one_and_the_plain_answer_is_last(scale):
+    conditions = Guidance(scale).conditions(RATINGS)
+    assert sum(weight for weight, _ in conditions) == pytest.approx(1.0)
+    assert torch.equal(conditions[-1][1], RATINGS)
+    assert all(torch.isnan(ratings).any() for _, ratings in conditions[:-1])
+
+
+# --- bringing the spread back
+
+
+def _kinds(dale, state):
+    """Root mean square of each kind of number: (batch, kinds)."""
+    parts = dale.numbers(state).split(dale.kinds, dim=1)
+    return torch.stack([part.square().mean((1, 2)).sqrt() for part in parts if part.numel()], dim=1)
+
+
+@pytest.mark.parametrize("scale", [6.0, {"roughness": 9.0, "slipperiness": 0.0}], ids=str)
+def test_rescaling_brings_the_spread_of_each_kind_of_number_back(pipe, state_of, scale):
+    (_, plain), (_, guided) = state_of(RATINGS), state_of(RATINGS, guidance_scale=scale)
+    _, made = state_of(RATINGS, guidance_scale=scale, guidance_rescale=1.0)
+    expected, pushed = _kinds(pipe.dale, plain), _kinds(pipe.dale, guided)
+    assert ((pushed / expected - 1).abs() > 0.01).any()
+    torch.testing.assert_close(_kinds(pipe.dale, made), expected, rtol=1e-4, atol=0)  # float32
+    # only spreads change: every kind is a multiple of what guidance made of it
+    field, scalars = (part[0].flatten() for part in pipe.dale.split(made / guided))
+    assert max(field.std() / field.mean().abs(), scalars.std() / scalars.mean().abs()) < 1e-3
+
+
+@pytest.mark.parametrize("rescale", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("t", [250.0, 999.0])
+def test_rescaling_goes_as_far_as_it_is_told_at_every_time(make_dale, seeded, rescale, t):
+    dale, scheduler = make_dale(**WITH_LEVELS), VDDIMScheduler()
+    state, t = torch.randn((2, 8, 32), generator=seeded(0)), torch.tensor(t)
+    ratings = RATINGS.repeat(2, 1)
+    with torch.no_grad():
+        plain, guided, made = (
+            _kinds(dale, scheduler.get_original_sample(g.velocity(dale, scheduler, state, t, ratings), state, t))
+            for g in (Guidance(), Guidance(6.0), Guidance(6.0, rescale))
+        )
+    assert made.shape == (2, 3) and ((guided / plain - 1).abs() > 0.01).any()
+    torch.testing.assert_close(made, guided + rescale * (plain - guided), rtol=1e-3, atol=0)  # float32, through 1/sin
+
+
+def test_rescaling_changes_nothing_where_there_is_none_or_no_guidance(state_of):
+    assert torch.equal(
+        state_of(RATINGS, guidance_scale=3.0, guidance_rescale=0.0)[1], state_of(RATINGS, guidance_scale=3.0)[1]
+    )
+    assert torch.equal(state_of(RATINGS, guidance_rescale=1.0)[1], state_of(RATINGS)[1])
+
+
+def test_rescaling_works_in_long_textures(pipe, seeded):
+    out = pipe(
+        RATINGS, duration_s=0.5, guidance_scale=4.0, guidance_rescale=0.7, num_inference_steps=2, generator=seeded(0)
+    )
+    plain = pipe(RATINGS, duration_s=0.5, guidance_scale=4.0, num_inference_steps=2, generator=seeded(0))
+    assert out.textures.shape == (1, 5000) and abs(out.textures).max() < float("inf")
+    assert out.level != plain.level
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.01, NAN, float("inf"), "1", None, True], ids=str)
+def test_rescaling_outside_its_range_is_refused(pipe, calls_of, value):
+    calls = calls_of(pipe.dale)
+    with pytest.raises(ValueError, match="`guidance_rescale` must be .* <= 1"):
+        pipe(RATINGS, guidance_scale=2.0, guidance_rescale=value)
+    assert not calls
