@@ -46,7 +46,11 @@ def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, cap
 
 
 @pytest.mark.parametrize(
-    "extra", ["--steps 0", "--per-surface 0", "--data nowhere.h5", "--readme nowhere.md", "--checkpoint nowhere"]
+    "extra",
+    [
+        *("--steps 0", "--per-surface 0", "--baseline-surfaces 1"),
+        *("--data nowhere.h5", "--readme nowhere.md", "--checkpoint nowhere"),
+    ],
 )
 def test_evaluate_refuses_before_any_work(extra, prepared, tmp_path):
     with pytest.raises(SystemExit) as stop:

@@ -20,7 +20,7 @@ def _report(response=1.0):
     matrix = [[number(0.7 * response * (row == column)) for column in range(3)] for row in range(3)]
     spectra = {value: {"20-40 Hz": number(-50.0), "40-80 Hz": number(-60.0)} for value in ("-2.0", "2.0")}
     return {
-        "data": {"name": "p.h5", "split": "test", "surfaces": 9, "segments": 36, "reference_surfaces": 70},
+        "data": {"name": "p.h5", "split": "test", "surfaces": 9, "segments": 36, "training_surfaces": 70},
         "machine": {"processor": "cpu", "threads": 1},
         "pipeline": {"guidance_scale": 1.0},
         "control": {
@@ -48,7 +48,7 @@ def folder(tmp_path):
 
 def test_obedient_and_deaf_checkpoints_are_told_apart(folder, tmp_path, capsys):
     deaf = _report(0.1)
-    few = _report()["data"] | {"reference_surfaces": 10}
+    few = _report()["data"] | {"training_surfaces": 10}
     ours, other = folder("ours"), folder("other", control=deaf["control"], data=few)
     readme = tmp_path / "README.md"
     readme.write_text("before\n<!-- begin beside -->\nold\n<!-- end beside -->\nafter\n")

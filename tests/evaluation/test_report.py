@@ -356,6 +356,19 @@ def test_segments_of_another_length_are_refused(pipe, prepared, tmp_path):
         Context(pipe, prepared, "test", TINY, 0, tmp_path)
 
 
+def test_baselines_may_know_fewer_surfaces(evaluable_pipe, prepared, tmp_path):
+    whole, few = (
+        Context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path, baseline_surfaces=count) for count in (None, 5)
+    )
+    kept = PreparedDataset(prepared, "train", max_surfaces=5)
+    ratings = {context: context.training.ratings for context in (whole, few)}
+    known = np.unique(ratings[few][np.isin(few.training.surface_ids, kept.surface_ids)], axis=0)
+    for context, expected in ((few, len(known)), (whole, len(np.unique(ratings[whole], axis=0)))):
+        assert len(context.baselines["knn_blend"]._ratings) == expected
+    assert len(known) == 5 < len(np.unique(ratings[whole], axis=0))
+    assert len(few.training.textures) == len(whole.training.textures)  # of the judge and the reference
+
+
 def test_halves_of_the_held_out_segments_share_no_sample(evaluable_pipe, prepared, tmp_path):
     context = Context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path)
     first, second = context.chosen

@@ -56,6 +56,9 @@ def parse_arguments(argv=None):
     parser.add_argument("--split", choices=SPLITS[1:], default="test", help="held-out surfaces; default: test")
     parser.add_argument("--sections", nargs="+", choices=_SECTIONS, default=list(_SECTIONS), help="default: all")
     parser.add_argument("--steps", type=int, nargs="+", help="LCTG steps of the sweep, in place of the default ones")
+    parser.add_argument(
+        "--baseline-surfaces", type=int, help="training surfaces for baselines: as many as the checkpoint had"
+    )
     parser.add_argument("--per-surface", type=int, help="non-overlapping segments per surface")
     parser.add_argument(
         "--guidance-scale", type=float, nargs="+", default=[], help="besides 1 (off) and the pipeline's default"
@@ -75,6 +78,8 @@ def parse_arguments(argv=None):
     _check_folders(parser, arguments)
     if arguments.per_surface is not None and arguments.per_surface < 1:
         parser.error(f"argument --per-surface: must be at least 1, got {arguments.per_surface}")
+    if arguments.baseline_surfaces is not None and arguments.baseline_surfaces < 2:
+        parser.error(f"argument --baseline-surfaces: must be at least 2, got {arguments.baseline_surfaces}")
     if arguments.steps is not None and min(arguments.steps) < 1:
         parser.error(f"argument --steps: must be at least 1, got {arguments.steps}")
     if arguments.seed < 0:
@@ -140,6 +145,7 @@ def make_context(arguments):
         arguments.vibromaf,
         arguments.quiet,
         {folder.resolve().name: Anchor(load(folder), folder) for folder in arguments.anchor},
+        arguments.baseline_surfaces,
     )
 
 

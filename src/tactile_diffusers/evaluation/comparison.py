@@ -60,7 +60,7 @@ def comparison_markdown(reports, pictures="."):
 
 def differ_in_surfaces(reports):
     """Whether checkpoints were compared with training sets of different size."""
-    return len({report["data"]["reference_surfaces"] for report in reports.values()}) > 1
+    return len({report["data"]["training_surfaces"] for report in reports.values()}) > 1
 
 
 def _row(report):
@@ -74,7 +74,7 @@ def _row(report):
         if abs(float(value)) == 2 and entry["latent_shift_percent"]["mean"] is not None
     ]
     return {
-        "surfaces": report["data"]["reference_surfaces"],
+        "surfaces": report["data"]["training_surfaces"],
         "changes": f"{sum(item['right'] for item in found)} of {len(found)}",
         "matrix": matrix_difference(control[guidance]["response"], control["response_real"]),
         "diagonal": _diagonal(control[guidance]["response"]),

@@ -126,6 +126,7 @@ def _conditions(context, checkpoint):
         "checkpoint": folder_digest(checkpoint),
         "data": [facts.st_size, facts.st_mtime_ns],
         "split": context.split,
+        "baseline_surfaces": context.baseline_surfaces,
         "seed": context.seed,
         "settings": asdict(context.settings),
         "guidance_scales": context.guidance_scales,
@@ -172,6 +173,7 @@ def _data(context):
         "band": list(held_out.band),
         "surfaces": len(set(context.surfaces.tolist())),
         "segments": len(context.surfaces),
+        "training_surfaces": context.baseline_surfaces or len(set(train.surface_ids.tolist())),
         "reference_surfaces": len(set(train.surface_ids.tolist())),
         "reference_segments": len(context.training.textures),
     }

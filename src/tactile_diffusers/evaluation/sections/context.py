@@ -1,7 +1,7 @@
 """What all sections of a report share: the checkpoint, the data, the reference set and how much is measured."""
 
 import inspect
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -107,6 +107,8 @@ class Context:
         vibromaf (`bool`): whether to add the optional metrics of vibromaf.
         quiet (`bool`): no progress bars.
         anchors (`dict[str, Anchor]`, *optional*): name -> checkpoint to compare reconstructions with.
+        baseline_surfaces (`int`, *optional*): training surfaces that baselines learn from, for a checkpoint that
+            learned from so many (`--max_train_surfaces`); the judge and the reference keep all.
 
     Raises:
         ValueError: if the checkpoint or an anchor does not fit the data, `split` is unknown or not held out, or the
@@ -126,12 +128,13 @@ class Context:
         vibromaf=False,
         quiet=True,
         anchors=None,
+        baseline_surfaces=None,
     ):
         if split not in SPLITS[1:]:
             raise ValueError(f"`split` must be held out, one of {SPLITS[1:]}, got {split!r}.")
         self.pipe, self.split, self.settings, self.seed, self.quiet = pipe, split, settings, seed, quiet
         self.output, self.embedding, self.vibromaf = output, embedding, vibromaf
-        self.anchors = dict(anchors or {})
+        self.anchors, self.baseline_surfaces = dict(anchors or {}), baseline_surfaces
         self.held_out, self.train = PreparedDataset(data, split), PreparedDataset(data, "train")
         check_unseen(self.held_out, self.train)
         check_fit(pipe, self.held_out)
@@ -236,8 +239,14 @@ class Context:
     def baselines(self):
         """Fitted baselines by slug; those that work from ratings only where there are ratings."""
         made = default_baselines(*self.latent_rate)
-        rated = np.isfinite(self.training.ratings).all(-1).any()
-        return {slug: b.fit(self.training) for slug, b in made.items() if rated or b.knows != "ratings"}
+        training = self.training
+        if self.baseline_surfaces is not None:
+            kept = PreparedDataset(self.train.path, "train", max_surfaces=self.baseline_surfaces).surface_ids
+            rows = np.isin(training.surface_ids, kept)
+            fields = ("textures", "ratings", "friction_coefficients", "surface_ids")
+            training = replace(training, **{name: getattr(training, name)[rows] for name in fields})
+        rated = np.isfinite(training.ratings).all(-1).any()
+        return {slug: b.fit(training) for slug, b in made.items() if rated or b.knows != "ratings"}
 
     @cached_property
     def latent_rate(self):
