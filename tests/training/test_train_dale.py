@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -195,3 +196,17 @@ def test_output_folder_in_use(train, trained):
     with pytest.raises(ValueError, match="--output_dir .* already holds a training"):
         train(trained)
     assert sorted(path.name for path in trained.iterdir()) == before
+
+
+def test_the_papers_configuration_trains_and_has_a_fixed_gain(train, tiny_configs, tmp_path):
+    paper = json.loads((Path(__file__).parents[2] / "examples/configs/dale_paper.json").read_text())
+    tiny = json.loads(tiny_configs["dale"].read_text())
+    merged = {name: tiny.get(name, {}) | values for name, values in paper.items()}
+    (tmp_path / "paper.json").write_text(json.dumps(merged))
+    output = train(tmp_path / "dale", model_config_name_or_path=tmp_path / "paper.json", ratings="single")
+    pipe = TactileTexturePipeline.from_pretrained(output)
+    pipe.set_progress_bar_config(disable=True)
+    assert pipe.dale.rating_pool is None and pipe.dale_scheduler.config.solver_order == 1
+    out = pipe([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], num_inference_steps=2, generator=torch.Generator().manual_seed(0))
+    assert out.level.tolist() == pytest.approx([pipe.dale.config.level_mean] * 2)
+    assert not np.array_equal(out.textures[0], out.textures[1])
