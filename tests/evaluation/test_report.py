@@ -42,6 +42,7 @@ TINY = replace(
     truth_candidates=300,
     truth_surfaces=12,
     truth_seconds=4.0,
+    regression_surfaces=20,
     shift_step=2.0,
     shift_takes=2,
     spectra_step=2.0,

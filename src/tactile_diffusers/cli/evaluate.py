@@ -13,6 +13,7 @@ _SECTIONS = (
     "reconstruction",
     "generation",
     "control",
+    "regression",
     "novel",
     "paper",
     "speed",

@@ -86,11 +86,10 @@ def obedience_rows(report):
         rows["**ratings permuted**" if name == "permuted" else f"guidance {name}"] = row
     real = {key: generation["real"][key] for key in ("ftd", "diversity", "novelty_share", "precision", "recall")}
     rows = {"real, held out": real} | rows
-    best = min(
-        (unseen["nine_band_db"][slug]["mean"] for slug in ("ridge", "knn_blend") if slug in unseen["nine_band_db"]),
-        default=None,
-    )
-    rows["best regression on the same data"] = {"nine_band_db": best}
+    names = {"same_data": "the same surfaces", "many_surfaces": "fresh surfaces"}
+    for key, entry in (report.get("regression") or {}).items():
+        facts = f"of degree {entry['degree']['mean']:.0f} on {entry['surfaces']['mean']:.0f} of {names[key]}"
+        rows[f"regression {facts}"] = {"nine_band_db": entry["nine_band_db"]}
     return rows
 
 

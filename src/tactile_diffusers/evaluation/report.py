@@ -21,7 +21,7 @@ from .training_record import training_facts
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
 MEASURED = (
     *("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "long_textures"),
-    *("latents", "robustness", "novel"),
+    *("latents", "robustness", "novel", "regression"),
 )
 # files that only write tables, or what is read anew each time
 _TELLING = (

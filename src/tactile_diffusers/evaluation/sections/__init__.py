@@ -1,6 +1,6 @@
 """The sections of a report: each measures one thing on one `Context` and returns leaves under top-level keys."""
 
-from . import control, generation, latents, long_textures, novel, paper, reconstruction, robustness, speed
+from . import control, generation, latents, long_textures, novel, paper, reconstruction, regression, robustness, speed
 from .anchors import Anchor
 from .context import FULL, QUICK, Context, Settings
 
@@ -9,6 +9,7 @@ SECTIONS = {
     "reconstruction": reconstruction.run,
     "generation": generation.run,
     "control": control.run,
+    "regression": regression.run,
     "novel": novel.run,
     "paper": paper.run,
     "speed": speed.run,

@@ -34,6 +34,7 @@ class Settings:
         control_takes (`int`): textures per value.
         truth_candidates, truth_surfaces (`int`): fresh virtual surfaces rated, and explored.
         truth_seconds (`float`): of each exploration.
+        regression_surfaces (`int`): fresh virtual surfaces, draws, that a regression is fitted to.
         shift_step (`float`), shift_takes (`int`): of the paper's latent shift.
         spectra_step (`float`), spectra_takes (`int`): of the paper's average spectra.
         protocol_segments, protocol_repeats (`int`): of the paper's full-pipeline RMSE.
@@ -53,6 +54,7 @@ class Settings:
     truth_candidates: int = 20_000
     truth_surfaces: int = 1500
     truth_seconds: float = 12.0
+    regression_surfaces: int = 5000
     shift_step: float = 0.2
     shift_takes: int = 30
     spectra_step: float = 0.5
@@ -78,6 +80,7 @@ QUICK = Settings(
     truth_candidates=8000,
     truth_surfaces=400,
     truth_seconds=8.0,
+    regression_surfaces=600,
     shift_step=1.0,
     shift_takes=10,
     spectra_step=1.0,
@@ -180,6 +183,17 @@ class Context:
         return TrainingTextures(train.textures(rows), ratings, frictions, surfaces, self.rate, train.band)
 
     @cached_property
+    def known_training(self):
+        """What baselines learn from: `training`, or `baseline_surfaces` surfaces of it."""
+        training = self.training
+        if self.baseline_surfaces is None:
+            return training
+        kept = PreparedDataset(self.train.path, "train", max_surfaces=self.baseline_surfaces).surface_ids
+        rows = np.isin(training.surface_ids, kept)
+        fields = ("textures", "ratings", "friction_coefficients", "surface_ids")
+        return replace(training, **{name: getattr(training, name)[rows] for name in fields})
+
+    @cached_property
     def reference(self):
         """The embedded training surfaces."""
         return Reference(self.training.textures, self.rate, self.training.surface_ids)
@@ -239,12 +253,7 @@ class Context:
     def baselines(self):
         """Fitted baselines by slug; those that work from ratings only where there are ratings."""
         made = default_baselines(*self.latent_rate)
-        training = self.training
-        if self.baseline_surfaces is not None:
-            kept = PreparedDataset(self.train.path, "train", max_surfaces=self.baseline_surfaces).surface_ids
-            rows = np.isin(training.surface_ids, kept)
-            fields = ("textures", "ratings", "friction_coefficients", "surface_ids")
-            training = replace(training, **{name: getattr(training, name)[rows] for name in fields})
+        training = self.known_training
         rated = np.isfinite(training.ratings).all(-1).any()
         return {slug: b.fit(training) for slug, b in made.items() if rated or b.knows != "ratings"}
 
