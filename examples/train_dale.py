@@ -153,15 +153,16 @@ def statistics(values):
 
 def rating_statistics(dataset):
     """What DALE's config keeps of the training surfaces' ratings, for `rating_scale`; nothing if an axis has none."""
-    quantiles = rating_quantiles(dataset.surface_ratings[np.unique(dataset.surface_ids)])
+    ratings = dataset.surface_ratings[np.unique(dataset.surface_ids)]
+    quantiles = rating_quantiles(ratings)
     if np.isnan(quantiles).any():
         return {}
-    coverage = rating_coverage(dataset.surface_ratings[np.unique(dataset.surface_ids)])
-    centre, covariance, reach = coverage or (None, None, None)
-    return {
-        "ratings_centre": centre if coverage is None else centre.tolist(),
-        "ratings_covariance": covariance if coverage is None else covariance.tolist(),
-        "ratings_reach": reach,
+    coverage = rating_coverage(ratings)
+    found = {}
+    if coverage is not None:
+        centre, covariance, reach = coverage
+        found = {"ratings_centre": centre.tolist(), "ratings_covariance": covariance.tolist(), "ratings_reach": reach}
+    return found | {
         "ratings_mean": dataset.ratings_mean.tolist(),
         "ratings_std": dataset.ratings_scale.tolist(),
         "ratings_range": quantiles[:, [0, -1]].tolist(),

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import mahalanobis
 
-from tactile_diffusers.data.ratings import coverage_distance, rating_coverage
+from tactile_diffusers.data.ratings import rating_coverage
+from tactile_diffusers.signal import coverage_distance
 
 
 @pytest.fixture

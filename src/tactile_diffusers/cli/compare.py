@@ -25,7 +25,7 @@ def parse_arguments(argv=None):
         metavar="NAME=FOLDER",
         help="output folders of evaluate.py with the sections control and generation, called by these names",
     )
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="compare.md and pictures")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="report.md and pictures")
     readme.add_arguments(parser, "compare")
     arguments = parser.parse_args(argv)
     arguments.report = dict(_named(parser, item) for item in arguments.report)
@@ -51,17 +51,17 @@ def main(argv=None):
 
     arguments.output.mkdir(parents=True, exist_ok=True)
     try:
-        comparison_markdown(arguments.report)
+        text = comparison_markdown(arguments.report)
     except ValueError as error:
         print(f"compare.py: error: {error}", file=sys.stderr)
         return 2
     plot_axis_spectra(arguments.report, arguments.output / "axes.png")
     plot_surfaces(arguments.report, arguments.output / "surfaces.png")
-    write_text(arguments.output / "report.md", comparison_markdown(arguments.report))
+    write_text(arguments.output / "report.md", text)
     if arguments.readme:
         folder = readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, arguments.readme.parent / folder, ("*.png", "report.md"))
-        text = comparison_markdown(arguments.report, folder.as_posix())
-        readme.write_between(arguments.readme, arguments.readme_name, text)
-    print(comparison_markdown(arguments.report))
+        shown = comparison_markdown(arguments.report, folder.as_posix())
+        readme.write_between(arguments.readme, arguments.readme_name, shown)
+    print(text)
     return 0

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..signal import RATING_AXES
+from ..signal import RATING_AXES, coverage_distance
 
 #: A rater whose answers (0-8 scale) spread less than this gives one answer: what is left is rounding.
 LEAST_SPREAD = 1e-6
@@ -238,18 +238,6 @@ def rating_coverage(mean):
     centre = known.mean(0)
     covariance = np.cov(known.T) + 1e-6 * np.eye(mean.shape[1])  # axes that are always rated alike stay solvable
     return centre, covariance, float(coverage_distance(known, centre, covariance).max())
-
-
-def coverage_distance(ratings, centre, covariance):
-    """Mahalanobis distance of ratings (n, axes) from the centre over the axes that each specifies: (n,), NaN = none."""
-    ratings, centre, covariance = (np.asarray(values, dtype=np.float64) for values in (ratings, centre, covariance))
-    distances = np.full(len(ratings), np.nan)
-    for row, rating in enumerate(ratings):
-        given = np.flatnonzero(np.isfinite(rating))
-        if len(given):
-            away = rating[given] - centre[given]
-            distances[row] = np.sqrt(away @ np.linalg.solve(covariance[np.ix_(given, given)], away))
-    return distances
 
 
 def from_percentile(percentiles, quantiles):

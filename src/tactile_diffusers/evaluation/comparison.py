@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..signal import RATING_AXES
-from .figures import figure_panels
+from .figures import figure_panels, share_limits
 from .labels import default_guidance
 from .obedience import comparisons, matrix_difference
 from .tables import markdown_table
@@ -113,9 +113,7 @@ def plot_axis_spectra(reports, output_path):
                     panel.semilogx(centres, means, color=colour, label=f"{float(value):+.1f}")
                 panel.set(title=f"{name}: {axis}", xlabel="Hz", ylabel="dB re 1 N²")
                 panel.grid(alpha=0.3)
-            limits = [panel.get_ylim() for panel in row]
-            for panel in row:
-                panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+            share_limits(row)
         panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
 
 

@@ -117,6 +117,13 @@ def plot_beside(reconstruction, anchors, output_path):
             panel.legend(fontsize=8)
 
 
+def share_limits(row):
+    """Gives the panels of a row one vertical scale, so that axes can be compared."""
+    limits = [panel.get_ylim() for panel in row]
+    for panel in row:
+        panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+
+
 def plot_control(control, guidance, output_path):
     """Level, shape and friction against one requested rating: generated, ridge baseline, and the truth."""
     quantities = {"level_db": "level, dB re 1 N", "shape_db": "shape change, dB", "log_friction": "log friction"}
@@ -137,9 +144,7 @@ def plot_control(control, guidance, output_path):
                 panel.fill_between(values, *bounds.T, color="black", alpha=0.15, linewidth=0)
                 panel.set(xlabel=f"requested {axis}, z", ylabel=label)
                 panel.grid(alpha=0.3)
-            limits = [panel.get_ylim() for panel in row]  # one scale, so that axes can be compared
-            for panel in row:
-                panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+            share_limits(row)
         panels[0, 0].legend(fontsize=8)
 
 

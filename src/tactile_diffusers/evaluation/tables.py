@@ -51,4 +51,5 @@ def markdown_table(rows, digits=2, labels=None, interval=False):
 
 
 def title(name, level):
+    """A heading and the empty line after it."""
     return f"{'#' * level} {name}\n\n"

@@ -1,7 +1,7 @@
 """Tables of what ratings make: generated sets, unseen surfaces, control, novel ratings."""
 
 from .labels import NAMES, SETS, default_guidance
-from .obedience import obedience_rows
+from .obedience import VALUES, obedience_rows
 from .tables import markdown_table, text, title
 
 
@@ -93,7 +93,7 @@ def control_markdown(report, level=2):
     rows = {}
     for axis, values in control[guidance]["axes"].items():
         for value, entry in values.items():
-            if value in ("-2.0", "-1.0", "1.0", "2.0"):
+            if value in VALUES:
                 rows[f"{axis} {float(value):+g}"] = entry | {
                     f"shape_difference_{slug}": made["axes"][axis][value]["shape_difference_db"]
                     for slug, made in control["baselines"].items()

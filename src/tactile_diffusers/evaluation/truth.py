@@ -117,6 +117,9 @@ class RatedTextures:
 
         Returns:
             `np.ndarray`: (count, 3) z-scores, ascending; NaN on axes that are not specified.
+
+        Raises:
+            ValueError: if `request` specifies more than one axis.
         """
         request = np.asarray(request, dtype=np.float64)
         specified = np.flatnonzero(~np.isnan(request))

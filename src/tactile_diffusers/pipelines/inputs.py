@@ -9,6 +9,8 @@ import numpy as np
 import torch
 from diffusers.utils import logging
 
+from ..signal import coverage_distance
+
 logger = logging.get_logger(__name__)
 
 #: scales in which ratings may be given
@@ -104,8 +106,6 @@ def warn_of_novel_ratings(ratings, config):
             found.append(f"{axis} {farthest:+.2f} (training surfaces: {low:+.2f} to {high:+.2f})")
     reach = getattr(config, "ratings_reach", None)
     if not found and reach is not None:
-        from ..data.ratings import coverage_distance  # here, as in `_scale`
-
         distances = coverage_distance(ratings.numpy(), config.ratings_centre, config.ratings_covariance)
         if np.nanmax(distances, initial=0.0) > reach:
             row = ratings[int(np.nanargmax(distances))].tolist()

@@ -1,6 +1,7 @@
 """Filters, resampling, spectra and the constants of the field: the ground floor."""
 
 from .constants import BAND_HZ, DEVICE_RATE, RATING_AXES, SEGMENT_SAMPLES, SEGMENT_SECONDS, WORKING_RATE
+from .coverage import coverage_distance
 from .filters import band_pass, resample
 from .spectra import band_edges, band_levels_db, level, nine_band_error_db, power_spectral_density, rms
 
@@ -14,6 +15,7 @@ __all__ = [
     "band_edges",
     "band_levels_db",
     "band_pass",
+    "coverage_distance",
     "level",
     "nine_band_error_db",
     "power_spectral_density",
