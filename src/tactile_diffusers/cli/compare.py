@@ -47,7 +47,7 @@ def main(argv=None):
     """Runs the command."""
     arguments = parse_arguments(argv)
     from ..data.files import write_text
-    from ..evaluation.comparison import comparison_markdown, plot_axis_spectra, plot_surfaces
+    from ..evaluation.comparison import comparison_markdown, plot_axis_spectra, plot_data
 
     arguments.output.mkdir(parents=True, exist_ok=True)
     try:
@@ -56,7 +56,7 @@ def main(argv=None):
         print(f"compare.py: error: {error}", file=sys.stderr)
         return 2
     plot_axis_spectra(arguments.report, arguments.output / "axes.png")
-    plot_surfaces(arguments.report, arguments.output / "surfaces.png")
+    plot_data(arguments.report, arguments.output / "data.png")
     write_text(arguments.output / "report.md", text)
     if arguments.readme:
         folder = readme.results_folder(arguments.readme_name)

@@ -1,5 +1,7 @@
 """Reports of several checkpoints side by side: what ratings do in each."""
 
+from collections import Counter
+
 import numpy as np
 
 from ..signal import RATING_AXES
@@ -11,9 +13,11 @@ from .tables import markdown_table
 #: Headings and digits of the table.
 _LABELS = {
     "surfaces": ("training surfaces", 0),
+    "alpha": "Cronbach's alpha of ratings",
     "changes": "changes that are those of real surfaces",
     "matrix": "response matrix, largest difference from real",
     "diagonal": "its diagonal",
+    "diagonal_real": "that of real segments",
     "nine_band_db": "unseen surfaces, dB",
     "ridge": "ridge regression, same data",
     "ktd_excess": "KTD over real",
@@ -36,31 +40,50 @@ def comparison_markdown(reports, pictures="."):
     for name, report in reports.items():
         if not (report.get("control") and report.get("generation")):
             raise ValueError(f"The report {name!r} has no sections control and generation: evaluate them.")
-    facts = {
-        (r["data"]["name"], r["data"]["split"], r["data"]["surfaces"], r["data"]["segments"]) for r in reports.values()
-    }
+    # data sets of the same surfaces whose raters agree more, or less, have other names
+    facts = {tuple(r["data"][key] for key in ("split", "surfaces", "segments")) for r in reports.values()}
     if len(facts) > 1:
         raise ValueError(f"The reports are of different held-out surfaces: {sorted(facts)}. Evaluate on the same data.")
-    data, split, surfaces, segments = facts.pop()
+    split, surfaces, segments = facts.pop()
+    data = "`, `".join(sorted({report["data"]["name"] for report in reports.values()}))
     machines = sorted({f"{r['machine']['processor']}, {r['machine']['threads']} thread(s)" for r in reports.values()})
     note = (
         f"On {segments} segments of {surfaces} {split} surfaces of `{data}` ({'; '.join(machines)}), guidance as each "
         "pipeline has it by default. A change is right within 20 % of that between real surfaces with such ratings, or "
-        "within its 95 % interval; the diagonal is roughness, bumpiness, slipperiness, that of real textures is "
-        f"{_diagonal(next(iter(reports.values()))['control']['response_real'])}."
+        "within its 95 % interval; diagonals and alpha: roughness, bumpiness, slipperiness."
     )
     table = markdown_table({name: _row(report) for name, report in reports.items()}, labels=_LABELS)
     figures = []
     if any(report.get("paper") for report in reports.values()):
         figures.append(f"![spectra over one axis at a time]({pictures}/axes.png)")
-    if differ_in_surfaces(reports):
-        figures.append(f"![figures over the number of training surfaces]({pictures}/surfaces.png)")
+    if _series(reports):
+        figures.append(
+            f"![figures over the number of training surfaces and the agreement of raters]({pictures}/data.png)"
+        )
     return "\n\n".join([note, table, *figures]) + "\n"
 
 
-def differ_in_surfaces(reports):
-    """Whether checkpoints were compared with training sets of different size."""
-    return len({report["data"]["training_surfaces"] for report in reports.values()}) > 1
+def _series(reports):
+    """What the data differ in: label of the abscissa -> {name: abscissa}, of reports that share all else.
+
+    Reports over the number of training surfaces share the raters of most reports; reports over the agreement of raters
+    share the number of surfaces that comes with most different values of alpha.
+    """
+    size = {name: report["data"]["training_surfaces"] for name, report in reports.items()}
+    alpha = {name: _mean_alpha(report) for name, report in reports.items()}
+    usual = Counter(alpha.values()).most_common(1)[0][0]
+    by_size = {name: size[name] for name in reports if alpha[name] == usual}
+    groups = {
+        count: {name: alpha[name] for name in reports if size[name] == count and alpha[name]} for count in size.values()
+    }
+    by_alpha = max(groups.values(), key=lambda group: len(set(group.values())))
+    series = {"training surfaces": by_size, "Cronbach's alpha of ratings, mean over axes": by_alpha}
+    return {label: points for label, points in series.items() if len(set(points.values())) > 1}
+
+
+def _mean_alpha(report):
+    values = [value for value in (report["data"].get("rater_alpha") or {}).values() if value is not None]
+    return round(float(np.mean(values)), 3) if values else None
 
 
 def _row(report):
@@ -75,9 +98,11 @@ def _row(report):
     ]
     return {
         "surfaces": report["data"]["training_surfaces"],
+        "alpha": _listed((report["data"].get("rater_alpha") or {}).values()) or None,
         "changes": f"{sum(item['right'] for item in found)} of {len(found)}",
         "matrix": matrix_difference(control[guidance]["response"], control["response_real"]),
         "diagonal": _diagonal(control[guidance]["response"]),
+        "diagonal_real": _diagonal(control["response_real"]),
         "nine_band_db": unseen["nine_band_db"]["model"],
         "ridge": unseen["nine_band_db"].get("ridge"),
         "ktd_excess": generation["ktd_excess"],
@@ -88,8 +113,11 @@ def _row(report):
 
 
 def _diagonal(matrix):
-    means = [matrix[axis][axis]["mean"] for axis in range(len(RATING_AXES))]
-    return ", ".join("–" if mean is None else f"{mean:.2f}" for mean in means)
+    return _listed(matrix[axis][axis]["mean"] for axis in range(len(RATING_AXES)))
+
+
+def _listed(values):
+    return ", ".join("–" if value is None else f"{value:.2f}" for value in values)
 
 
 def plot_axis_spectra(reports, output_path):
@@ -122,23 +150,25 @@ def _centre(band):
     return (low * high) ** 0.5
 
 
-def plot_surfaces(reports, output_path):
-    """Error on unseen surfaces and largest difference of the response matrix over the number of training surfaces."""
-    if not differ_in_surfaces(reports):
+def plot_data(reports, output_path):
+    """Error on unseen surfaces and difference of the response matrix over what the training data differ in."""
+    series, rows = _series(reports), {name: _row(report) for name, report in reports.items()}
+    if not series:
         return
-    rows = {name: _row(report) for name, report in reports.items()}
-    with figure_panels(output_path, 1, 2, (9, 3.6)) as panels:
-        for panel, key, label in zip(
-            panels[0], ("nine_band_db", "matrix"), ("unseen surfaces, dB", _LABELS["matrix"]), strict=True
-        ):
-            for name, row in rows.items():
-                value = row[key]["mean"] if isinstance(row[key], dict) else row[key]
-                if value is not None:
-                    panel.semilogx(row["surfaces"], value, marker="o", color="C0")
-                    panel.annotate(
-                        name, (row["surfaces"], value), fontsize=7, xytext=(4, 3), textcoords="offset points"
-                    )
-                if key == "nine_band_db" and row["ridge"] and row["ridge"]["mean"] is not None:
-                    panel.semilogx(row["surfaces"], row["ridge"]["mean"], marker="x", color="C1")
-            panel.set(xlabel="training surfaces", ylabel=label)
-            panel.grid(alpha=0.3)
+    drawn = {"nine_band_db": "unseen surfaces, dB", "matrix": "response matrix, largest difference"}
+    with figure_panels(output_path, len(series), len(drawn), (9, 3.4 * len(series))) as panels:
+        for row, (abscissa, points) in zip(panels, series.items(), strict=True):
+            for panel, (key, label) in zip(row, drawn.items(), strict=True):
+                _draw_points(panel, points, rows, key, "DALE", marker="o", color="C0")
+                if key == "nine_band_db":
+                    _draw_points(panel, points, rows, "ridge", "ridge regression, same data", marker="x", color="C1")
+                panel.set(xlabel=abscissa, ylabel=label, xscale="log" if "surfaces" in abscissa else "linear")
+                panel.grid(alpha=0.3)
+                panel.legend(fontsize=7)
+
+
+def _draw_points(panel, points, rows, key, label, **style):
+    found = [(points[name], rows[name][key]) for name in points]
+    found = [(place, value["mean"] if isinstance(value, dict) else value) for place, value in found]
+    found = [point for point in found if point[1] is not None]
+    panel.plot(*np.array(found).reshape(-1, 2).T, linestyle="none", label=label, **style)

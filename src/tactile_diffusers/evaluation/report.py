@@ -173,9 +173,20 @@ def _data(context):
         "band": list(held_out.band),
         "surfaces": len(set(context.surfaces.tolist())),
         "segments": len(context.surfaces),
+        "rater_alpha": _alpha(held_out.reliability),
         "training_surfaces": context.baseline_surfaces or len(set(train.surface_ids.tolist())),
         "reference_surfaces": len(set(train.surface_ids.tolist())),
         "reference_segments": len(context.training.textures),
+    }
+
+
+def _alpha(reliability):
+    """Cronbach's alpha of the mean rating on each axis, `None` where no two raters answered."""
+    if reliability is None:
+        return None
+    return {
+        axis: None if np.isnan(alpha) else float(alpha)
+        for axis, alpha in zip(reliability.axes, reliability.alpha, strict=True)
     }
 
 
