@@ -26,10 +26,14 @@ from tactile_diffusers.training.arguments import (
     check_training_arguments,
     read_model_config,
 )
+from tactile_diffusers.training.contrast import fit_level_contrast
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss
 from tactile_diffusers.training.rating_head import fit_rating_estimator
+
+#: training textures that the modulation of decoded ones is compared with, one of each surface: about a minute
+CONTRAST_TEXTURES = 256
 
 
 def parse_args(argv=None):
@@ -308,6 +312,8 @@ def main(argv=None):
     )
     dale = trainer.run()
     if accelerator.is_main_process:
+        rows = dataset.non_overlapping(1)[:CONTRAST_TEXTURES]
+        fit_level_contrast(pipe, dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
         whole = TactileTexturePipeline(
             lctg=pipe.lctg,
             feature_extractor=pipe.feature_extractor,

@@ -231,3 +231,17 @@ def test_every_parameter_learns(make_lctg, checkpointed):
         if p.grad is None or not p.grad.isfinite().all() or not p.grad.any()
     ]
     assert idle == []
+
+
+def test_contrast_is_of_what_has_no_detail(make_lctg):
+    latents = torch.randn(3, 6, 4, generator=torch.Generator().manual_seed(0))
+    lctg = make_lctg(**LAYERED, level_contrast=[1.2, 0.9])
+    assert lctg.contrast(latents) is None and make_lctg(**LAYERED).contrast(torch.zeros(1, 6, 4)) is None
+    latents[1, 4:] = 0
+    np.testing.assert_allclose(lctg.contrast(latents), [[1, 1], [1.2, 0.9], [1, 1]], rtol=1e-6)  # float32
+
+
+@pytest.mark.parametrize("contrast", [[1.0], [1.0, -0.1], [1.0, 1.0, 1.0]])
+def test_contrasts_that_do_not_fit_are_refused(make_lctg, contrast):
+    with pytest.raises(ValueError, match="`level_contrast` must hold 2 numbers"):
+        make_lctg(**LAYERED, level_contrast=contrast)

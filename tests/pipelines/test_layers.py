@@ -261,3 +261,18 @@ def test_saving_and_loading(layered, seeded, tmp_path):
     first, second = (p(RATINGS, num_inference_steps=2, generator=seeded(1)).textures for p in (layered, again))
     # loaded weights lie elsewhere in memory, which may change the order of float32 sums
     np.testing.assert_allclose(second, first, rtol=0, atol=1e-5 * rms(first[0]))
+
+
+def test_contrast_is_restored_in_what_is_generated_and_not_in_recordings(layered, pink_noise, seeded, tmp_path):
+    texture = pink_noise(8192, 10_000)
+    before = [
+        layered(RATINGS, generator=seeded(0)).textures,
+        layered.reconstruct(texture, 10_000, 2, seeded(0)).textures,
+    ]
+    layered.lctg.register_to_config(level_contrast=[1.6, 1.0])
+    layered.save_pretrained(tmp_path)
+    kept = TactileTexturePipeline.from_pretrained(tmp_path)
+    kept.set_progress_bar_config(disable=True)
+    after = [kept(RATINGS, generator=seeded(0)).textures, kept.reconstruct(texture, 10_000, 2, seeded(0)).textures]
+    np.testing.assert_array_equal(after[1], before[1])
+    assert np.abs(after[0] - before[0]).max() > 0.01 * np.abs(before[0]).max()

@@ -94,13 +94,32 @@ def measure_band_levels(waveform, sampling_rate, band, count, window, hop):
     return _log_powers(transform, members, shares, _smoothing(sampling_rate, hop))
 
 
-def impose_band_levels(waveform, levels, sampling_rate, band, window, hop):
+def measure_fast_modulation(waveform, sampling_rate, band, count, window, hop):
+    """How band levels depart from their smooth course: what the window resolves, faster than `SMOOTHING_SECONDS`.
+
+    Arguments are those of `measure_band_levels`.
+
+    Returns:
+        `np.ndarray`: (batch, count + 1, samples / hop) float64, difference of natural logs of power.
+    """
+    members, shares = _members(sampling_rate, tuple(band), count, window)
+    transform = _transform(np.asarray(waveform, dtype=np.float64), window, hop)
+    return _fast_modulation(transform, members, shares, _smoothing(sampling_rate, hop))
+
+
+def _fast_modulation(transform, members, shares, smoothing):
+    return _log_powers(transform, members, shares, np.ones(1)) - _log_powers(transform, members, shares, smoothing)
+
+
+def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, contrast=None):
     """Gives a waveform the band levels that it should have, by slowly varying gains.
 
     Args:
         waveform (`np.ndarray`): (batch, samples), a multiple of `hop` samples.
         levels (`np.ndarray`): (batch, count + 1, samples / hop), as `measure_band_levels` makes them.
         sampling_rate, band, window, hop: as for `measure_band_levels`.
+        contrast (`np.ndarray`, *optional*): (batch, count + 1), factors by which the fast modulation of each band
+            (`measure_fast_modulation`) is made deeper afterwards, in log power.
 
     Returns:
         `np.ndarray`: (batch, samples) float64.
@@ -109,11 +128,18 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop):
     members, shares = _members(sampling_rate, tuple(band), levels.shape[1] - 1, window)
     transform, smoothing = _transform(waveform, window, hop), _smoothing(sampling_rate, hop)
     limit, gains, restored = LARGEST_GAIN_DB * np.log(10) / 20, 0.0, waveform
+
+    def apply(gains):
+        edges = np.pad(gains, ((0, 0), (0, 0), (1, 1)), mode="edge")
+        edges = np.exp(0.5 * (edges[..., 1:] + edges[..., :-1]))  # back to the edges of hops
+        made = signal.istft(transform * edges[:, members], nperseg=window, noverlap=window - hop, scaling="psd")[1]
+        return made[:, : waveform.shape[-1]]
+
     for _ in range(PASSES):
         measured = _log_powers(_transform(restored, window, hop), members, shares, smoothing)
         gains = np.clip(gains + 0.5 * (np.asarray(levels, dtype=np.float64) - measured), -limit, limit)
-        edges = np.pad(gains, ((0, 0), (0, 0), (1, 1)), mode="edge")
-        edges = np.exp(0.5 * (edges[..., 1:] + edges[..., :-1]))  # back to the edges of hops
-        restored = signal.istft(transform * edges[:, members], nperseg=window, noverlap=window - hop, scaling="psd")[1]
-        restored = restored[:, : waveform.shape[-1]]
+        restored = apply(gains)
+    if contrast is not None:
+        fast = _fast_modulation(_transform(restored, window, hop), members, shares, smoothing)
+        restored = apply(np.clip(gains + 0.5 * (np.asarray(contrast)[..., None] - 1) * fast, -limit, limit))
     return restored

@@ -8,7 +8,7 @@ from transformers.feature_extraction_sequence_utils import SequenceFeatureExtrac
 from transformers.feature_extraction_utils import BatchFeature, FeatureExtractionMixin  # noqa: F401 (diffusers' loader looks for the base class in this module)
 
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, power_spectral_density, resample, rms
-from .band_levels import check_band_levels, impose_band_levels, measure_band_levels
+from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .low_band import sample_low_band
 
 #: powers below this are silence to the logarithm (a whitened texture has a mean power of 1 in every band)
@@ -270,7 +270,11 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             raise ValueError("`level_bands` is 0: this feature extractor measures no levels of bands.")
         return measure_band_levels(waveform, count=self.level_bands, **self._latent_grid).astype(np.float32)
 
-    def denormalize(self, waveform, levels, samples=None, band_levels=None):
+    def fast_modulation(self, waveform):
+        """Departures of the band levels from their smooth course (`measure_fast_modulation`), as `band_levels`."""
+        return measure_fast_modulation(waveform, count=self.level_bands, **self._latent_grid)
+
+    def denormalize(self, waveform, levels, samples=None, band_levels=None, contrast=None):
         """Undoes `normalize`: pre-emphasis removed, delivery rate, and exactly the RMS that `levels` asks for.
 
         Args:
@@ -278,12 +282,14 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             levels (`np.ndarray` or `torch.Tensor`): (batch,), natural log of the RMS in N.
             samples (`int`, *optional*): number of delivered samples to keep; `None` = all.
             band_levels (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1, frames), restored first.
+            contrast (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1), how much deeper the fast
+                modulation of each band is made then (`impose_band_levels`).
 
         Returns:
             `np.ndarray`: (batch, samples) float32, N, zero mean within the band.
 
         Raises:
-            ValueError: if `band_levels` has another shape.
+            ValueError: if `band_levels` or `contrast` has another shape.
         """
         waveform, levels = _as_float64(waveform), _as_float64(levels)
         if band_levels is not None:
@@ -293,7 +299,10 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
                     f"`band_levels` must be {shape if self.level_bands else None} for `level_bands` of "
                     f"{self.level_bands} and a waveform of {tuple(waveform.shape)}, got {tuple(band_levels.shape)}."
                 )
-            waveform = impose_band_levels(waveform, _as_float64(band_levels), **self._latent_grid)
+            contrast = None if contrast is None else _as_float64(contrast)
+            if contrast is not None and contrast.shape != shape[:2]:
+                raise ValueError(f"`contrast` must be {shape[:2]}, got {contrast.shape}.")
+            waveform = impose_band_levels(waveform, _as_float64(band_levels), contrast=contrast, **self._latent_grid)
         texture = resample(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
         texture = texture - texture.mean(-1, keepdims=True)
         scale, wanted = rms(texture)[:, None], np.exp(levels)[:, None]

@@ -105,6 +105,9 @@ class LCTGModel(ModelMixin, ConfigMixin):
         latent_noise (`float`, *optional*, defaults to 0.1): standard deviation of the noise that training adds to the
             latents, so that the decoder forgives the errors of a generated latent. Not used at inference.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
+        level_contrast (`list[float]`, *optional*): for each band, and what lies above them, how much deeper its fast
+            modulation is in recordings than in what is made from the base layer alone (`fit_level_contrast`); it is
+            restored after decoding. `None` = left as decoded.
     """
 
     _supports_gradient_checkpointing = True
@@ -129,11 +132,14 @@ class LCTGModel(ModelMixin, ConfigMixin):
         num_train_timesteps: int = 1000,
         detail_channels: int = 0,
         level_bands: int = 0,
+        level_contrast: list[float] | None = None,
     ):
         super().__init__()
         if level_bands < 0:
             raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
         levels = level_bands + 1 if level_bands else 0
+        if level_contrast is not None and (len(level_contrast) != levels or min(level_contrast, default=0) < 0):
+            raise ValueError(f"`level_contrast` must hold {levels} numbers of at least 0, got {level_contrast}.")
         heard = feature_channels - detail_channels
         if not (0 <= detail_channels < latent_channels - levels and heard > levels):
             raise ValueError(
@@ -190,6 +196,21 @@ class LCTGModel(ModelMixin, ConfigMixin):
             `TactileFeatureExtractor.band_levels`; `None` if the config has no `level_bands`.
         """
         return latents[:, : self.level_channels] if self.config.level_bands else None
+
+    def contrast(self, latents):
+        """How much deeper the fast modulation of each decoded band is to be made.
+
+        Args:
+            latents (`torch.Tensor`): (batch, latent_channels, frames).
+
+        Returns:
+            `torch.Tensor` or `None`: (batch, level_bands + 1); 1 where a detail layer is given. `None` = nowhere.
+        """
+        if self.config.level_contrast is None:
+            return None
+        made_up = (latents[:, self.base_channels :] == 0).flatten(1).all(dim=1)
+        contrast = torch.tensor(self.config.level_contrast, device=latents.device)
+        return torch.where(made_up[:, None], contrast, 1.0) if made_up.any() else None
 
     def encode(self, features):
         """Latents of features.

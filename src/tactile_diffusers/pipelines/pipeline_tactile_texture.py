@@ -313,7 +313,10 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
 
     def _decode(self, latents, num_inference_steps, generator, bar, callback=None, callback_inputs=(), first_index=0):
-        """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate, and band levels."""
+        """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate.
+
+        Returns them with the band levels and the contrast that they should have.
+        """
         latents = latents.to(self.lctg.dtype)
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
         noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=self.lctg.dtype)
@@ -322,10 +325,10 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         timesteps = self.scheduler.timesteps
         callback = (callback, callback_inputs, first_index)
         waveform = self._denoise(self.scheduler, velocity, noise, timesteps, bar, *callback)[:, 0]
-        return waveform, self.lctg.band_levels(latents)
+        return waveform, self.lctg.band_levels(latents), self.lctg.contrast(latents)
 
-    def _postprocess(self, waveform, band_levels, level, friction_coefficient, samples, output_type):
-        textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels)
+    def _postprocess(self, waveform, band_levels, contrast, level, friction_coefficient, samples, output_type):
+        textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels, contrast)
         level, friction_coefficient = level.float().cpu(), friction_coefficient.float().cpu()
         if output_type == "pt":
             textures = torch.from_numpy(textures)
