@@ -27,16 +27,20 @@ def parse_arguments(argv=None):
     """Arguments of the command."""
     parser = argparse.ArgumentParser(prog="benchmark.py", description="Measure speed, memory and accuracy.")
     parser.add_argument("--checkpoint", metavar="FOLDER", help="default: the bundled checkpoint")
-    parser.add_argument("--suite", choices=["speed", "scheduler", "data"], default="speed", help="default %(default)s")
+    parser.add_argument(
+        "--suite", choices=["speed", "scheduler", "data", "stream"], default="speed", help="default %(default)s"
+    )
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="JSON and Markdown")
     parser.add_argument("--threads", type=int, help="of torch; default: its own choice")
     parser.add_argument("--repeats", type=int, default=5, help="the median counts")
-    compared = parser.add_argument_group("suites scheduler and data")
+    compared = parser.add_argument_group("suites scheduler, data and stream")
     compared.add_argument(
         "--data", type=Path, metavar="PREPARED.h5", help="scheduler: also compare on trained models; data: load this"
     )
     compared.add_argument("--recordings", type=Path, metavar="R.h5", help="data: prepare these; default: virtual ones")
     compared.add_argument("--segments", type=int, default=60, help="scheduler: held-out segments, one a surface")
+    compared.add_argument("--surfaces", type=int, default=60, help="stream: virtual surfaces that are recorded")
+    compared.add_argument("--minutes", type=float, default=10.0, help="stream: of random motion")
     compared.add_argument("--seed", type=int, default=0)
     compared.add_argument("--quiet", action="store_true", help="no progress bars")
     readme.add_arguments(parser, None)
@@ -45,6 +49,8 @@ def parse_arguments(argv=None):
         parser.error("arguments --repeats and --threads must be at least 1")
     if arguments.segments < 3 or arguments.seed < 0:
         parser.error("arguments --segments and --seed must be at least 3 and 0")
+    if arguments.surfaces < 1 or not 0 < arguments.minutes < 1e4:
+        parser.error("arguments --surfaces and --minutes must be at least 1 and above 0")
     if arguments.data is not None and not arguments.data.is_file():
         parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
     if arguments.recordings is not None and not arguments.recordings.is_file():
@@ -129,6 +135,10 @@ def main(argv=None):
         text = run(arguments, pipe)
     elif arguments.suite == "data":
         from .benchmark_data import run
+
+        text = run(arguments, pipe)
+    elif arguments.suite == "stream":
+        from .benchmark_stream import run
 
         text = run(arguments, pipe)
     else:

@@ -1,0 +1,211 @@
+"""`python examples/benchmark.py --suite stream`: playback against fresh recordings, coarse sensors and the clock."""
+
+import json
+import platform
+import time
+
+import numpy as np
+from scipy import signal
+from tqdm.auto import tqdm
+
+from ..data.files import write_text
+from ..data.virtual.exploration import steady_exploration
+from ..data.virtual.surface import VirtualSurface
+from ..evaluation.tables import markdown_table, title
+from ..playback import FingerPath, TextureProfile, TextureStream
+from ..playback.stream import REFERENCE_FORCE, SPEED_EXPONENT
+from ..signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass
+
+SPEEDS = (20.0, 40.0, 80.0, 160.0, 320.0)
+#: Speed at which the profiles are recorded, mm/s: that of the virtual explorers.
+RECORDED_SPEED = 80.0
+#: Surfaces, none of which any checkpoint learned from: of another seed than all data sets here.
+SEED = 4711
+#: Recorded seconds, after half a second that the filter needs.
+SECONDS, SETTLING = 4.0, 0.5
+#: Sensors: reports per second and resolution in mm.
+SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1), (1000.0, 0.05))
+#: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
+HAND_HZ = 15.0
+BLOCK = 32
+
+
+def run(arguments, pipe):
+    """Measures, writes stream.json and stream.md, and returns the Markdown.
+
+    Args:
+        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "surfaces" (`int`), "minutes" (`float`) of random
+            motion, "seed", "quiet".
+        pipe (`TactileTexturePipeline`): makes the textures that are played in the last two tables.
+
+    Returns:
+        `str`
+    """
+    import torch
+
+    out = pipe([[1.5, 0.0, -1.0], [-1.0, 1.0, 0.0]], generator=torch.Generator().manual_seed(arguments.seed))
+    profiles = [TextureProfile(texture, out.sampling_rate, out.reference_speed) for texture in out.textures]
+    report = {
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, torch {torch.__version__}",
+        "surfaces": arguments.surfaces,
+        "recordings": fresh_recordings(arguments.surfaces, arguments.quiet),
+        "sensors": {f"{rate:g} Hz, {step:g} mm": sensor(profiles, rate, step) for rate, step in SENSORS},
+        "clock": clock(profiles, arguments.minutes, arguments.seed, arguments.quiet),
+    }
+    text = markdown(report)
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    write_text(arguments.output / "stream.json", json.dumps(report, indent=2) + "\n")
+    write_text(arguments.output / "stream.md", text)
+    return text
+
+
+def fresh_recordings(surfaces, quiet):
+    """Nine-band error, dB, of what is read from a profile against fresh recordings at other speeds.
+
+    Args:
+        surfaces (`int`): how many virtual surfaces.
+        quiet (`bool`): no progress bar.
+
+    Returns:
+        `dict`: class of surface -> kind of playback -> speed -> mean error over surfaces.
+    """
+    found = {}
+    for index in tqdm(range(surfaces), disable=quiet, desc="recordings"):
+        surface = VirtualSurface(SEED, index)
+        kind = "with stick-slip" if surface.parameters.stick > 0 else "without stick-slip"
+        texture = _record(surface, RECORDED_SPEED, 0)[:SEGMENT_SAMPLES]
+        for speed in SPEEDS:
+            fresh = band_levels_db(_record(surface, speed, 1), DEVICE_RATE)
+            for name, played in _played(surface, texture, speed).items():
+                error = float(np.abs(band_levels_db(played, DEVICE_RATE) - fresh).mean())
+                for group in (kind, f"all {surface.parameters.material}"):
+                    found.setdefault(group, {}).setdefault(name, {}).setdefault(f"{speed:g} mm/s", []).append(error)
+    return {
+        group: {name: {speed: float(np.mean(values)) for speed, values in row.items()} for name, row in rows.items()}
+        | {"surfaces": len(next(iter(rows["profile"].values())))}
+        for group, rows in sorted(found.items(), reverse=True)
+    }
+
+
+def _record(surface, speed, trial):
+    """Filtered lateral force of a straight slide, N."""
+    exploration = steady_exploration(speed, REFERENCE_FORCE, SETTLING + SECONDS)
+    force = surface.record(exploration, np.random.default_rng([SEED, surface.index, round(speed), trial]))
+    return band_pass(force[:, 0], DEVICE_RATE)[round(SETTLING * DEVICE_RATE) :]
+
+
+def _played(surface, texture, speed):
+    """What a finger of a speed is given: by the profile, by simpler profiles, and by what knows no speed."""
+    samples = round(SECONDS * DEVICE_RATE)
+    position, steady = speed * np.arange(samples) / DEVICE_RATE, np.full(samples, speed)
+    louder = (speed / RECORDED_SPEED) ** SPEED_EXPONENT
+    filled, held = (TextureProfile(texture, DEVICE_RATE, RECORDED_SPEED, fill=fill) for fill in (True, False))
+    return {
+        "profile": louder * filled.read(position, steady),
+        "not filled": louder * held.read(position, steady),
+        "no law of speed": filled.read(position, steady),
+        "time signal, whatever the speed": texture,
+        "another recording at that speed": _record(surface, speed, 2),
+    }
+
+
+def sensor(profiles, rate, resolution):
+    """What a coarse, slow sensor adds to the force, in the worst of three motions.
+
+    Args:
+        profiles (`list[TextureProfile]`).
+        rate, resolution (`float`): Hz and mm.
+
+    Returns:
+        `dict`: spurious energy against the texture's, dB; largest error of the place, mm; latency, s.
+    """
+    motions = (lambda t: 80 * t, lambda t: 30 * t, lambda t: 40 * np.sin(np.pi * t))
+    spurious, away = [], []
+    smoother = signal.butter(4, HAND_HZ, fs=DEVICE_RATE, output="sos")
+    for motion in motions:
+        path, place = _follow(motion, rate, resolution, 6.0)
+        smooth = signal.sosfiltfilt(smoother, place)
+        kept = slice(DEVICE_RATE, len(place) - DEVICE_RATE)
+        for profile in profiles:
+            felt, wanted = (profile.read(x[kept], np.gradient(x[kept]) * DEVICE_RATE) for x in (place, smooth))
+            spurious.append(10 * np.log10(np.mean((felt - wanted) ** 2) / np.mean(wanted**2)))
+        away.append(np.abs(place - motion(np.arange(len(place)) / DEVICE_RATE))[kept].max())
+    return {"spurious dB": float(max(spurious)), "place mm": float(max(away)), "latency ms": 1e3 * path.latency}
+
+
+def _follow(motion, rate, resolution, seconds):
+    path = FingerPath(DEVICE_RATE, rate)
+    times = np.arange(0, seconds, 1 / rate)
+    path.report(times, np.round(motion(times) / resolution) * resolution)
+    return path, np.concatenate([path.advance(BLOCK)[0][:, 0] for _ in range(int(seconds * DEVICE_RATE / BLOCK))])
+
+
+def clock(profiles, minutes, seed, quiet):
+    """Times of blocks while the finger moves at random and the surface changes twice a second.
+
+    Returns:
+        `dict`: percentiles in ms, share of the time that one core is busy, largest step against the profiles' own.
+    """
+    rng, rate = np.random.default_rng(seed), 125.0
+    blocks = round(minutes * 60 * DEVICE_RATE / BLOCK)
+    moved = signal.sosfilt(
+        signal.butter(2, 1.0, fs=rate, output="sos"), rng.standard_normal(round(minutes * 60 * rate) + 9)
+    )
+    place = 30 * moved / moved.std()
+    stream, number, times, steps, last = TextureStream(profiles[0], 0.5, rate), 0, np.empty(blocks), 0.0, 0.0
+    finite = True
+    for block in tqdm(range(blocks), disable=quiet, desc="clock"):
+        while number / rate <= stream.time:
+            stream.report(number / rate, np.round(place[number], 1))
+            number += 1
+        if block % round(0.5 * DEVICE_RATE / BLOCK) == 0:
+            stream.replace(profiles[(block * BLOCK * 2 // DEVICE_RATE) % 2], 0.5)
+        begin = time.perf_counter()
+        force = stream.read(BLOCK)
+        times[block] = time.perf_counter() - begin
+        steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
+        last, finite = force[-1], finite and bool(np.isfinite(force).all())
+    fastest = float(np.abs(np.diff(place)).max() * rate)
+    own = max(_largest_step(profile, fastest) for profile in profiles)
+    return {
+        "median ms": 1e3 * float(np.median(times)),
+        "99.9th percentile ms": 1e3 * float(np.percentile(times, 99.9)),
+        "largest ms": 1e3 * float(times.max()),
+        "budget ms": 1e3 * BLOCK / DEVICE_RATE,
+        "late blocks": int((times > BLOCK / DEVICE_RATE).sum()),
+        "share of a core": float(times.sum() * DEVICE_RATE / (blocks * BLOCK)),
+        "largest step mN": 1e3 * steps,
+        "profiles' own mN": 1e3 * own,
+        "finite": finite,
+    }
+
+
+def _largest_step(profile, fastest):
+    """Of the force, at the fastest speed, with the law of speed: N."""
+    position = fastest * np.arange(int(profile.length / fastest * DEVICE_RATE)) / DEVICE_RATE
+    read = profile.read(position, np.full(len(position), fastest))
+    return float(np.abs(np.diff(read)).max() * (fastest / profile.reference_speed) ** SPEED_EXPONENT)
+
+
+def markdown(report):
+    """The three tables."""
+    columns = [f"{speed:g} mm/s" for speed in SPEEDS]
+    parts = [
+        f"{title('Playback in space', 4)}Nine-band error, dB, of what a finger of another speed is given against fresh "
+        f"recordings of the same {report['surfaces']} virtual surfaces there; profiles recorded at "
+        f"{RECORDED_SPEED:g} mm/s. {report['machine']}."
+    ]
+    for group, rows in report["recordings"].items():
+        shown = rows if group.startswith("with") else {"profile": rows["profile"]}
+        table = {f"{name}": values for name, values in shown.items() if name != "surfaces"}
+        parts.append(f"{group} ({rows['surfaces']})\n\n{markdown_table(table, labels={c: c for c in columns})}")
+    parts.append(
+        f"{title('Sensors', 4)}What reports of a touch sensor add to the force, against the texture, in the worst of "
+        "slow, fast and to-and-fro motion; how far the place is off; when a change of speed is felt.\n\n"
+        + markdown_table(report["sensors"])
+    )
+    parts.append(
+        f"{title('On time', 4)}Blocks of {BLOCK} samples at 10 kHz under random motion; the surface changes twice a "
+        "second.\n\n" + markdown_table({"stream": report["clock"]}, 3)
+    )
+    return "\n\n".join(parts) + "\n"

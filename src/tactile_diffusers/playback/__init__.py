@@ -1,0 +1,21 @@
+"""Textures under a moving finger, and the drive of the display that makes them felt."""
+
+from .drive import DriveProfile
+from .drive_files import read_drive_calibration
+from .drive_fit import DriveFit, fit_drive_profile
+from .drive_stream import ClippingReport, DriveStream
+from .finger import FingerPath
+from .profile import TextureProfile
+from .stream import TextureStream
+
+__all__ = [
+    "ClippingReport",
+    "DriveFit",
+    "DriveProfile",
+    "DriveStream",
+    "FingerPath",
+    "TextureProfile",
+    "TextureStream",
+    "fit_drive_profile",
+    "read_drive_calibration",
+]

@@ -1,0 +1,143 @@
+"""The finger's path from slow, coarse reports."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from tactile_diffusers.playback import FingerPath, TextureProfile
+
+RATE = 10_000
+
+
+def _follow(motion, seconds=3.0, sensor_rate=125.0, resolution=0.1, block=32, **options):
+    """Positions and velocities (n,) that a path makes of a motion, reported as a real sensor does."""
+    path = FingerPath(RATE, sensor_rate, **options)
+    number, made = 0, []
+    for _ in range(round(seconds * RATE / block)):
+        while number / sensor_rate <= path.time:
+            place = motion(number / sensor_rate)
+            path.report(number / sensor_rate, np.round(place / resolution) * resolution if resolution else place)
+            number += 1
+        made.append(np.stack([axis[:, 0] for axis in path.advance(block)]))
+    return np.concatenate(made, axis=1)
+
+
+def _times(made):
+    return np.arange(made.shape[1]) / RATE
+
+
+@pytest.mark.parametrize("speed", [-150.0, 30.0, 80.0])
+def test_a_steady_finger_is_followed_without_delay(speed):
+    made = _follow(lambda t: speed * t, resolution=0)
+    settled = _times(made) > 0.5
+    np.testing.assert_allclose(made[0][settled], speed * _times(made)[settled], atol=1e-3)  # mm; the filter's ring
+    np.testing.assert_allclose(made[1][settled], speed, rtol=1e-4)
+
+
+def test_a_stroking_finger_is_followed_closely():
+    made = _follow(lambda t: 40 * np.sin(np.pi * t))
+    late = np.abs(made[0] - 40 * np.sin(np.pi * _times(made)))[5000:]
+    assert late.max() < 2.5  # mm of 80
+
+
+@pytest.mark.parametrize("sensor_rate", [60.0, 125.0, 1000.0])
+def test_a_change_of_speed_is_felt_within_the_latency(sensor_rate):
+    made = _follow(lambda t: 80 * max(t - 1.0, 0.0), seconds=2, sensor_rate=sensor_rate, resolution=0)
+    latency = FingerPath(RATE, sensor_rate).latency
+    assert _times(made)[np.argmax(made[1] > 40)] - 1.0 < latency
+    assert np.abs(made[1][: RATE - 50]).max() < 1e-6 and 0.05 < latency < 0.1
+
+
+@pytest.mark.parametrize(
+    "motion", [lambda t: 80 * t, lambda t: 30 * t, lambda t: 40 * np.sin(np.pi * t)], ids=["80", "30", "stroke"]
+)
+def test_coarse_reports_add_20_db_less_than_the_texture(pink_noise, motion):
+    made = _follow(motion, seconds=5)
+    # no hand moves faster than 15 Hz: what the path has beyond is the sensor's
+    sections = signal.butter(4, 15, fs=RATE, output="sos")
+    smooth = signal.sosfiltfilt(sections, made[0])
+    profile = TextureProfile(pink_noise(16_384, RATE, exponent=0.8)[0], RATE, 80.0)
+    kept = slice(8000, -8000)
+    felt, wanted = (profile.read(x[kept], np.gradient(x[kept]) * RATE) for x in (made[0], smooth))
+    assert 10 * np.log10(np.mean((felt - wanted) ** 2) / np.mean(wanted**2)) < -20
+
+
+def test_blocks_of_any_length_give_the_same_path():
+    made = [_follow(lambda t: 40 * np.sin(3 * t), seconds=1, block=block) for block in (16, 32, 50)]
+    length = min(path.shape[1] for path in made)
+    for other in made[1:]:
+        # velocity is a difference over 0.1 ms of places that are rounded to 1e-15
+        np.testing.assert_allclose(other[:, :length], made[0][:, :length], atol=1e-8)
+
+
+def test_a_finger_that_is_no_longer_reported_comes_to_rest():
+    path = FingerPath(RATE, 125)
+    path.report(np.arange(50) / 125, 80 * np.arange(50) / 125)
+    path.advance(5000)
+    place, velocity = path.advance(10_000)
+    assert np.abs(velocity[-2000:]).max() < 1e-3 and place[-1] == pytest.approx(80 * 49 / 125, abs=1e-3)
+
+
+def test_before_the_first_report_nothing_moves():
+    place, velocity = FingerPath(RATE, 125).advance(32)
+    assert place.shape == velocity.shape == (32, 1) and not place.any() and not velocity.any()
+
+
+def test_a_first_report_far_away_is_no_jump():
+    path = FingerPath(RATE, 125)
+    path.advance(64)
+    path.report(path.time, 300.0)
+    place, velocity = path.advance(32)
+    np.testing.assert_allclose(place, 300.0, atol=1e-6)
+    assert np.abs(velocity).max() < 0.1  # rounding of 300 mm over 0.1 ms, led ahead
+
+
+def test_two_dimensions():
+    path = FingerPath(RATE, 125, dimensions=2)
+    times = np.arange(125) / 125
+    path.report(times, np.stack([80 * times, -30 * times], axis=1))
+    place, velocity = path.advance(RATE)
+    assert place.shape == (RATE, 2)
+    np.testing.assert_allclose(velocity[9000], [80, -30], rtol=1e-3)
+
+
+def test_memory_is_bounded():
+    path = FingerPath(RATE, 1000)
+    for number in range(500):
+        path.report(path.time, float(number))
+        path.advance(10)
+    assert len(path._times) < 30
+
+
+@pytest.mark.parametrize(
+    ("time", "position", "message"),
+    [
+        (0.1, np.nan, "finite"),
+        (np.inf, 1.0, "finite"),
+        ([0.1, 0.2], [1.0], "equal number"),
+        ([0.2, 0.1], [1.0, 1.0], "ascend"),
+        (0.0, 1.0, "ascend"),
+    ],
+)
+def test_bad_reports_are_refused_and_change_nothing(time, position, message):
+    path, other = FingerPath(RATE, 125), FingerPath(RATE, 125)
+    for one in (path, other):
+        one.report(0.0, 5.0)
+    with pytest.raises(ValueError, match=message):
+        path.report(time, position)
+    np.testing.assert_array_equal(path.advance(200)[0], other.advance(200)[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"sampling_rate": 0}, "`sampling_rate`"),
+        ({"sensor_rate": -1}, "`sensor_rate`"),
+        ({"sensor_rate": 10.0}, "below half"),
+        ({"cutoff": np.nan}, "`cutoff`"),
+        ({"dimensions": 3}, "`dimensions`"),
+    ],
+)
+def test_bad_settings_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        FingerPath(**{"sampling_rate": RATE, "sensor_rate": 125.0} | change)

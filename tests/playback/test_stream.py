@@ -1,0 +1,172 @@
+"""Force that follows the finger."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from tactile_diffusers.playback import TextureProfile, TextureStream
+from tactile_diffusers.playback.stream import FORCE_EXPONENT, SLOWEST_SLIDING, SPEED_EXPONENT
+from tactile_diffusers.signal import band_levels_db
+
+RATE, SENSOR = 10_000, 125.0
+
+
+def _play(stream, motion, seconds=2.0, block=32, between=None, **options):
+    made, number = [], 0
+    for _ in range(round(seconds * RATE / block)):
+        while number / SENSOR <= stream.time:
+            stream.report(number / SENSOR, motion(number / SENSOR))
+            number += 1
+        if between is not None:
+            between(stream.time)
+        made.append(stream.read(block, **options))
+    return np.concatenate(made)
+
+
+@pytest.fixture
+def profile(pink_noise):
+    return TextureProfile(pink_noise(16_384, RATE)[0], RATE, 80.0)
+
+
+@pytest.fixture
+def make_stream(profile):
+    return lambda friction=0.0, **options: TextureStream(profile, friction, SENSOR, **options)
+
+
+def test_force_is_the_profile_at_the_finger(make_stream, profile):
+    made = _play(make_stream(), lambda t: 80 * t)
+    wanted = -profile.read(80 * np.arange(len(made)) / RATE, np.full(len(made), 80.0))
+    # the path's ring of 1 um against wavelengths from 80 um on
+    np.testing.assert_allclose(made[10_000:], wanted[10_000 : len(made)], atol=0.02 * np.abs(wanted).max())
+
+
+def test_friction_opposes_motion_and_turns_smoothly(make_stream):
+    made = _play(make_stream(friction=0.8), lambda t: 40 * np.cos(np.pi * t), normal_force=0.6)
+    forth, back = made[3000:7000].mean(), made[13_000:17_000].mean()
+    # moving towards smaller positions first: the force points to larger ones
+    assert forth == pytest.approx(0.48, abs=0.02) and back == pytest.approx(-0.48, abs=0.02)
+    smooth = _play(make_stream(friction=0.8), lambda t: 40 * np.cos(np.pi * t), normal_force=0.0)
+    assert not smooth.any()
+
+
+def test_no_step_is_larger_than_the_profiles_own(make_stream, profile):
+    made = _play(make_stream(friction=0.5), lambda t: 30 * np.sin(2 * np.pi * t), seconds=4)
+    own = np.abs(np.diff(profile.read(200 * np.arange(20_000) / RATE, np.full(20_000, 200.0)))).max()
+    turning = (
+        0.25 * 1.5 / 5.0 * 30 * (2 * np.pi) ** 2 / RATE
+    )  # mean friction through +-5 mm/s at the largest acceleration
+    assert np.abs(np.diff(made)).max() < own + turning
+
+
+def test_a_resting_finger_feels_nothing(make_stream):
+    # the filter settles to 1e-11 mm, which over 0.1 ms is a speed
+    np.testing.assert_allclose(_play(make_stream(friction=0.5), lambda t: 12.0), 0, atol=1e-4)
+
+
+def test_the_law_of_normal_force_can_be_switched_off(make_stream):
+    def motion(t):
+        return 80 * t
+
+    plain, heavy = _play(make_stream(), motion), _play(make_stream(), motion, normal_force=1.0)
+    off = _play(make_stream(force_exponent=0.0), motion, normal_force=1.0)
+    np.testing.assert_allclose(heavy, 2**0.8 * plain, rtol=1e-5, atol=1e-7)  # float32
+    np.testing.assert_array_equal(off, plain)
+
+
+@pytest.mark.parametrize("speed", [40.0, 160.0])
+def test_the_law_of_speed_can_be_switched_off(make_stream, speed):
+    law, off = (_play(make_stream(speed_exponent=b), lambda t: speed * t)[10_000:] for b in (0.3, 0.0))
+    np.testing.assert_allclose(law, (speed / 80) ** 0.3 * off, rtol=1e-3, atol=1e-6)  # the path's speed is 1e-4 exact
+
+
+def test_laws_are_those_of_the_virtual_surfaces():
+    laws = pytest.importorskip("tactile_diffusers.data.virtual.laws")
+    assert (FORCE_EXPONENT, SPEED_EXPONENT) == (laws.AMPLITUDE_LOAD_EXPONENT, laws.AMPLITUDE_SPEED_EXPONENT)
+    assert SLOWEST_SLIDING == laws.SLOWEST_SLIDING
+
+
+def test_blocks_of_any_length_give_the_same_force(make_stream):
+    made = [_play(make_stream(friction=0.5), lambda t: 40 * np.sin(3 * t), 1.0, block) for block in (16, 32, 50)]
+    length = min(map(len, made))
+    for other in made[1:]:
+        np.testing.assert_allclose(other[:length], made[0][:length], atol=1e-6)  # float32, N
+
+
+def test_another_surface_takes_over_within_100_ms_and_without_a_step(make_stream, pink_noise):
+    other = TextureProfile(pink_noise(16_384, RATE, seed=1)[0], RATE, 80.0)
+    replaced, stream = [], make_stream(friction=0.2)
+
+    def change(time):
+        if time >= 1.0 and not replaced:
+            stream.replace(other, 0.6)
+            replaced.append(time)
+
+    made = _play(stream, lambda t: 80 * t, between=change)
+    start = round(replaced[0] * RATE)
+    wanted = -other.read(80 * np.arange(len(made)) / RATE, np.full(len(made), 80.0)) - 0.3
+    np.testing.assert_allclose(made[start + 1000 :], wanted[start + 1000 :], atol=0.02 * np.abs(wanted + 0.3).max())
+    usual = np.abs(np.diff(made[5000 : start - 10])).max()
+    assert np.abs(np.diff(made[start - 10 : start + 1000])).max() < 2 * usual + 0.2 * np.pi / 2 / 200
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 75, 150])
+def test_a_plane_feels_alike_in_all_directions(make_stream, profile, degrees):
+    heading = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    made = _play(make_stream(friction=0.5, dimensions=2), lambda t: 80 * t * heading, seconds=2.5)[5000:]
+    along, across = made @ heading, made @ np.array([-heading[1], heading[0]])
+    assert along.mean() == pytest.approx(-0.25, abs=2e-3) and np.abs(across).max() < 1e-3
+    line = profile.read(80 * np.arange(20_000) / RATE, np.full(20_000, 80.0))
+    errors = np.abs(band_levels_db(along - along.mean(), RATE) - band_levels_db(line, RATE))
+    assert errors.mean() < 2  # dB; other places of one take, up to 13 % slower
+
+
+def test_a_point_on_a_plane_feels_the_same_again(make_stream):
+    def to_and_fro(t):
+        return np.array([30.0, 20.0]) * np.sin(np.pi * t)
+
+    made = _play(make_stream(dimensions=2), to_and_fro, seconds=5)
+    np.testing.assert_allclose(made[10_000:20_000], made[30_000:40_000], atol=2e-3 * np.abs(made).max() + 1e-6)
+
+
+def test_a_replacement_from_another_thread(make_stream, pink_noise):
+    surfaces = [TextureProfile(pink_noise(16_384, RATE, seed=seed)[0], RATE, 80.0) for seed in (1, 2)]
+    stream, stop = make_stream(friction=0.5), threading.Event()
+
+    def change():
+        number = 0
+        while not stop.is_set():
+            stream.replace(surfaces[number % 2], 0.4)
+            number += 1
+            stop.wait(0.001)
+
+    thread = threading.Thread(target=change)
+    thread.start()
+    made = _play(stream, lambda t: 40 * np.sin(4 * t))
+    stop.set()
+    thread.join()
+    assert np.isfinite(made).all() and np.abs(made).max() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("friction", "options", "message"),
+    [
+        (-0.1, {}, "`friction_coefficient`"),
+        (np.nan, {}, "`friction_coefficient`"),
+        (0.5, {"sampling_rate": 1000}, "`sampling_rate`"),
+        (0.5, {"cutoff": 100.0}, "`cutoff`"),
+    ],
+)
+def test_bad_settings_are_refused(make_stream, friction, options, message):
+    with pytest.raises(ValueError, match=message):
+        make_stream(friction, **options)
+
+
+def test_bad_calls_are_refused(make_stream, pink_noise):
+    stream = make_stream()
+    with pytest.raises(ValueError, match="`samples`"):
+        stream.read(0)
+    with pytest.raises(ValueError, match="`normal_force`"):
+        stream.read(32, normal_force=np.nan)
+    with pytest.raises(ValueError, match="TextureProfile"):
+        stream.replace(pink_noise(16_384, RATE)[0], 0.5)
