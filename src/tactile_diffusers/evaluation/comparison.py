@@ -10,6 +10,7 @@ from .labels import default_guidance
 from .obedience import comparisons, matrix_difference
 from .tables import markdown_table
 
+_TICKS_HZ = (30, 100, 300, 1000)
 #: Headings and digits of the table.
 _LABELS = {
     "surfaces": ("training surfaces", 0),
@@ -140,8 +141,10 @@ def plot_axis_spectra(reports, output_path):
                     colour = colours((float(value) - low) / (high - low))
                     panel.semilogx(centres, means, color=colour, label=f"{float(value):+.1f}")
                 panel.set(title=f"{name}: {axis}", xlabel="Hz", ylabel="dB re 1 N²")
+                panel.set_xticks(_TICKS_HZ, labels=[str(tick) for tick in _TICKS_HZ])
+                panel.minorticks_off()
                 panel.grid(alpha=0.3)
-            share_limits(row)
+        share_limits(panels.ravel())  # one scale for all: a checkpoint that hardly answers is seen to
         panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
 
 
@@ -163,6 +166,8 @@ def plot_data(reports, output_path):
                 if key == "nine_band_db":
                     _draw_points(panel, points, rows, "ridge", "ridge regression, same data", marker="x", color="C1")
                 panel.set(xlabel=abscissa, ylabel=label, xscale="log" if "surfaces" in abscissa else "linear")
+                if key == "matrix":
+                    panel.set_ylim(bottom=0)
                 panel.grid(alpha=0.3)
                 panel.legend(fontsize=7)
 
