@@ -55,7 +55,7 @@ def comparison_markdown(reports, pictures="."):
     )
     table = markdown_table({name: _row(report) for name, report in reports.items()}, labels=_LABELS)
     figures = []
-    if any(report.get("paper") for report in reports.values()):
+    if len(_with_spectra(reports)) > 1:
         figures.append(f"![spectra over one axis at a time]({pictures}/axes.png)")
     if _series(reports):
         figures.append(
@@ -121,13 +121,18 @@ def _listed(values):
     return ", ".join("–" if value is None else f"{value:.2f}" for value in values)
 
 
+def _with_spectra(reports):
+    """Spectra over one axis at a time of the reports that have the section paper."""
+    return {name: report["paper"]["spectra_db"] for name, report in reports.items() if report.get("paper")}
+
+
 def plot_axis_spectra(reports, output_path):
-    """Nine-band spectra over one axis at a time, a row of panels for each report that has the section paper."""
+    """Nine-band spectra over one axis at a time, a row of panels for each of two or more reports with section paper."""
     import matplotlib
 
-    shown = {name: report["paper"]["spectra_db"] for name, report in reports.items() if report.get("paper")}
+    shown = _with_spectra(reports)
     colours = matplotlib.colormaps["coolwarm"]
-    if not shown:
+    if len(shown) < 2:
         return
     with figure_panels(output_path, len(shown), len(RATING_AXES), (12, 3.2 * len(shown))) as panels:
         for row, (name, axes) in zip(panels, shown.items(), strict=True):
@@ -167,7 +172,7 @@ def plot_data(reports, output_path):
                     _draw_points(panel, points, rows, "ridge", "ridge regression, same data", marker="x", color="C1")
                 panel.set(xlabel=abscissa, ylabel=label, xscale="log" if "surfaces" in abscissa else "linear")
                 if key == "matrix":
-                    panel.set_ylim(bottom=0)
+                    panel.set_ylim(0, 1.25 * panel.get_ylim()[1])
                 panel.grid(alpha=0.3)
                 panel.legend(fontsize=7)
 

@@ -21,7 +21,7 @@ _RATE_SEGMENTS, _BATCH = 200, 64
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured; `FULL` takes about half an hour on two cores, `QUICK` under five minutes.
+    """How much is measured; `FULL` takes about an hour on one core, `QUICK` about ten minutes.
 
     Attributes:
         steps (`tuple[int, ...]`): of the step sweep.
