@@ -28,6 +28,8 @@ SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1)
 #: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
 HAND_HZ = 15.0
 BLOCK = 32
+#: Random motion: it strokes to and fro at most about this often, over about twice this far.
+STROKES_HZ, STROKES_MM = 1.0, 30.0
 
 
 def run(arguments, pipe):
@@ -148,18 +150,17 @@ def clock(profiles, minutes, seed, quiet):
     """
     rng, rate = np.random.default_rng(seed), 125.0
     blocks = round(minutes * 60 * DEVICE_RATE / BLOCK)
-    moved = signal.sosfilt(
-        signal.butter(2, 1.0, fs=rate, output="sos"), rng.standard_normal(round(minutes * 60 * rate) + 9)
-    )
-    place = 30 * moved / moved.std()
-    stream, number, times, steps, last = TextureStream(profiles[0], 0.5, rate), 0, np.empty(blocks), 0.0, 0.0
+    slow = signal.butter(4, STROKES_HZ, fs=rate, output="sos")
+    moved = signal.sosfilt(slow, rng.standard_normal(round(minutes * 60 * rate) + 9))
+    place = STROKES_MM * moved / moved.std()
+    stream, number, times, steps, last = TextureStream(profiles[0], 0.0, rate), 0, np.empty(blocks), 0.0, 0.0
     finite = True
     for block in tqdm(range(blocks), disable=quiet, desc="clock"):
         while number / rate <= stream.time:
             stream.report(number / rate, np.round(place[number], 1))
             number += 1
         if block % round(0.5 * DEVICE_RATE / BLOCK) == 0:
-            stream.replace(profiles[(block * BLOCK * 2 // DEVICE_RATE) % 2], 0.5)
+            stream.replace(profiles[(block * BLOCK * 2 // DEVICE_RATE) % 2], 0.0)
         begin = time.perf_counter()
         force = stream.read(BLOCK)
         times[block] = time.perf_counter() - begin
@@ -195,10 +196,14 @@ def markdown(report):
         f"recordings of the same {report['surfaces']} virtual surfaces there; profiles recorded at "
         f"{RECORDED_SPEED:g} mm/s. {report['machine']}."
     ]
+    labels, materials = {column: column for column in columns}, {}
     for group, rows in report["recordings"].items():
-        shown = rows if group.startswith("with") else {"profile": rows["profile"]}
-        table = {f"{name}": values for name, values in shown.items() if name != "surfaces"}
-        parts.append(f"{group} ({rows['surfaces']})\n\n{markdown_table(table, labels={c: c for c in columns})}")
+        if group.startswith("all"):
+            materials[f"{group} ({rows['surfaces']})"] = rows["profile"]
+        else:
+            table = {name: values for name, values in rows.items() if name != "surfaces"}
+            parts.append(f"{group} ({rows['surfaces']})\n\n{markdown_table(table, labels=labels)}")
+    parts.append(f"the profile, by material\n\n{markdown_table(materials, labels=labels)}")
     parts.append(
         f"{title('Sensors', 4)}What reports of a touch sensor add to the force, against the texture, in the worst of "
         "slow, fast and to-and-fro motion; how far the place is off; when a change of speed is felt.\n\n"
@@ -206,6 +211,7 @@ def markdown(report):
     )
     parts.append(
         f"{title('On time', 4)}Blocks of {BLOCK} samples at 10 kHz under random motion; the surface changes twice a "
-        "second.\n\n" + markdown_table({"stream": report["clock"]}, 3)
+        "second; without mean friction, so that steps are the texture's.\n\n"
+        + markdown_table({"stream": report["clock"]}, 3)
     )
     return "\n\n".join(parts) + "\n"
