@@ -27,6 +27,7 @@ from tactile_diffusers.training.arguments import (
     read_model_config,
 )
 from tactile_diffusers.training.contrast import fit_level_contrast
+from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss
@@ -90,34 +91,31 @@ def number_losses(dale, difference, knows_friction, weight):
 
 
 class DALETrainingStep(nn.Module):
-    """The v-objective in latent space, with dropped ratings and the auxiliary conditioning loss."""
+    """The v-objective in latent space, with dropped ratings and the auxiliary conditioning loss.
 
-    def __init__(self, model, scheduler, head, args):
+    `share`: index of this process and number of processes, for `Draws`.
+    """
+
+    def __init__(self, model, scheduler, head, args, share=(0, 1)):
         super().__init__()
-        self.model, self.scheduler, self.args = model, scheduler, args
+        self.model, self.scheduler, self.args, self.share = model, scheduler, args, share
         self.head = [head]  # in a list: frozen, so no part of what is trained, averaged or saved
 
     def forward(self, batch, generator):
         args, clean, device = self.args, batch["state"], batch["state"].device
-
-        def uniform(*shape):
-            return torch.rand(shape, generator=generator, device=device)
-
-        def normal(shape):
-            return torch.randn(shape, generator=generator, device=device)
-
+        draws = Draws(generator, device, self.share)
         ratings = batch["ratings"]
         if args.ratings == "single":  # of another rater for each texture
-            rater = (uniform(len(clean)) * ratings.shape[1]).long()
+            rater = (draws.uniform(len(clean)) * ratings.shape[1]).long()
             ratings = ratings[torch.arange(len(clean), device=device), rater]
         else:
-            ratings = ratings + args.rating_jitter * batch["ratings_error"] * normal(ratings.shape)
-        dropped = (uniform(*ratings.shape) < args.condition_dropout) | (uniform(len(ratings), 1) < args.unconditional)
+            ratings = ratings + args.rating_jitter * batch["ratings_error"] * draws.normal(*ratings.shape)
+        dropped = draws.uniform(*ratings.shape) < args.condition_dropout
+        dropped = dropped | (draws.uniform(len(ratings), 1) < args.unconditional)
         ratings = ratings.masked_fill(dropped, torch.nan)
 
-        noise = normal(clean.shape)
-        strata = (torch.arange(len(clean), device=device) + uniform(len(clean))) / len(clean)  # of the angle phi
-        timesteps = strata * self.scheduler.config.num_train_timesteps - 1
+        noise = draws.normal(*clean.shape)
+        timesteps = draws.strata(len(clean)) * self.scheduler.config.num_train_timesteps - 1
         noisy = self.scheduler.add_noise(clean, noise, timesteps)
         velocity = self.model(noisy, timesteps, ratings, return_dict=False)[0].float()
         target = self.scheduler.get_velocity(clean, noise, timesteps)
@@ -304,7 +302,7 @@ def main(argv=None):
     trainer = Trainer(
         accelerator,
         args,
-        DALETrainingStep(dale, dale_scheduler, head, args),
+        DALETrainingStep(dale, dale_scheduler, head, args, (accelerator.process_index, accelerator.num_processes)),
         "dale",
         Rows(states),
         None,

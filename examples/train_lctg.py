@@ -29,6 +29,7 @@ from tactile_diffusers.training.arguments import (
     check_training_arguments,
     read_model_config,
 )
+from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
@@ -78,34 +79,31 @@ def parse_args(argv=None):
 
 
 class LCTGTrainingStep(nn.Module):
-    """The v-objective on a batch, with noise on the latents; the frequency-aware loss where asked for."""
+    """The v-objective on a batch, with noise on the latents; the frequency-aware loss where asked for.
 
-    def __init__(self, model, scheduler, extractor, args):
+    `share`: index of this process and number of processes, for `Draws`.
+    """
+
+    def __init__(self, model, scheduler, extractor, args, share=(0, 1)):
         super().__init__()
-        self.model, self.scheduler, self.args = model, scheduler, args
+        self.model, self.scheduler, self.args, self.share = model, scheduler, args, share
         signed = extractor.hop_length * extractor.use_waveform + extractor.detail_samples
         self.without_sign = extractor.feature_size - signed
         self.rate_and_band = (extractor.sampling_rate, extractor.band)
 
     def forward(self, batch, generator):
         clean, features = batch["waveform"][:, None], batch["input_features"]
-
-        def draw(like):
-            return torch.randn(like.shape, generator=generator, device=like.device)
-
+        draws = Draws(generator, clean.device, self.share)
         # a texture has no polarity: the waveform and its copy in the features change sign together
-        sign = draw(clean[:, :, :1]).sign()
+        sign = draws.normal(len(clean), 1, 1).sign()
         clean = clean * sign
         features = torch.cat([features[:, : self.without_sign], features[:, self.without_sign :] * sign], dim=1)
         latents = self.model.encode(features)
         learned = latents[:, self.model.level_channels : self.model.base_channels]
         latents = self.noisy_latents(latents, generator)
-        noise = draw(clean)
+        noise = draws.normal(*clean.shape)
         # phi is uniform and stratified over the batch: the loss is less noisy from step to step
-        strata = torch.arange(len(clean), device=clean.device) + torch.rand(
-            len(clean), generator=generator, device=clean.device
-        )
-        timesteps = strata / len(clean) * self.scheduler.config.num_train_timesteps - 1
+        timesteps = draws.strata(len(clean)) * self.scheduler.config.num_train_timesteps - 1
         noisy = self.scheduler.add_noise(clean, noise, timesteps)
         velocity = self.model(noisy, timesteps, latents, return_dict=False)[0]
         target = self.scheduler.get_velocity(clean, noise, timesteps)
@@ -140,13 +138,10 @@ class LCTGTrainingStep(nn.Module):
 
     def noisy_latents(self, latents, generator):
         """Latents with noise, and in some rows without their detail layer."""
-
-        def draw(kind, *shape):
-            return kind(shape, generator=generator, device=latents.device)
-
-        latents = latents + self.model.config.latent_noise * draw(torch.randn, *latents.shape)
+        draws = Draws(generator, latents.device, self.share)
+        latents = latents + self.model.config.latent_noise * draws.normal(*latents.shape)
         if self.model.config.detail_channels:
-            kept = draw(torch.rand, len(latents), 1, 1) >= self.args.detail_dropout
+            kept = draws.uniform(len(latents), 1, 1) >= self.args.detail_dropout
             base = self.model.base_channels
             latents = torch.cat([latents[:, :base], latents[:, base:] * kept], dim=1)
         return latents
@@ -247,7 +242,7 @@ def main(argv=None):
     trainer = Trainer(
         accelerator,
         args,
-        LCTGTrainingStep(model, scheduler, extractor, args),
+        LCTGTrainingStep(model, scheduler, extractor, args, (accelerator.process_index, accelerator.num_processes)),
         "lctg",
         dataset,
         make_collate(extractor, extractor.sampling_rate),

@@ -28,23 +28,33 @@ CHECKPOINT = re.compile(r"checkpoint-(\d+)")
 class EndlessBatches(torch.utils.data.Sampler):
     """Batches of indices for ever: a new seeded permutation each epoch, incomplete last batches dropped.
 
-    The n-th batch depends on the seed and n alone, so a resumed training goes on where it was.
+    The n-th batch depends on the seed and n alone, so a resumed training goes on where it was. Processes take turns:
+    theirs of one step are one global batch, the same as that of a single process with as many rows.
 
     Args:
         length (`int`): size of the data set.
-        batch_size (`int`): indices per batch; at most `length`.
+        batch_size (`int`): indices per batch of one process.
         seed (`int`): of the permutations.
         start (`int`): number of batches to skip.
+        processes (`int`): that take turns; `processes * batch_size` is at most `length`.
+
+    Raises:
+        ValueError: if a global batch exceeds the data set.
     """
 
-    def __init__(self, length, batch_size, seed, start=0):
-        if length < batch_size:
-            raise ValueError(f"`train_batch_size` ({batch_size}) exceeds the number of training segments ({length}).")
+    def __init__(self, length, batch_size, seed, start=0, processes=1):
+        if length < batch_size * processes:
+            of_each = f" in each of {processes} processes" if processes > 1 else ""
+            raise ValueError(
+                f"`train_batch_size` ({batch_size}){of_each} exceeds the number of training segments ({length})."
+            )
         self.length, self.batch_size, self.seed, self.start = length, batch_size, seed, start
+        self.processes = processes
         self.drop_last = True  # read by accelerate when it shares batches between processes
 
     def __iter__(self):
-        per_epoch = self.length // self.batch_size
+        # epochs end with a whole global batch, so that they end alike for any number of processes
+        per_epoch = self.length // (self.batch_size * self.processes) * self.processes
         batch = self.start
         while True:
             epoch, offset = divmod(batch, per_epoch)
@@ -122,8 +132,9 @@ class Trainer:
     Args:
         accelerator (`Accelerator`): from `make_accelerator`.
         args (`argparse.Namespace`): with what `add_training_arguments` adds.
-        step_module (`torch.nn.Module`): `step_module(batch, generator)` returns (loss, dict of scalars); the model to
-            train is its attribute `model` (a diffusers `ModelMixin`).
+        step_module (`torch.nn.Module`): `step_module(batch, generator)` returns (loss, dict of scalars), means over the
+            rows of the batch; the model to train is its attribute `model` (a diffusers `ModelMixin`). The generator's
+            state is the same in every process: draw with `Draws`.
         name (`str`): of the model in checkpoint folders.
         dataset: indexable, with `__len__`.
         collate (`Callable`, *optional*): items -> batch (a dict of tensors); `None` = stacked.
@@ -243,6 +254,7 @@ class Trainer:
             "arguments": {k: v for k, v in vars(self.args).items() if v is not None},
             "segments": len(self.dataset),
             "steps": self.total_steps,
+            "processes": self.accelerator.num_processes,  # the global batch is that of each, times these
             "machine": f"{platform.machine()}, {torch.get_num_threads()} thread(s), {self.accelerator.device}",
             "versions": {"torch": torch.__version__, "diffusers": diffusers.__version__},
         }
@@ -274,7 +286,9 @@ class Trainer:
         self.module, self.optimizer, self.lr_scheduler = accelerator.prepare(
             self.module, self.optimizer, self.lr_scheduler
         )
-        sampler = EndlessBatches(len(self.dataset), args.train_batch_size, args.seed)
+        sampler = EndlessBatches(
+            len(self.dataset), args.train_batch_size, args.seed, processes=accelerator.num_processes
+        )
         self._resume()
         sampler.start = self.step * args.gradient_accumulation_steps * accelerator.num_processes
         loader = torch.utils.data.DataLoader(
@@ -308,10 +322,10 @@ class Trainer:
         for batch in loader:
             if self.step >= self.total_steps:
                 break
-            # noise and times depend on the seed and the step alone, so that a resumed run equals an unbroken one
-            draw = (self.step * args.gradient_accumulation_steps + micro) * accelerator.num_processes
-            seed = (args.seed << 40) + draw + accelerator.process_index
-            generator = torch.Generator(accelerator.device).manual_seed(seed)
+            # noise and times depend on the seed and the step alone, so that a resumed run equals an unbroken one, and
+            # so do several processes one process
+            draw = self.step * args.gradient_accumulation_steps + micro
+            generator = torch.Generator(accelerator.device).manual_seed((args.seed << 40) + draw)
             micro = (micro + 1) % args.gradient_accumulation_steps
             with accelerator.accumulate(self.module):
                 with accelerator.autocast():
@@ -337,6 +351,8 @@ class Trainer:
             if self.ema is not None:
                 self.ema.step(accelerator.unwrap_model(self.module).model.parameters())
             if self.step % 50 == 0 or self.step == self.total_steps:
+                # rows of all processes count: the mean over processes, which have equally many
+                sums = dict(zip(sums, accelerator.reduce(torch.stack(list(sums.values())), "mean"), strict=True))
                 means = {f"train/{k}": float(v) / count for k, v in sums.items()}
                 self._log({**means, "lr": self.lr_scheduler.get_last_lr()[0], "seconds": time.time() - began})
                 bar.set_postfix(loss=means["train/loss"], refresh=False)

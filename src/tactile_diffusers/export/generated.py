@@ -1,0 +1,194 @@
+"""Many generated textures in one folder: shards in HDF5, a manifest, and a reader that sees them as one array.
+
+`manifest.json` holds `settings` (all that decides what the textures are), `about` (where they come from, in words) and
+`shards`, a list of {"file", "first", "count"}. A shard holds, row by row, `textures` (count, samples) float32 in N,
+`level` and `friction_coefficient` (count,) float32, `ratings` (count, axes) float32 z-scores, NaN = not specified, and
+`seed` (count,) int64; its attributes repeat the settings. A shard is whole or absent.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..data.files import open_whole, whole_file, write_text
+
+FORMAT, VERSION = "tactile-generated", 1
+MANIFEST = "manifest.json"
+UNITS = {"textures": "N", "level": "natural log of the RMS in N", "friction_coefficient": "1", "ratings": "z-score"}
+
+
+def plan_shards(num_textures, textures_per_shard):
+    """Shards of a data set, whatever makes them: a list of {"file", "first", "count"}; the last may be smaller."""
+    firsts = range(0, num_textures, textures_per_shard)
+    return [
+        {"file": f"textures-{number:05d}.h5", "first": first, "count": min(textures_per_shard, num_textures - first)}
+        for number, first in enumerate(firsts)
+    ]
+
+
+def open_folder(folder, settings, about):
+    """Makes the folder of a data set, or checks that the one there has the same settings, and cleans it.
+
+    Args:
+        folder (`str` or `Path`): made if absent; no other call may be writing to it.
+        settings (`dict`): JSON values, with `num_textures` and `textures_per_shard`.
+        about (`dict`): JSON values that need not agree.
+
+    Returns:
+        `list[dict]`: the shards that are still to be made.
+
+    Raises:
+        ValueError: if the folder holds something else, or textures of other settings.
+    """
+    folder = Path(folder)
+    if not (folder / MANIFEST).is_file():
+        if folder.is_dir() and any(path.suffix != ".tmp" for path in folder.iterdir()):
+            raise ValueError(f"The folder {folder} is not empty and holds no generated textures: give another one.")
+        folder.mkdir(parents=True, exist_ok=True)
+        shards = plan_shards(settings["num_textures"], settings["textures_per_shard"])
+        manifest = {"format": FORMAT, "version": VERSION, "settings": settings, "about": about, "shards": shards}
+        write_text(folder / MANIFEST, json.dumps(manifest, indent=1) + "\n")
+    manifest = _read_manifest(folder)
+    stored = manifest["settings"]
+    differences = [
+        f"{name} {stored.get(name)}, not {settings.get(name)}"
+        for name in {**stored, **settings}
+        if stored.get(name) != settings.get(name)
+    ]
+    if differences:
+        raise ValueError(
+            f"The folder {folder} holds textures of other settings ({'; '.join(differences)}). Finish them with those "
+            "settings, or give another folder."
+        )
+    for left_behind in folder.glob(".*.tmp"):  # by a process that was killed
+        left_behind.unlink(missing_ok=True)
+    return [shard for shard in manifest["shards"] if not _is_whole(folder / shard["file"], shard["count"])]
+
+
+def _read_manifest(folder):
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise FileNotFoundError(f"There is no {path}: {folder} holds no generated textures.")
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        known = (manifest["format"], manifest["version"]) == (FORMAT, VERSION)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is no manifest of generated textures ({error}).") from error
+    if not known:
+        raise ValueError(f"{path} has format {manifest['format']} {manifest['version']}, not {FORMAT} {VERSION}.")
+    return manifest
+
+
+def _is_whole(path, count):
+    """Whether a shard is done. A file that a power cut truncated is not."""
+    try:
+        with open_whole(path) as file:
+            return len(file["textures"]) == count
+    except (FileNotFoundError, ValueError, KeyError):
+        return False
+
+
+def write_shard(path, count, attributes, batches):
+    """Writes one shard, batch by batch, under a temporary name.
+
+    Args:
+        path (`str` or `Path`): in the folder that `open_folder` made.
+        count (`int`): rows.
+        attributes (`dict`): settings; `None` is stored as the word "none".
+        batches (iterable of `dict[str, np.ndarray]`): rows of every column, in order.
+
+    Raises:
+        ValueError: if the batches hold fewer or more than `count` rows.
+    """
+    done = 0
+    with whole_file(path) as file:
+        file.attrs.update({"format": FORMAT, "version": VERSION})
+        file.attrs.update({name: "none" if value is None else value for name, value in attributes.items()})
+        for columns in batches:
+            size = len(columns["textures"])
+            for name, values in columns.items():
+                if name not in file:
+                    file.create_dataset(name, (count, *values.shape[1:]), values.dtype)
+                    file[name].attrs["unit"] = UNITS.get(name, "")
+                if done + size <= count:
+                    file[name][done : done + size] = values
+            done += size
+        if done != count:
+            raise ValueError(f"`batches` hold {done} rows, not {count}.")
+
+
+def read_generated(folder):
+    """Opens a folder that `examples/generate_dataset.py` wrote.
+
+    Args:
+        folder (`str` or `Path`).
+
+    Returns:
+        [`GeneratedTextures`]
+
+    Raises:
+        FileNotFoundError: if there is no manifest.
+        ValueError: if the manifest is none, or shards are missing.
+    """
+    return GeneratedTextures(folder)
+
+
+class GeneratedTextures:
+    """Generated textures as one array of all shards, (textures, samples) float32 in N; only rows asked for are read.
+
+    `data[5]`, `data[10:20]`, `data[[3, 1, 3]]` are NumPy arrays; what belongs to the textures is
+    `data.column("level")`, `"friction_coefficient"`, `"ratings"` (textures, axes) or `"seed"`.
+
+    Attributes:
+        settings, about (`dict`): of the manifest.
+        shape (`tuple[int, int]`), dtype (`np.dtype`): of the array.
+        sampling_rate (`int`): Hz.
+    """
+
+    dtype = np.dtype(np.float32)
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+        manifest = _read_manifest(self.folder)
+        self.settings, self.about, self._shards = manifest["settings"], manifest["about"], manifest["shards"]
+        missing = [shard["file"] for shard in self._shards if not (self.folder / shard["file"]).is_file()]
+        if missing:
+            raise ValueError(
+                f"{len(missing)} of {len(self._shards)} shards are missing in {self.folder}, {missing[0]} for one: run "
+                "the command that began them again, and it goes on."
+            )
+        self.sampling_rate = self.settings["sampling_rate"]
+        with open_whole(self.folder / self._shards[0]["file"]) as file:
+            self.shape = (self.settings["num_textures"], file["textures"].shape[1])
+
+    def __len__(self):
+        return self.shape[0]
+
+    def __getitem__(self, index):
+        rows = np.arange(len(self))[index]
+        found = np.empty((rows.size, self.shape[1]), self.dtype)
+        numbers = rows.ravel() // self.settings["textures_per_shard"]
+        for number in np.unique(numbers):
+            shard, places = self._shards[number], np.flatnonzero(numbers == number)
+            within, back = np.unique(rows.ravel()[places] - shard["first"], return_inverse=True)
+            with open_whole(self.folder / shard["file"]) as file:
+                # one slice is far quicker than a list of rows
+                low, high = within[0], within[-1] + 1
+                whole = len(within) == high - low
+                found[places] = (file["textures"][low:high] if whole else file["textures"][within])[back]
+        return found.reshape(*rows.shape, self.shape[1])
+
+    def column(self, name):
+        """What belongs to each texture, in memory: (textures, ...).
+
+        Raises:
+            ValueError: for an unknown name.
+        """
+        parts = []
+        for shard in self._shards:
+            with open_whole(self.folder / shard["file"]) as file:
+                if name not in file:
+                    raise ValueError(f"`name` must be one of {sorted(set(file))}, got {name!r}.")
+                parts.append(file[name][()])
+        return np.concatenate(parts)
