@@ -42,6 +42,24 @@ def test_a_killed_and_resumed_training_equals_an_unbroken_one(make_trainer, tmp_
     _assert_equal(_state(model), unbroken)
 
 
+def test_noise_depends_on_the_seed(make_trainer, tmp_path):
+    drawn = {}
+    for name, seed in (("first", 0), ("same", 0), ("other", 1)):
+        trainer = make_trainer(tmp_path / name, seed=seed)
+        forward, drawn[name] = trainer.module.forward, []
+
+        def look(batch, generator, forward=forward, seen=drawn[name]):
+            seen.append(torch.randn(3, generator=generator.clone_state()))
+            return forward(batch, generator)
+
+        trainer.module.forward = look
+        trainer.run()
+    numbers = {name: torch.stack(values) for name, values in drawn.items()}
+    assert len(drawn["first"]) == 4 and torch.equal(numbers["first"], numbers["same"])
+    # every step of every seed has noise of its own
+    assert len(torch.cat([numbers["first"], numbers["other"]]).unique(dim=0)) == 8
+
+
 def test_accumulated_batches_are_one_large_batch(make_trainer, tmp_path):
     # plain averages of gradients: compared after one step, whose direction Adam takes from the sign alone
     options = {"max_train_steps": 1, "rows": 12, "lr_warmup_steps": 0, "use_ema": None, "no-use_ema": True}

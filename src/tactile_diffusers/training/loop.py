@@ -22,6 +22,9 @@ from tqdm.auto import tqdm
 from ..data.files import write_text
 
 logger = logging.getLogger(__name__)
+#: Distance between the noise seeds of two training seeds: a prime near the golden section of 2^32, so that trainings of
+#: neighbouring seeds never meet.
+_SEED_STRIDE = 0x9E3779B1
 CHECKPOINT = re.compile(r"checkpoint-(\d+)")
 
 
@@ -325,7 +328,9 @@ class Trainer:
             # noise and times depend on the seed and the step alone, so that a resumed run equals an unbroken one, and
             # so do several processes one process
             draw = self.step * args.gradient_accumulation_steps + micro
-            generator = torch.Generator(accelerator.device).manual_seed((args.seed << 40) + draw)
+            # the CPU's generator reads 32 bits of its seed; a seed that is shifted up would go unread
+            seed = (args.seed * _SEED_STRIDE + draw) % 2**32
+            generator = torch.Generator(accelerator.device).manual_seed(seed)
             micro = (micro + 1) % args.gradient_accumulation_steps
             with accelerator.accumulate(self.module):
                 with accelerator.autocast():
