@@ -26,15 +26,12 @@ from tactile_diffusers.training.arguments import (
     check_training_arguments,
     read_model_config,
 )
-from tactile_diffusers.training.contrast import fit_level_contrast
+from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss
 from tactile_diffusers.training.rating_head import fit_rating_estimator
-
-#: training textures that the modulation of decoded ones is compared with, one of each surface: about a minute
-CONTRAST_TEXTURES = 256
 
 
 def parse_args(argv=None):

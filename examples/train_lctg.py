@@ -29,6 +29,7 @@ from tactile_diffusers.training.arguments import (
     check_training_arguments,
     read_model_config,
 )
+from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
@@ -174,20 +175,6 @@ def build_components(args):
         **config.get("lctg", {}),
     }
     return extractor, LCTGModel(**model_settings), VDDIMScheduler(**{**RECOMMENDED, **config.get("scheduler", {})})
-
-
-def make_collate(extractor, sampling_rate):
-    """Items -> whitened waveforms and features."""
-
-    def collate(items):
-        textures = torch.stack([item["texture"] for item in items])
-        waveform, _ = extractor.normalize(textures, sampling_rate)
-        return {
-            "waveform": torch.from_numpy(waveform),
-            "input_features": torch.from_numpy(extractor.features(waveform)),
-        }
-
-    return collate
 
 
 def make_validation(args, extractor, scheduler, dataset):

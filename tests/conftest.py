@@ -136,7 +136,7 @@ def make_extractor():
     return _make_extractor
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_pipeline():
     return _make_pipeline
 

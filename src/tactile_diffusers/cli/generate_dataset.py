@@ -124,7 +124,6 @@ def _prepare(arguments, state):
 
     from ..export.generated import open_folder
     from ..pipelines.inputs import warn_of_novel_ratings
-    from ..pipelines.recorded import DEFAULT_STEPS
     from ..version import __version__
     from .dataset_ratings import draw_ratings, read_ratings_file
 
@@ -133,11 +132,10 @@ def _prepare(arguments, state):
     checkpoint = Path(arguments.checkpoint or bundled_checkpoint())
     pipe = TactileTexturePipeline.from_pretrained(str(checkpoint)).to(state.device)
     pipe.set_progress_bar_config(disable=True)
-    steps = DEFAULT_STEPS if arguments.num_inference_steps is None else arguments.num_inference_steps
-    latent_steps = arguments.num_latent_inference_steps
+    steps, latent_steps = pipe.resolve_steps(arguments.num_inference_steps, arguments.num_latent_inference_steps)
     options = {
         "num_inference_steps": steps,
-        "num_latent_inference_steps": steps if latent_steps is None else latent_steps,
+        "num_latent_inference_steps": latent_steps,
         "guidance_scale": arguments.guidance_scale,
         "duration_s": arguments.duration_s,
     }

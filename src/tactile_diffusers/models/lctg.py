@@ -108,6 +108,8 @@ class LCTGModel(ModelMixin, ConfigMixin):
         level_contrast (`list[float]`, *optional*): for each band, and what lies above them, how much deeper its fast
             modulation is in recordings than in what is made from the base layer alone (`fit_level_contrast`); it is
             restored after decoding. `None` = left as decoded.
+        distilled_steps (`int`, *optional*): most solver steps that a distilled decoder may take
+            (examples/distill_lctg.py); `None` = any number.
     """
 
     _supports_gradient_checkpointing = True
@@ -133,8 +135,11 @@ class LCTGModel(ModelMixin, ConfigMixin):
         detail_channels: int = 0,
         level_bands: int = 0,
         level_contrast: list[float] | None = None,
+        distilled_steps: int | None = None,
     ):
         super().__init__()
+        if distilled_steps is not None and not distilled_steps >= 1:
+            raise ValueError(f"`distilled_steps` must be at least 1, or None, got {distilled_steps}.")
         if level_bands < 0:
             raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
         levels = level_bands + 1 if level_bands else 0

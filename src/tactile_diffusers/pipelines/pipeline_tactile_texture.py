@@ -24,7 +24,7 @@ from .inputs import (
     warn_of_novel_ratings,
 )
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
-from .recorded import DEFAULT_STEPS, RecordedTexturesMixin
+from .recorded import RecordedTexturesMixin
 from .velocities import rating_velocity, texture_velocity
 
 EXAMPLE_DOC_STRING = """
@@ -150,9 +150,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         """
         if self.dale is None:
             raise ValueError("This pipeline has no `dale`: it reconstructs (`pipe.reconstruct`), it cannot generate.")
-        check_positive_integer("num_inference_steps", num_inference_steps)
-        if num_latent_inference_steps is not None:
-            check_positive_integer("num_latent_inference_steps", num_latent_inference_steps)
+        self.resolve_steps(num_inference_steps, num_latent_inference_steps)
         check_positive_integer("num_textures_per_rating", num_textures_per_rating)
         parse_guidance(guidance_scale, self.dale.config.rating_axes)
         check_number("guidance_rescale", guidance_rescale, 0, True, " and <= 1 (0.0 = off)", 1)
@@ -203,7 +201,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
     def __call__(
         self,
         ratings,
-        num_inference_steps: int = DEFAULT_STEPS,
+        num_inference_steps: int | None = None,
         num_latent_inference_steps: int | None = None,
         guidance_scale: float | dict[str, float] = 1.0,
         num_textures_per_rating: int = 1,
@@ -224,8 +222,9 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
             ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array or tensor, on
                 `rating_scale`: roughness, bumpiness, slipperiness, larger = rougher, bumpier, more slippery. NaN or
                 None = not specified; `None` for all = nothing specified.
-            num_inference_steps (`int`, *optional*, defaults to 5): steps of LCTG.
-            num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = `num_inference_steps`.
+            num_inference_steps (`int`, *optional*): steps of LCTG; `None` = 5, or what it was distilled to.
+            num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = `num_inference_steps`, or 5 if that
+                is left out or LCTG is a distilled one.
             guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): above 1 exaggerates the
                 ratings; 1.0 = off. A dict, `{"bumpiness": 1.5}`, does so for these axes alone.
             num_textures_per_rating (`int`, *optional*, defaults to 1): takes of each rating.
@@ -274,12 +273,12 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         self._interrupt = False
 
         # 1. sizes, schedules and DALE's noise
+        decoding_steps, latent_steps = self.resolve_steps(num_inference_steps, num_latent_inference_steps)
         frames, samples = self._sizes(duration_s)
         shape = (count, self.dale.config.in_channels, frames)
         latents = self.prepare_latents(shape, generator, device, self.dale.dtype, latents)
-        self.dale_scheduler.set_timesteps(num_latent_inference_steps or num_inference_steps, device=device)
-        decoding_steps = 0 if output_type == "latent" else num_inference_steps
-        self._num_timesteps = len(self.dale_scheduler.timesteps) + decoding_steps
+        self.dale_scheduler.set_timesteps(latent_steps, device=device)
+        self._num_timesteps = len(self.dale_scheduler.timesteps) + (0 if output_type == "latent" else decoding_steps)
         callback = (callback_on_step_end, callback_on_step_end_tensor_inputs)
 
         with self.progress_bar(total=self._num_timesteps) as bar:
@@ -293,7 +292,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
                 self.maybe_free_model_hooks()
                 return made if return_dict else made.to_tuple()
             # 3. LCTG: latents to the waveform
-            decoded = self._decode(made.latents, num_inference_steps, generator, bar, *callback, len(timesteps))
+            decoded = self._decode(made.latents, decoding_steps, generator, bar, *callback, len(timesteps))
 
         # 4. newtons at the delivery rate
         out = self._postprocess(*decoded, made.level, made.friction_coefficient, samples, output_type)

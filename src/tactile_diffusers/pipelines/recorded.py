@@ -16,6 +16,27 @@ DEFAULT_STEPS = 5
 class RecordedTexturesMixin:
     """The part of `TactileTexturePipeline` that needs no ratings."""
 
+    def resolve_steps(self, num_inference_steps=None, num_latent_inference_steps=None):
+        """Steps that a call with these arguments takes, of LCTG and of DALE: (int, int).
+
+        Raises:
+            ValueError: if one is no whole number >= 1, or more than a distilled LCTG may take.
+        """
+        most = self.lctg.config.distilled_steps
+        decoding = DEFAULT_STEPS if most is None else most
+        if num_inference_steps is not None:
+            check_positive_integer("num_inference_steps", num_inference_steps)
+            decoding = num_inference_steps
+        if most is not None and decoding > most:
+            raise ValueError(
+                f"`num_inference_steps` must be at most {most}, got {decoding}: this LCTG was distilled to so many "
+                'steps and gets worse beyond. Leave it out, or load the teacher (`subfolder="lctg"`).'
+            )
+        if num_latent_inference_steps is None:
+            return decoding, decoding if most is None else DEFAULT_STEPS
+        check_positive_integer("num_latent_inference_steps", num_latent_inference_steps)
+        return decoding, num_latent_inference_steps
+
     @torch.no_grad()
     def encode(self, texture, sampling_rate):
         """Latents and level of textures; the gain is kept beside the shape.
@@ -39,7 +60,7 @@ class RecordedTexturesMixin:
         latents: torch.Tensor,
         level: torch.Tensor,
         friction_coefficient: torch.Tensor | None = None,
-        num_inference_steps: int = DEFAULT_STEPS,
+        num_inference_steps: int | None = None,
         generator: torch.Generator | list[torch.Generator] | None = None,
         output_type: str = "np",
         samples: int | None = None,
@@ -51,7 +72,7 @@ class RecordedTexturesMixin:
                 the detail layer (the last `detail_channels`) = not given, made up from the noise.
             level (`torch.Tensor`): (N,), natural log of the RMS in N.
             friction_coefficient (`torch.Tensor`, *optional*): (N,), passed on; `None` = NaN.
-            num_inference_steps (`int`, *optional*, defaults to 5): steps of LCTG.
+            num_inference_steps (`int`, *optional*): steps of LCTG; `None` = 5, or what it was distilled to.
             generator (`torch.Generator` or list, *optional*): draws LCTG's noise; a list has N entries.
             output_type (`str`, *optional*, defaults to `"np"`): `"np"` or `"pt"`.
             samples (`int`, *optional*): delivered samples to keep; `None` = all.
@@ -62,6 +83,7 @@ class RecordedTexturesMixin:
         Raises:
             ValueError: for any impossible argument, before any work starts.
         """
+        num_inference_steps, _ = self.resolve_steps(num_inference_steps)
         check_decoding(latents, level, self.lctg.config.latent_channels, num_inference_steps, output_type, samples)
         generator = check_generator(generator, len(latents))
         self._interrupt = False
@@ -74,12 +96,12 @@ class RecordedTexturesMixin:
         self.maybe_free_model_hooks()
         return out
 
-    def reconstruct(self, texture, sampling_rate, num_inference_steps=DEFAULT_STEPS, generator=None, output_type="np"):
+    def reconstruct(self, texture, sampling_rate, num_inference_steps=None, generator=None, output_type="np"):
         """Encodes and decodes textures: the same length and level, at the delivery rate; friction coefficient NaN.
 
         Arguments are those of `encode` and `decode`.
         """
-        check_positive_integer("num_inference_steps", num_inference_steps)
+        num_inference_steps, _ = self.resolve_steps(num_inference_steps)
         made = self.encode(texture, sampling_rate)
         samples = max(1, round(np.shape(texture)[-1] * self.feature_extractor.delivery_rate / sampling_rate))
         return self.decode(

@@ -4,6 +4,8 @@ import numpy as np
 import torch
 from tqdm.auto import tqdm
 
+#: Training textures that it takes: enough that another set gives the same factors to a hundredth or two.
+CONTRAST_TEXTURES = 256
 #: Corrections: gains of bands overlap, so each falls a little short.
 ROUNDS = 3
 #: Bounds of the factors: beyond them a band is empty rather than flat.

@@ -145,7 +145,7 @@ class Context:
             check_fit(anchor.pipe, self.held_out, f"anchor {name}")
         self.rate, self.edges = self.held_out.sampling_rate, band_edges(9, self.held_out.band)
         defaults = inspect.signature(type(pipe).__call__).parameters
-        self.steps = int(defaults["num_inference_steps"].default)  # of both stages, but for the step sweep
+        self.steps, _ = pipe.resolve_steps()  # of LCTG, but for the step sweep
         self.default_guidance = float(defaults["guidance_scale"].default)
         self._generated = {}
         self.guidance_scales = sorted({1.0, self.default_guidance, *map(float, guidance_scales)})

@@ -1,0 +1,140 @@
+"""`examples/distill_lctg.py` on a tiny data set: it comes nearer to its teacher, what it saves, and refusals."""
+
+import copy
+import json
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from tactile_diffusers import LCTGModel, TactileTexturePipeline, VDDIMScheduler
+
+WEIGHTS = "diffusion_pytorch_model.safetensors"
+METHODS = ("trajectory", "progressive", "consistency")
+
+
+@pytest.fixture(scope="module")
+def distill(script, run_script, teacher):
+    """`distill(output, **options)` runs the script on the tiny data set and returns the output folder."""
+    module, fixed = script("distill_lctg"), {"model_config_name_or_path": None, "teacher_steps": 4}
+    fixed["pretrained_model_name_or_path"] = teacher
+    return lambda output, **options: run_script(module, "lctg", output, **(fixed | options))
+
+
+@pytest.fixture(scope="module")
+def teacher(make_pipeline, tmp_path_factory):
+    """A pipeline folder with random weights."""
+    folder = tmp_path_factory.mktemp("teacher") / "teacher"
+    make_pipeline().save_pretrained(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def distilled(distill, tmp_path_factory):
+    """The output folder of four steps. Copy it before changing anything in it."""
+    return distill(tmp_path_factory.mktemp("distilled") / "lctg", validation_steps=4)
+
+
+def _arguments(script, teacher, prepared, output, **options):
+    words = ["--train_data_dir", str(prepared), "--output_dir", str(output)]
+    words += ["--pretrained_model_name_or_path", str(teacher)]
+    for name, value in options.items():
+        words += [f"--{name}", *map(str, value if isinstance(value, list) else [value])]
+    return script("distill_lctg").parse_args(words)
+
+
+class TestResult:
+    def test_takes_the_teachers_place(self, distilled, teacher):
+        lctg = LCTGModel.from_pretrained(str(distilled), subfolder="lctg_distilled")
+        pipe = TactileTexturePipeline.from_pretrained(str(teacher), lctg=lctg)
+        pipe.set_progress_bar_config(disable=True)
+        assert pipe.resolve_steps() == (2, 5)
+        out = pipe([[0.5, 0.0, 0.0]], generator=torch.Generator().manual_seed(0))
+        assert torch.isfinite(torch.from_numpy(out.textures)).all() and pipe.num_timesteps == 7
+
+    def test_only_the_decoder_has_moved(self, distilled, teacher):
+        first = load_file(str(teacher / "lctg" / WEIGHTS))
+        second = load_file(str(distilled / "lctg_distilled" / WEIGHTS))
+        moved = {name.split(".")[0] for name in first if not torch.equal(first[name], second[name])}
+        assert moved == {"decoder", "time_embedder"}
+
+    def test_logs_both_losses_and_the_error_at_each_number_of_steps(self, distilled):
+        entries = [json.loads(line) for line in (distilled / "log.jsonl").read_text().splitlines()]
+        found = {key for entry in entries for key in entry}
+        assert {"train/steps_1", "train/steps_2", "validation/nine_band_db_1", "validation/nine_band_db_2"} <= found
+        assert (distilled / "loss.png").is_file()
+
+
+class TestLearning:
+    @pytest.mark.parametrize("method", METHODS)
+    def test_loss_falls_on_a_batch(self, script, make_pipeline, prepared, tmp_path, method):
+        module, pipe = script("distill_lctg"), make_pipeline(lctg_config={"latent_noise": 0.0})
+        args = _arguments(script, tmp_path, prepared, tmp_path, method=method, teacher_steps=4)
+        student = copy.deepcopy(pipe.lctg)
+        step = module.DistillationStep(student, pipe.lctg, VDDIMScheduler(), pipe.feature_extractor, args)
+        generator = torch.Generator().manual_seed(0)
+        batch = {
+            "waveform": torch.randn((8, 512), generator=generator),
+            "input_features": torch.randn((8, 24, 64), generator=generator),
+        }
+        optimizer = torch.optim.Adam(student.decoder.parameters(), lr=2e-3)
+        losses = []
+        for _ in range(30):
+            loss, _ = step(batch, torch.Generator().manual_seed(1))
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            losses.append(loss.item())
+        assert losses[-1] < 0.7 * losses[0]  # one batch can be learned by heart: 0.7 leaves room for slow starts
+
+    def test_a_path_of_as_many_steps_ends_where_the_pipeline_ends(self, script, make_pipeline):
+        module, pipe = script("distill_lctg"), make_pipeline()
+        scheduler = VDDIMScheduler(solver_order=2, spacing="both_ends")
+        generator = torch.Generator().manual_seed(0)
+        noise = torch.randn((1, 1, 512), generator=generator)
+        latents = torch.randn((1, 4, 32), generator=generator)
+        with torch.no_grad():
+            plain = module.walk(pipe.lctg, scheduler, noise, latents, 2)
+            start = pipe.lctg(noise, 999, latents, return_dict=False)[0]
+            assert torch.equal(module.walk(pipe.lctg, scheduler, noise, latents, 2, start), plain)
+        assert torch.isfinite(plain).all()
+
+    def test_the_teacher_is_left_alone(self, script, make_pipeline, prepared, tmp_path):
+        module, pipe = script("distill_lctg"), make_pipeline()
+        args = _arguments(script, tmp_path, prepared, tmp_path)
+        step = module.DistillationStep(
+            copy.deepcopy(pipe.lctg), pipe.lctg, VDDIMScheduler(), pipe.feature_extractor, args
+        )
+        learned = {name.split(".")[0] for name, value in step.named_parameters() if value.requires_grad}
+        assert learned == {"model"}
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"student_steps": [0, 2]}, "--student_steps must be at least 1 and below --teacher_steps"),
+            ({"student_steps": [4], "teacher_steps": 4}, "below --teacher_steps"),
+            ({"detail_dropout": 1.5}, "--detail_dropout must lie in"),
+            ({"octave_exponent": -1}, "--octave_exponent must not be negative"),
+        ],
+    )
+    def test_impossible_values(self, script, tmp_path, options, message):
+        with pytest.raises(ValueError, match=message):
+            _arguments(script, tmp_path, tmp_path, tmp_path, **options)
+
+    def test_a_distilled_teacher(self, distill, make_pipeline, tmp_path):
+        make_pipeline(lctg_config={"distilled_steps": 2}).save_pretrained(tmp_path / "t")
+        with pytest.raises(ValueError, match="is distilled already"):
+            distill(tmp_path / "out", pretrained_model_name_or_path=tmp_path / "t")
+
+    def test_more_steps_than_it_was_distilled_to(self, make_pipeline):
+        pipe = make_pipeline(lctg_config={"distilled_steps": 2})
+        with pytest.raises(ValueError, match="must be at most 2, got 5: this LCTG was distilled"):
+            pipe([[0, 0, 0]], num_inference_steps=5)
+        with pytest.raises(ValueError, match="must be at most 2, got 3"):
+            pipe.reconstruct(torch.zeros(4096).numpy(), 10_000, 3)
+
+    def test_impossible_number_of_steps_in_the_config(self, make_lctg):
+        with pytest.raises(ValueError, match="`distilled_steps` must be at least 1"):
+            make_lctg(distilled_steps=0)
