@@ -6,6 +6,7 @@ the finger's own resonances).
 """
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from ..signal import BAND_HZ
 
@@ -17,10 +18,16 @@ FILLED_OCTAVES = 2
 SLOPE_OCTAVES = 1.5
 #: Width of the edges of a resolution.
 EDGE_OCTAVES = 0.25
+#: Edges of the felt band lie half of that outside, as a factor: what is inside stays as it is.
+_BEYOND = 2 ** (EDGE_OCTAVES / 2)
+#: Samples of a resolution that are there twice, for the interpolation: one before its beginning, two after its end.
+_MARGIN = 3
 #: Samples per shortest period that a resolution keeps at least: a cubic through four of them is then 55 dB exact.
 LEAST_SAMPLES_PER_PERIOD = 8
 #: Share of a profile, at its end, that fades into its beginning so that it can be repeated.
 LOOP_SHARE = 0.1
+#: Share of a profile that is one of many, at each end, that fades out; its neighbours take over before.
+TAPER_SHARE = 0.05
 
 
 class TextureProfile:
@@ -40,6 +47,10 @@ class TextureProfile:
         band (`tuple[float, float]`, *optional*): Hz, what the texture holds and what may be felt.
         fill (`bool`, *optional*, defaults to `True`): whether what the texture does not hold is filled.
         seed (`int`, *optional*, defaults to 0): of the filling.
+        repeats (`bool`, *optional*, defaults to `True`): whether its end is to fade into its beginning; `False` = its
+            ends fade out, and it is read in between alone (`EndlessProfile`).
+        noise (`np.ndarray`, *optional*): white noise of which the filling is made, as long as the texture, in place of
+            a seed; without `repeats` only.
 
     Attributes:
         length (`float`): mm after which the profile repeats.
@@ -51,7 +62,9 @@ class TextureProfile:
             band, or a rate or speed is not positive.
     """
 
-    def __init__(self, texture, sampling_rate, reference_speed, band=BAND_HZ, fill=True, seed=0):
+    def __init__(
+        self, texture, sampling_rate, reference_speed, band=BAND_HZ, fill=True, seed=0, repeats=True, noise=None
+    ):
         texture = np.asarray(texture, dtype=np.float64)
         for name, value in (("sampling_rate", sampling_rate), ("reference_speed", reference_speed)):
             if not (np.isfinite(value) and value > 0):
@@ -65,29 +78,48 @@ class TextureProfile:
         self.band = tuple(band)
         self.reference_speed = float(reference_speed)
         self.pitch = reference_speed / sampling_rate
-        overlap = round(LOOP_SHARE * len(texture))
-        looped = loop(texture, overlap + (len(texture) - overlap) % 2)  # an even number of samples
-        self.length = len(looped) * self.pitch
-        spectrum, frequencies = np.fft.rfft(looped), np.fft.rfftfreq(len(looped), self.pitch)
-        spectrum[0] = 0
+        if repeats:
+            overlap = round(LOOP_SHARE * len(texture))
+            texture = loop(texture, overlap + (len(texture) - overlap) % 2)  # an even number of samples
+        else:
+            texture = _tapered(texture[: len(texture) // 2 * 2])
+        if noise is None:
+            noise = np.random.default_rng(seed).standard_normal(len(texture))
+        self.length = len(texture) * self.pitch
+        self._spectrum, self._frequencies = np.fft.rfft(texture), np.fft.rfftfreq(len(texture), self.pitch)
+        self._spectrum[0] = 0
         lowest, highest = (edge / reference_speed for edge in band)
         if fill:
-            spectrum = _filled(spectrum, frequencies, (lowest, highest), seed)
-            lowest, highest = lowest / 2**FILLED_OCTAVES, min(highest * 2**FILLED_OCTAVES, frequencies[-1])
+            draw = np.fft.rfft(noise[: len(texture)]) / np.sqrt(len(texture))
+            self._spectrum = _filled(self._spectrum, self._frequencies, (lowest, highest), draw)
+            lowest, highest = lowest / 2**FILLED_OCTAVES, min(highest * 2**FILLED_OCTAVES, self._frequencies[-1])
         # the finest resolution lies one above, so that what the texture holds up to its end stays as it is
         count = int(np.ceil(PER_OCTAVE * np.log2(highest / lowest))) + 3
         self.cutoffs = highest * 2.0 ** ((1 - np.arange(count)) / PER_OCTAVE)
-        self._levels = self._ladder(spectrum, frequencies)
+        # resolutions one after the other, finest first, the last one empty; made when they are first read
+        lengths = np.ceil(LEAST_SAMPLES_PER_PERIOD * self.cutoffs * self.length).astype(int)
+        self._lengths = np.array([next_fast_len(max(16, int(length)), real=True) for length in lengths] + [16])
+        self._begins = np.concatenate([[0], np.cumsum(self._lengths + _MARGIN)])
+        self._samples = np.zeros(self._begins[-1], dtype=np.float32)
+        self._made = np.zeros(count + 1, dtype=bool)
+        self._made[-1] = True
 
-    def _ladder(self, spectrum, frequencies):
-        """Resolutions, finest first, each with a sample of its end before it and two of its beginning after it."""
-        samples, levels = 2 * (len(frequencies) - 1), []
-        for cutoff in self.cutoffs:
-            kept = spectrum * _soft_edge(frequencies, cutoff)
-            length = max(16, int(np.ceil(LEAST_SAMPLES_PER_PERIOD * cutoff * self.length)))
-            level = np.fft.irfft(kept[: length // 2 + 1], n=length) * (length / samples)
-            levels.append(np.concatenate([level[-1:], level, level[:2]]).astype(np.float32))
-        return levels
+    def _make(self, level):
+        """One resolution, with a sample of its end before it and two of its beginning after it."""
+        kept = self._spectrum * _soft_edge(self._frequencies, self.cutoffs[level])
+        length, samples = self._lengths[level], 2 * (len(self._frequencies) - 1)
+        made = np.fft.irfft(kept[: length // 2 + 1], n=length) * (length / samples)
+        begin = self._begins[level]
+        self._samples[begin : begin + length + _MARGIN] = np.concatenate([made[-1:], made, made[:2]])
+        self._made[level] = True
+
+    def prepare(self, slowest, fastest):
+        """Makes the resolutions that fingers of these speeds (mm/s) read; otherwise they are made when first read."""
+        for edge in (self.band[1] * _BEYOND, self.band[0] / _BEYOND):
+            rungs = self._rungs(edge / np.array([slowest, fastest], dtype=np.float64))
+            for level in range(int(rungs.min()), min(int(rungs.max()) + 2, len(self._made))):
+                if not self._made[level]:
+                    self._make(level)
 
     def coverage(self, speed):
         """What part of the band the profile holds at a speed: its lowest and highest frequency, Hz.
@@ -111,21 +143,33 @@ class TextureProfile:
         speed = np.maximum(np.abs(speed), 1e-3)
         place = np.asarray(position, dtype=np.float64) / self.length
         place = place - np.floor(place)
-        beyond = 2 ** (EDGE_OCTAVES / 2)  # edges lie outside the band: what is inside stays as it is
-        highest, lowest = beyond * self.band[1] / speed, self.band[0] / beyond / speed
-        return self._low_passed(place, highest) - self._low_passed(place, lowest)
-
-    def _low_passed(self, place, cutoff):
-        """The profile below a spatial frequency that differs from sample to sample; `place` in [0, 1)."""
-        rung = np.clip(PER_OCTAVE * np.log2(self.cutoffs[0] / cutoff), 0, None)
-        lower = np.minimum(rung.astype(int), len(self._levels))
+        place[place >= 1] = 0  # of -1e-17, rounding leaves 1
+        # what lies below the highest frequency that is felt, less what lies below the lowest; each is read between two
+        # resolutions. All four at once: a block is short, and calls cost more than numbers
+        rung = self._rungs(np.stack([self.band[1] * _BEYOND / speed, self.band[0] / _BEYOND / speed]))
+        lower = rung.astype(int)
         share = rung - lower
-        made = np.zeros(len(place))
-        for level in range(lower.min(), min(lower.max() + 1, len(self._levels) - 1) + 1):
-            weight = np.where(lower == level, 1 - share, np.where(lower == level - 1, share, 0.0))
-            chosen = np.flatnonzero(weight)
-            made[chosen] += weight[chosen] * _cubic(self._levels[level], place[chosen])
-        return made
+        levels = np.stack([lower, np.minimum(lower + 1, len(self._made) - 1)])
+        if not self._made[levels].all():
+            for level in np.unique(levels[~self._made[levels]]):
+                self._make(level)
+        weights = np.stack([1 - share, share])
+        weights[:, 1] *= -1
+        return (weights * self._cubic(levels, place)).sum(axis=(0, 1))
+
+    def _rungs(self, cutoff):
+        """Places of spatial frequencies on the ladder: 0 = the finest resolution."""
+        return np.clip(PER_OCTAVE * np.log2(self.cutoffs[0] / cutoff), 0, len(self._made) - 1)
+
+    def _cubic(self, levels, place):
+        """Cubic (four-point Lagrange) interpolation in levels (..., n) at places (n,) in [0, 1)."""
+        x = place * self._lengths[levels]
+        index = x.astype(int)
+        t = x - index
+        index += self._begins[levels]
+        before, here, after, beyond = (self._samples[index + offset] for offset in range(4))
+        u, v, w = t + 1, t - 1, t - 2
+        return t * v * (u * beyond - w * before) / 6 + u * w * (v * here - t * after) / 2
 
 
 def loop(texture, overlap):
@@ -144,17 +188,28 @@ def loop(texture, overlap):
     return joined
 
 
+def _tapered(texture):
+    """Both ends faded out, so that the last sample meets the first."""
+    fade = np.linspace(0, np.pi / 2, round(TAPER_SHARE * len(texture)) + 2)[1:-1]
+    texture = texture.copy()
+    texture[: len(fade)] *= np.sin(fade)
+    texture[len(texture) - len(fade) :] *= np.cos(fade)
+    return texture
+
+
 def _soft_edge(frequencies, cutoff):
     """1 below the cutoff, 0 above, half a cosine over `EDGE_OCTAVES` around it: short ringing over position."""
     octaves = np.log2(np.maximum(frequencies, 1e-9) / cutoff)
     return 0.5 - 0.5 * np.sin(np.pi * np.clip(octaves / EDGE_OCTAVES, -0.5, 0.5))
 
 
-def _filled(spectrum, frequencies, held, seed):
-    """A spectrum whose power beyond what is `held` (cycles/mm) continues the slope at either end, at random phases."""
+def _filled(spectrum, frequencies, held, draw):
+    """A spectrum whose power beyond what is `held` (cycles/mm) continues the slope at either end.
+
+    `draw`: of the same length, complex normal numbers of unit variance that give it its phases.
+    """
     low, high = held
     power, octave = np.abs(spectrum) ** 2, np.log2(np.maximum(frequencies, frequencies[1]))
-    draw = np.random.default_rng(seed).standard_normal((len(spectrum), 2)) @ np.array([1, 1j]) / np.sqrt(2)
     within = (frequencies >= low) & (frequencies <= high)
     if not power[within].any():
         return spectrum
@@ -169,17 +224,3 @@ def _filled(spectrum, frequencies, held, seed):
         slope, offset = np.polyfit(octave[chosen], np.log(power[chosen]) + np.euler_gamma, 1)
         made += beyond * draw * np.exp(0.5 * (slope * octave + offset))
     return made
-
-
-def _cubic(level, place):
-    """Cubic (four-point Lagrange) interpolation in a level that has one sample before its beginning and two after."""
-    x = place * (len(level) - 3)
-    index = x.astype(int)
-    t = x - index
-    before, here, after, beyond = (level[index + offset] for offset in range(4))
-    return (
-        -t * (t - 1) * (t - 2) / 6 * before
-        + (t + 1) * (t - 1) * (t - 2) / 2 * here
-        - (t + 1) * t * (t - 2) / 2 * after
-        + (t + 1) * t * (t - 1) / 6 * beyond
-    )
