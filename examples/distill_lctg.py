@@ -203,6 +203,9 @@ def main(argv=None):
     if pipe.lctg.config.distilled_steps is not None:
         raise ValueError(f"--pretrained_model_name_or_path {args.pretrained_model_name_or_path} is distilled already.")
     teacher = copy.deepcopy(pipe.lctg)
+    teachers = pipe.scheduler
+    if args.method != "trajectory":
+        pipe.register_modules(scheduler=VDDIMScheduler())
     pipe.lctg.register_to_config(distilled_steps=max(args.student_steps))
     pipe.lctg.encoder.requires_grad_(False)
     rate = pipe.feature_extractor.sampling_rate
@@ -212,7 +215,7 @@ def main(argv=None):
     trainer = Trainer(
         accelerator,
         args,
-        DistillationStep(pipe.lctg, teacher, pipe.scheduler, pipe.feature_extractor, args, share),
+        DistillationStep(pipe.lctg, teacher, teachers, pipe.feature_extractor, args, share),
         "lctg",
         dataset,
         make_collate(pipe.feature_extractor, rate),

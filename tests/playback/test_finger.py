@@ -141,3 +141,33 @@ def test_bad_reports_are_refused_and_change_nothing(time, position, message):
 def test_bad_settings_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
         FingerPath(**{"sampling_rate": RATE, "sensor_rate": 125.0} | change)
+
+
+class TestLiftedFinger:
+    def test_a_jump_is_another_contact_and_no_fast_slide(self):
+        path = FingerPath(RATE, 125.0)
+        times = np.arange(0, 2, 1 / 125)
+        path.report(times, np.where(times < 1, 40 * times, 1000 + 40 * times))
+        place, velocity = path.advance(2 * RATE)
+        assert np.abs(velocity).max() < 80  # of 40, and the lead's swing at the start; a slide over a metre has 10,000
+        assert len(path.breaks) == 1
+        landed = path.breaks[0]
+        assert place[landed - 1, 0] < 45 and place[landed, 0] == pytest.approx(1040, abs=0.5)
+        assert abs(velocity[landed, 0]) < 0.01  # rounding of the filter
+        assert place[-1, 0] == pytest.approx(1000 + 40 * (2 - path.latency) + 40 * path.latency, abs=0.5)
+
+    def test_a_pause_ends_where_the_finger_is_seen_next(self):
+        path = FingerPath(RATE, 125.0)
+        path.report([0.0, 0.008, 0.5, 0.508], [0.0, 0.0, 20.0, 20.0])
+        place, velocity = path.advance(RATE)
+        assert set(np.abs(np.round(place[:, 0], 6))) == {0.0, 20.0}
+        assert np.abs(velocity).max() < 1e-6  # rounding of the filter
+
+    def test_blocks_of_any_length_give_the_same_path(self):
+        paths = [FingerPath(RATE, 125.0) for _ in range(2)]
+        times = np.arange(0, 1, 1 / 125)
+        for path in paths:
+            path.report(times, np.where(times < 0.5, 80 * times, 80 * times - 700))
+        whole = paths[0].advance(9600)[0]
+        parts = np.concatenate([paths[1].advance(32)[0] for _ in range(300)])
+        np.testing.assert_allclose(parts, whole, atol=1e-9)

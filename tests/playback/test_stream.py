@@ -170,3 +170,20 @@ def test_bad_calls_are_refused(make_stream, pink_noise):
         stream.read(32, normal_force=np.nan)
     with pytest.raises(ValueError, match="TextureProfile"):
         stream.replace(pink_noise(16_384, RATE)[0], 0.5)
+
+
+def test_a_jump_of_a_metre_is_felt_without_a_step(make_stream, profile):
+    own = np.abs(np.diff(profile.read(120 * np.arange(20_000) / RATE, np.full(20_000, 120.0)))).max()
+    made = _play(make_stream(friction=0.8), lambda t: 80 * t + (1000 if t > 1 else 0), seconds=2)
+    assert np.isfinite(made).all()
+    # the mean friction of 0.4 N fades within 200 samples by half a cosine: at most pi / 2 of its share a sample
+    fading, turning = 0.4 / 200 * np.pi / 2, 0.4 * 1.5 / 5 * 80 * 40 / RATE
+    assert np.abs(np.diff(made)).max() < own + fading + turning
+
+
+def test_a_second_jump_while_the_first_one_fades(make_stream):
+    stream = make_stream(friction=0.8)
+    times = np.arange(0, 1, 1 / SENSOR)
+    stream.report(times, 80 * times + 500 * (times > 0.5) + 500 * (times > 0.51))
+    made = np.concatenate([stream.read(32) for _ in range(300)])
+    assert np.isfinite(made).all() and np.abs(np.diff(made)).max() < 0.02

@@ -71,6 +71,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         rating_estimator: RatingEstimator = None,
     ):
         super().__init__()
+        self._warned_of = None
         if dale is not None and dale_scheduler is None:
             raise ValueError("`dale_scheduler` is missing: DALE needs a scheduler of its own, beside `scheduler`.")
         if scheduler is not None and scheduler is dale_scheduler:
@@ -264,7 +265,9 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         )
         scale = parse_guidance(guidance_scale, self.dale.config.rating_axes)
         ratings = parse_ratings(ratings, self.dale.config, rating_scale)
-        warn_of_novel_ratings(ratings, self.dale.config)
+        if ratings.numpy().tobytes() != self._warned_of:  # once, not for every take of a stream
+            warn_of_novel_ratings(ratings, self.dale.config)
+            self._warned_of = ratings.numpy().tobytes()
         count = len(ratings) * num_textures_per_rating
         generator = check_generator(generator, count)
         device = self._execution_device
@@ -311,14 +314,26 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
             frames = max(self.dale.config.latent_frames, math.ceil(duration_s * rate / hop / size - 1e-6) * size)
         return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
 
-    def _decode(self, latents, num_inference_steps, generator, bar, callback=None, callback_inputs=(), first_index=0):
+    def _decode(
+        self,
+        latents,
+        num_inference_steps,
+        generator,
+        bar,
+        callback=None,
+        callback_inputs=(),
+        first_index=0,
+        noise=None,
+    ):
         """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate.
 
         Returns them with the band levels and the contrast that they should have.
         """
         latents = latents.to(self.lctg.dtype)
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
-        noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=self.lctg.dtype)
+        if noise is None:
+            noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=self.lctg.dtype)
+        noise = noise.to(device=latents.device, dtype=self.lctg.dtype)
         self.scheduler.set_timesteps(num_inference_steps, device=latents.device)
         velocity = texture_velocity(self.lctg, latents)
         timesteps = self.scheduler.timesteps

@@ -64,6 +64,7 @@ class RecordedTexturesMixin:
         generator: torch.Generator | list[torch.Generator] | None = None,
         output_type: str = "np",
         samples: int | None = None,
+        noise: torch.Tensor | None = None,
     ):
         """Textures from latents.
 
@@ -76,6 +77,8 @@ class RecordedTexturesMixin:
             generator (`torch.Generator` or list, *optional*): draws LCTG's noise; a list has N entries.
             output_type (`str`, *optional*, defaults to `"np"`): `"np"` or `"pt"`.
             samples (`int`, *optional*): delivered samples to keep; `None` = all.
+            noise (`torch.Tensor`, *optional*): LCTG's initial noise in place of the generator's,
+                (N, 1, frames x lctg.config.latent_hop).
 
         Returns:
             [`TactileTexturePipelineOutput`]
@@ -86,12 +89,15 @@ class RecordedTexturesMixin:
         num_inference_steps, _ = self.resolve_steps(num_inference_steps)
         check_decoding(latents, level, self.lctg.config.latent_channels, num_inference_steps, output_type, samples)
         generator = check_generator(generator, len(latents))
+        shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
+        if noise is not None and tuple(noise.shape) != shape:
+            raise ValueError(f"`noise` must have the shape {shape}, got {tuple(noise.shape)}.")
         self._interrupt = False
         latents = latents.to(self._execution_device)
         if friction_coefficient is None:
             friction_coefficient = torch.full_like(level, torch.nan)
         with self.progress_bar(total=num_inference_steps) as bar:
-            decoded = self._decode(latents, num_inference_steps, generator, bar)
+            decoded = self._decode(latents, num_inference_steps, generator, bar, noise=noise)
         out = self._postprocess(*decoded, level, friction_coefficient, samples, output_type)
         self.maybe_free_model_hooks()
         return out

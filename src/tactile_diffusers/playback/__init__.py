@@ -4,6 +4,7 @@ from .drive import DriveProfile
 from .drive_files import read_drive_calibration
 from .drive_fit import DriveFit, fit_drive_profile
 from .drive_stream import ClippingReport, DriveStream
+from .endless import EndlessProfile, EndlessStream
 from .finger import FingerPath
 from .profile import TextureProfile
 from .stream import TextureStream
@@ -13,6 +14,8 @@ __all__ = [
     "DriveFit",
     "DriveProfile",
     "DriveStream",
+    "EndlessProfile",
+    "EndlessStream",
     "FingerPath",
     "TextureProfile",
     "TextureStream",

@@ -13,6 +13,10 @@ _LEAD_SHARE = 0.5
 #: Time beyond a sensor's period in which the newest report is expected, s: blocks of up to 50 samples at 10 kHz, whose
 #: last sample lies that far beyond what has been reported, then do not depend on their length.
 _MARGIN = 0.005
+#: Faster than this between two reports, mm/s, no finger slides: it was lifted and put down elsewhere.
+FASTEST = 3000.0
+#: As long without a report, s, a finger rests or is lifted; where it is then seen, its path begins anew.
+LIFTED_SECONDS = 0.1
 
 
 class FingerPath:
@@ -20,7 +24,8 @@ class FingerPath:
 
     Reports are joined by straight lines, low-passed by a Bessel filter, and led ahead by the delay of both at the
     present, smoothed velocity: a finger of steady speed is followed without delay, a change of speed `latency` later.
-    Before the first report, and when reports stop, the finger rests where it was last seen.
+    Before the first report, and when reports stop, the finger rests where it was last seen. After more than 0.1 s
+    without a report, or a jump at more than 3 m/s, the path begins anew, at rest, where the finger is then seen.
 
     Args:
         sampling_rate (`float`): of the blocks, Hz.
@@ -30,6 +35,7 @@ class FingerPath:
 
     Attributes:
         latency (`float`): s, delay of the line and the filter.
+        breaks (`list[int]`): samples of the last block where the path began anew elsewhere.
 
     Raises:
         ValueError: if a rate or the cutoff is not positive, or the cutoff not below half of the sensor's rate.
@@ -53,6 +59,7 @@ class FingerPath:
         self._samples = 0
         self._times, self._places = np.empty(0), np.empty((0, dimensions))
         self._state = self._last = None
+        self._landings, self.breaks = [], []
 
     @property
     def time(self):
@@ -78,8 +85,19 @@ class FingerPath:
             raise ValueError("`time` and `position` must be finite: leave out reports without a finger.")
         if not (np.diff(np.concatenate([self._times[-1:], times])) > 0).all():
             raise ValueError(f"`time` must ascend, report after report, got {times} after {self._times[-1:]}.")
-        self._times = np.concatenate([self._times, times])
-        self._places = np.concatenate([self._places, places])
+        for when, place in zip(times, places, strict=True):
+            self._append(when, place)
+
+    def _append(self, when, place):
+        if len(self._times):
+            passed, far = when - self._times[-1], np.linalg.norm(place - self._places[-1])
+            if far > FASTEST * passed or (far > 0 and passed > LIFTED_SECONDS):
+                self._landings.append(when)
+                # until then it rests where it was
+                self._times = np.append(self._times, np.nextafter(when, -np.inf))
+                self._places = np.concatenate([self._places, self._places[-1:]])
+        self._times = np.append(self._times, when)
+        self._places = np.concatenate([self._places, place[None]])
 
     def advance(self, samples):
         """Position and velocity of the next block.
@@ -97,6 +115,23 @@ class FingerPath:
         if not len(self._times):
             return np.zeros((samples, self.dimensions)), np.zeros((samples, self.dimensions))
         line = np.stack([np.interp(wanted, self._times, axis) for axis in self._places.T], axis=1)
+        landed = [when for when in self._landings if when <= wanted[-1]]
+        self._landings = self._landings[len(landed) :]
+        self.breaks = sorted({int(np.searchsorted(wanted, when)) for when in landed})
+        parts = []
+        for begin, end in zip([0, *self.breaks], [*self.breaks, samples], strict=True):
+            if begin in self.breaks:
+                self._state = None
+            if end > begin:
+                parts.append(self._smooth(line[begin:end]))
+        made = parts[0] if len(parts) == 1 else tuple(map(np.concatenate, zip(*parts, strict=True)))
+        # one report before what is still wanted is needed for the line
+        old = max(0, np.searchsorted(self._times, wanted[-1], side="right") - 1)
+        self._times, self._places = self._times[old:], self._places[old:]
+        return made
+
+    def _smooth(self, line):
+        """Place and velocity along a line without breaks."""
         if self._state is None:
             settled = signal.sosfilt_zi(self._sections)[..., None] * line[0]
             self._state, self._last = settled, (line[0], line[0])
@@ -108,7 +143,4 @@ class FingerPath:
         place = smooth + self.latency * velocity
         moved = np.diff(place, axis=0, prepend=place_before[None]) * self.sampling_rate
         self._last = smooth[-1], place[-1]
-        # one report before what is still wanted is needed for the line
-        old = max(0, np.searchsorted(self._times, wanted[-1], side="right") - 1)
-        self._times, self._places = self._times[old:], self._places[old:]
         return place, moved

@@ -6,7 +6,6 @@ import numpy as np
 
 from ..signal import BAND_HZ, DEVICE_RATE
 from .finger import CUTOFF_HZ, FingerPath
-from .profile import TextureProfile
 
 #: Speed below which friction turns smoothly with the direction, mm/s: where a resting finger is loaded, not sliding.
 TURNING_SPEED = 5.0
@@ -72,6 +71,7 @@ class TextureStream:
         self._lock = threading.Lock()
         self._surface = _checked(profile, friction_coefficient)
         self._next, self._faded = None, 0
+        self._felt, self._left = 0.0, np.zeros((0, dimensions))  # the last force, and what still fades of an older one
 
     @property
     def latency(self):
@@ -131,8 +131,22 @@ class TextureStream:
                 self._faded += samples
                 if self._faded >= self._fade_samples:
                     self._surface, self._next = self._next, None
-        force = (-_direction(velocity) * force[:, None]).astype(np.float32)
+            force = self._joined(-_direction(velocity) * force[:, None]).astype(np.float32)
         return force[:, 0] if self._finger.dimensions == 1 else force
+
+    def _joined(self, force):
+        """Where the finger is put down elsewhere, what it felt before fades within 20 ms: no step."""
+        begin = 0
+        for place in [*self._finger.breaks, len(force)]:
+            part = force[begin : min(place, begin + len(self._left))]
+            part += self._left[: len(part)]
+            self._left, begin = self._left[len(part) :], place
+            if place < len(force):
+                before = force[place - 1] if place else self._felt
+                fade = 0.5 + 0.5 * np.cos(np.pi * np.linspace(0, 1, self._fade_samples, endpoint=False))
+                self._left = (before - force[place]) * fade[:, None]
+        self._felt = force[-1].copy()
+        return force
 
     def _force(self, surface, place, velocity, normal_force):
         """Magnitude of friction: (samples,), N."""
@@ -155,8 +169,8 @@ def _read(profile, place, velocity):
 
 
 def _checked(profile, friction_coefficient):
-    if not isinstance(profile, TextureProfile):
-        raise ValueError(f"`profile` must be a TextureProfile, got {type(profile).__name__}.")
+    if not callable(getattr(profile, "read", None)):
+        raise ValueError(f"`profile` must be a TextureProfile or an EndlessProfile, got {type(profile).__name__}.")
     if not (np.isfinite(friction_coefficient) and friction_coefficient >= 0):
         raise ValueError(f"`friction_coefficient` must be at least 0, got {friction_coefficient}; 0 = texture alone.")
     return profile, float(friction_coefficient)

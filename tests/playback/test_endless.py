@@ -1,0 +1,225 @@
+"""Textures without end: the same wherever one comes from, without dips at the joints, generated in a thread."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers.playback import EndlessProfile, EndlessStream, TextureStream
+
+SPEED = 80.0
+RATINGS = [0.5, 0.0, -0.5]
+
+
+@pytest.fixture
+def pipe(make_pipeline):
+    return make_pipeline()
+
+
+@pytest.fixture
+def make_profile(pipe):
+    return lambda ratings=RATINGS, **options: EndlessProfile(pipe, ratings, **options)
+
+
+def _read(profile, begin, end, samples=400, speed=SPEED):
+    return profile.read(np.linspace(begin, end, samples) * profile.spacing, np.full(samples, speed))
+
+
+def _wait_for(condition, seconds=20.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "the thread has not done it in time"
+        time.sleep(0.002)
+
+
+class TestProfile:
+    def test_a_window_is_the_same_whatever_was_generated_before(self, make_profile):
+        first, second = make_profile(), make_profile()
+        first.generate(0, 1, 2, 3)
+        second.generate(3)
+        # batches of other sizes round differently
+        np.testing.assert_allclose(_read(first, 3.3, 3.9), _read(second, 3.3, 3.9), atol=1e-4 * 0.01)
+
+    def test_no_two_windows_are_alike(self, make_profile):
+        profile = make_profile()
+        profile.generate(0, 1, -1)
+        places = [_read(profile, index + 0.3, index + 0.9) for index in (-1, 0, 1)]
+        assert np.abs(np.corrcoef(places)[np.triu_indices(3, 1)]).max() < 0.3
+
+    def test_another_seed_is_another_surface(self, make_profile):
+        first, second = make_profile(seed=0), make_profile(seed=1)
+        for profile in (first, second):
+            profile.generate(0)
+        assert first.level != second.level
+        assert abs(np.corrcoef(_read(first, 0.3, 0.9), _read(second, 0.3, 0.9))[0, 1]) < 0.3
+
+    def test_neighbours_nearly_agree_where_one_gives_way_to_the_other(self, make_profile):
+        profile = make_profile()
+        profile.generate(0, 1)
+        place = np.linspace(1 + 0.25 / 3, 1 + 0.75 / 3, 500) * profile.spacing
+        speed = np.full(500, SPEED)
+        before, after = (profile._windows[k].read(place - k * profile.spacing, speed) for k in (0, 1))
+        # random weights look farther around than trained ones; 0.99 of those of the bundled checkpoint
+        assert np.corrcoef(before, after)[0, 1] > 0.8
+
+    def test_no_step_where_windows_meet(self, make_profile):
+        profile = make_profile()
+        profile.generate(0, 1, 2)
+        read = _read(profile, 0.5, 2.9, samples=12_000)
+        steps = np.abs(np.diff(read))
+        inside = np.abs(np.diff(_read(profile, 1.3, 1.99, samples=3450))).max()
+        assert steps.max() < 2 * inside
+
+    def test_all_takes_share_level_and_mean_spectrum(self, make_pipeline):
+        # one learned channel beside three levels of bands
+        profile = EndlessProfile(make_pipeline(), RATINGS)
+        profile.generate(0, 5)
+        levels = profile.pipe.lctg.level_channels
+        means = [take[:levels].mean(-1) for take in profile._takes.values()]
+        for mean in means[1:]:
+            torch.testing.assert_close(mean, means[0])
+
+    def test_memory_is_bounded_and_what_was_dropped_comes_back(self, make_profile, monkeypatch):
+        monkeypatch.setattr("tactile_diffusers.playback.endless.LARGEST_CACHE", 3)
+        profile = make_profile()
+        profile.generate(0)
+        first = _read(profile, 0.3, 0.9)
+        for index in range(1, 8):
+            profile.generate(index)
+            _read(profile, index + 0.3, index + 0.9)
+            profile._recent = {index: profile._reads}
+        assert len(profile._windows) == 3 and len(profile._takes) <= 7 and 0 not in profile._windows
+        profile._recent = {0: profile._reads}
+        profile.generate(0)
+        np.testing.assert_allclose(_read(profile, 0.3, 0.9), first, atol=1e-4 * 0.01)
+
+    def test_another_window_stands_in_until_the_finger_has_left(self, make_profile):
+        profile = make_profile()
+        profile.generate(0)
+        own = _read(profile, 0.3, 0.9)
+        stand_in = _read(profile, 7.3, 7.9)
+        np.testing.assert_allclose(stand_in, own, atol=1e-9)
+        assert profile.substituted == 1 and profile.missing()[:2] == [7, 8]
+        profile.generate(7)
+        np.testing.assert_allclose(_read(profile, 7.3, 7.9), own, atol=1e-9)  # no step under the finger
+        for _ in range(100):
+            _read(profile, 0.4, 0.5)
+        assert np.abs(_read(profile, 7.3, 7.9) - own).max() > 1e-4
+        assert profile.substituted == 1
+
+    def test_an_interrupted_pipeline_leaves_nothing_half_made(self, make_profile, monkeypatch):
+        profile = make_profile()
+        decode = type(profile.pipe).decode
+
+        def interrupted(pipe, *arguments, **options):
+            out = decode(pipe, *arguments, **options)
+            pipe._interrupt = True
+            return out
+
+        monkeypatch.setattr(type(profile.pipe), "decode", interrupted)
+        profile.generate(0)
+        assert profile._windows == {}
+        with pytest.raises(RuntimeError, match="`generate` a window first"):
+            _read(profile, 0, 1)
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"ratings": [9.0, 0, 0]}, "`ratings`"),
+            ({"ratings": [RATINGS, RATINGS]}, "`ratings` must be those of one texture, got 2"),
+            ({"seed": -1}, "`seed` must lie in"),
+            ({"num_inference_steps": 0}, "`num_inference_steps`"),
+            ({"num_latent_inference_steps": 1.5}, "`num_latent_inference_steps`"),
+        ],
+    )
+    def test_bad_input(self, make_profile, options, message):
+        with pytest.raises(ValueError, match=message):
+            make_profile(**options)
+
+    def test_a_pipeline_that_only_reconstructs(self, make_pipeline):
+        with pytest.raises(ValueError, match="`pipe` has no `dale`"):
+            EndlessProfile(make_pipeline(dale=False), RATINGS)
+
+
+class TestStream:
+    def test_follows_the_finger_over_many_windows(self, make_profile):
+        profile = make_profile()
+        with EndlessStream(profile, 125.0, sampling_rate=10_000) as stream:
+            made = []
+            # the tiny windows are 12 mm long: 40 mm/s cross three of them in a second
+            for number in range(125):
+                stream.report(number / 125, 40 * number / 125)
+                made.append(stream.read(80))
+                _wait_for(lambda: not profile.missing() or stream._failure)
+        made = np.concatenate(made)
+        assert np.isfinite(made).all() and profile.substituted <= 1
+        assert len(profile._windows) >= 3
+
+    def test_a_change_of_ratings_from_another_thread(self, make_profile):
+        profile = make_profile()
+        with EndlessStream(profile, 125.0) as stream:
+            stream.report([0.0, 0.008], [0.0, 0.5])
+            stream.read(32)
+            thread = threading.Thread(target=stream.change, args=([-1.0, 1.0, 1.0],))
+            thread.start()
+            thread.join()
+            _wait_for(lambda: stream._profile is not profile)
+            for _ in range(20):
+                stream.read(32)
+            changed, friction = stream._surface
+            assert changed is stream._profile and changed.ratings.tolist() == [[-1.0, 1.0, 1.0]]
+            assert friction == changed.friction_coefficient != profile.friction_coefficient
+            assert changed.options == profile.options and changed.seed == profile.seed
+
+    def test_impossible_ratings_leave_the_stream_as_it_was(self, make_profile):
+        profile = make_profile()
+        with EndlessStream(profile, 125.0) as stream:
+            with pytest.raises(ValueError, match="`ratings`"):
+                stream.change([9.0, 0.0, 0.0])
+            stream.read(32)
+            assert stream._profile is profile and stream._changed is None
+
+    def test_many_changes_end_at_the_last_one(self, make_profile):
+        with EndlessStream(make_profile(), 125.0) as stream:
+            for value in np.linspace(-1, 1, 15):
+                stream.change([value, 0.0, 0.0])
+                stream.read(32)
+            _wait_for(lambda: stream._profile.ratings[0, 0] == 1.0)
+            for _ in range(20):
+                assert np.isfinite(stream.read(32)).all()
+
+    def test_a_failure_in_the_thread_is_raised_where_it_is_read(self, make_profile, monkeypatch):
+        profile = make_profile()
+        with EndlessStream(profile, 125.0) as stream:
+
+            def fail(*_, **__):
+                raise OSError("gone")
+
+            monkeypatch.setattr(EndlessProfile, "generate", fail)
+            stream.change([0.0, 0.0, 0.0])
+            _wait_for(lambda: stream._failure)
+            with pytest.raises(RuntimeError, match="Generating has failed: OSError"):
+                stream.read(32)
+
+    def test_on_a_plane(self, make_profile):
+        profile = make_profile()
+        with EndlessStream(profile, 125.0, dimensions=2) as stream:
+            for number in range(60):
+                stream.report(number / 125, [30 * number / 125, 20 * number / 125])
+                force = stream.read(80)
+                _wait_for(lambda: not profile.missing() or stream._failure)
+            assert force.shape == (80, 2) and np.isfinite(force).all() and force.any()
+
+    def test_closing_ends_the_thread_and_keeps_what_is_there(self, make_profile):
+        stream = EndlessStream(make_profile(), 125.0)
+        stream.close()
+        assert not stream._worker.is_alive()
+        assert np.isfinite(stream.read(32)).all()
+
+    def test_only_endless_profiles(self, make_profile):
+        with pytest.raises(ValueError, match="must be an EndlessProfile, got str"):
+            EndlessStream("profile", 125.0)
+        with pytest.raises(ValueError, match="must be a TextureProfile or an EndlessProfile, got str"):
+            TextureStream("profile", 0.5, 125.0)
