@@ -3,6 +3,7 @@
 import json
 import platform
 import time
+from pathlib import Path
 
 import numpy as np
 from scipy import signal
@@ -15,6 +16,7 @@ from ..evaluation.tables import markdown_table, title
 from ..playback import FingerPath, TextureProfile, TextureStream
 from ..playback.stream import REFERENCE_FORCE, SPEED_EXPONENT
 from ..signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass
+from . import benchmark_endless
 
 SPEEDS = (20.0, 40.0, 80.0, 160.0, 320.0)
 #: Speed at which the profiles are recorded, mm/s: that of the virtual explorers.
@@ -28,6 +30,8 @@ SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1)
 #: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
 HAND_HZ = 15.0
 BLOCK = 32
+#: Reports of the sensor in the timed runs.
+SENSOR_HZ = 125.0
 #: Random motion: it strokes to and fro at most about this often, over about twice this far.
 STROKES_HZ, STROKES_MM = 1.0, 30.0
 
@@ -50,9 +54,13 @@ def run(arguments, pipe):
     report = {
         "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, torch {torch.__version__}",
         "surfaces": arguments.surfaces,
+        "minutes": arguments.minutes,
         "recordings": fresh_recordings(arguments.surfaces, arguments.quiet),
         "sensors": {f"{rate:g} Hz, {step:g} mm": sensor(profiles, rate, step) for rate, step in SENSORS},
         "clock": clock(profiles, arguments.minutes, arguments.seed, arguments.quiet),
+        "joints": benchmark_endless.joints(pipe, arguments.quiet),
+        "starts": starts(pipe),
+        "endless": endless(pipe, arguments.minutes, arguments.seed, arguments.quiet),
     }
     text = markdown(report)
     arguments.output.mkdir(parents=True, exist_ok=True)
@@ -148,16 +156,13 @@ def clock(profiles, minutes, seed, quiet):
     Returns:
         `dict`: percentiles in ms, share of the time that one core is busy, largest step against the profiles' own.
     """
-    rng, rate = np.random.default_rng(seed), 125.0
-    blocks = round(minutes * 60 * DEVICE_RATE / BLOCK)
-    slow = signal.butter(4, STROKES_HZ, fs=rate, output="sos")
-    moved = signal.sosfilt(slow, rng.standard_normal(round(minutes * 60 * rate) + 9))
-    place = STROKES_MM * moved / moved.std()
+    rate = SENSOR_HZ
+    blocks, place = round(minutes * 60 * DEVICE_RATE / BLOCK), motion(minutes, seed)
     stream, number, times, steps, last = TextureStream(profiles[0], 0.0, rate), 0, np.empty(blocks), 0.0, 0.0
     finite = True
     for block in tqdm(range(blocks), disable=quiet, desc="clock"):
         while number / rate <= stream.time:
-            stream.report(number / rate, np.round(place[number], 1))
+            stream.report(number / rate, place[number])
             number += 1
         if block % round(0.5 * DEVICE_RATE / BLOCK) == 0:
             stream.replace(profiles[(block * BLOCK * 2 // DEVICE_RATE) % 2], 0.0)
@@ -179,6 +184,45 @@ def clock(profiles, minutes, seed, quiet):
         "profiles' own mN": 1e3 * own,
         "finite": finite,
     }
+
+
+def motion(minutes, seed):
+    """Random motion as a sensor of 125 Hz and 0.1 mm reports it: mm."""
+    slow = signal.butter(4, STROKES_HZ, fs=SENSOR_HZ, output="sos")
+    moved = signal.sosfilt(slow, np.random.default_rng(seed).standard_normal(round(minutes * 60 * SENSOR_HZ) + 9))
+    return np.round(STROKES_MM * moved / moved.std(), 1)
+
+
+def with_distilled(pipe):
+    """The pipelines to play from, by name: as given, and with the distilled decoder of the bundled checkpoint.
+
+    What is distilled from another checkpoint's decoder would not fit: only the bundled encoder's latents do.
+    """
+    from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
+
+    found, folder = {"as it is": pipe}, bundled_checkpoint()
+    if (Path(folder) / "lctg_distilled").is_dir():
+        lctg = LCTGModel.from_pretrained(folder, subfolder="lctg_distilled")
+        if lctg.config.latent_channels == pipe.lctg.config.latent_channels and all(
+            value.equal(pipe.lctg.encoder.state_dict()[name]) for name, value in lctg.encoder.state_dict().items()
+        ):
+            found["distilled decoder"] = TactileTexturePipeline(**{**pipe.components, "lctg": lctg})
+            found["distilled decoder"].set_progress_bar_config(disable=True)
+    return found
+
+
+def starts(pipe):
+    """Times to the first sample and to other ratings, with each decoder."""
+    return {name: benchmark_endless.starts(one) for name, one in with_distilled(pipe).items()}
+
+
+def endless(pipe, minutes, seed, quiet):
+    """Real time, with the quickest decoder that there is; and the largest step that the profiles have of their own."""
+    pipe, place = list(with_distilled(pipe).values())[-1], motion(minutes, seed)
+    found = benchmark_endless.clock(pipe, place, SENSOR_HZ, BLOCK, minutes, quiet)
+    fastest = float(np.abs(np.diff(place)).max() * SENSOR_HZ)
+    found["profiles' own mN"] = 1e3 * max(_largest_step(one, fastest) for one in benchmark_endless.profiles(pipe))
+    return found
 
 
 def _largest_step(profile, fastest):
@@ -213,5 +257,18 @@ def markdown(report):
         f"{title('On time', 4)}Blocks of {BLOCK} samples at 10 kHz under random motion; the surface changes twice a "
         "second; without mean friction, so that steps are the texture's.\n\n"
         + markdown_table({"stream": report["clock"]}, 3)
+    )
+    parts.append(
+        f"{title('Without end', 4)}Windows of fresh takes are generated in a thread while they are played. Where two "
+        "meet, against the middle of windows:\n\n" + markdown_table({"joints": report["joints"]})
+    )
+    parts.append(
+        "From ratings to the first sample, and from new ratings until they alone are felt, on a warm pipeline:\n\n"
+        + markdown_table(report["starts"], 1)
+    )
+    parts.append(
+        f"In real time for {report['minutes']:g} minutes of random motion, ratings changed every "
+        f"{benchmark_endless.CHANGE_SECONDS:g} s, blocks of {BLOCK} samples; an underrun is a block that comes more "
+        "than one block late:\n\n" + markdown_table({name: {"": value} for name, value in report["endless"].items()}, 3)
     )
     return "\n\n".join(parts) + "\n"
