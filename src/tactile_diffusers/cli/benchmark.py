@@ -1,18 +1,20 @@
 """`python examples/benchmark.py`: speed and memory of generating, on this machine."""
 
 import argparse
+import importlib
 import json
 import platform
 import statistics
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 from ..data.files import write_text
 from ..signal import SEGMENT_SECONDS
 from . import readme
+from .child import run_child
 
+#: suites beside "speed" -> the module whose `run(arguments, pipe)` measures
+SUITES = {name: f"{__package__}.benchmark_{name}" for name in ("scheduler", "data", "stream", "scene")}
 #: what a child process does so that its peak memory is that of generating one texture
 _GENERATE_ONCE = """
 import sys, torch
@@ -27,24 +29,24 @@ def parse_arguments(argv=None):
     """Arguments of the command."""
     parser = argparse.ArgumentParser(prog="benchmark.py", description="Measure speed, memory and accuracy.")
     parser.add_argument("--checkpoint", metavar="FOLDER", help="default: the bundled checkpoint")
-    parser.add_argument(
-        "--suite", choices=["speed", "scheduler", "data", "stream"], default="speed", help="default %(default)s"
-    )
+    parser.add_argument("--suite", choices=["speed", *SUITES], default="speed", help="default %(default)s")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="JSON and Markdown")
     parser.add_argument("--threads", type=int, help="of torch; default: its own choice")
     parser.add_argument("--repeats", type=int, default=5, help="the median counts")
-    compared = parser.add_argument_group("suites scheduler, data and stream")
+    compared = parser.add_argument_group("suites scheduler, data, stream and scene")
     compared.add_argument(
         "--data", type=Path, metavar="PREPARED.h5", help="scheduler: also compare on trained models; data: load this"
     )
     compared.add_argument("--recordings", type=Path, metavar="R.h5", help="data: prepare these; default: virtual ones")
     compared.add_argument("--segments", type=int, default=60, help="scheduler: held-out segments, one a surface")
-    compared.add_argument("--surfaces", type=int, default=60, help="stream: virtual surfaces that are recorded")
+    compared.add_argument("--surfaces", type=int, help="stream: virtual ones, recorded, default 60; scene: default 100")
     compared.add_argument("--minutes", type=float, default=10.0, help="stream: of random motion")
     compared.add_argument("--seed", type=int, default=0)
     compared.add_argument("--quiet", action="store_true", help="no progress bars")
     readme.add_arguments(parser, None)
     arguments = parser.parse_args(argv)
+    if arguments.surfaces is None:
+        arguments.surfaces = 100 if arguments.suite == "scene" else 60
     if arguments.repeats < 1 or (arguments.threads is not None and arguments.threads < 1):
         parser.error("arguments --repeats and --threads must be at least 1")
     if arguments.segments < 3 or arguments.seed < 0:
@@ -110,10 +112,7 @@ def _peak_memory(checkpoint):
         return {}
     peaks = {}
     for name, code in (("import only", "import tactile_diffusers"), ("load and generate one texture", _GENERATE_ONCE)):
-        # not getrusage: on Linux a child's maximum begins at its parent's
-        wrapped = f"{code}\nprint(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])"
-        done = subprocess.run([sys.executable, "-c", wrapped, checkpoint], check=True, capture_output=True, text=True)
-        peaks[name] = {"peak MiB": int(done.stdout.split()[-1]) / 2**10}
+        peaks[name] = {"peak MiB": run_child(code, checkpoint)[1]}
     return peaks
 
 
@@ -129,18 +128,8 @@ def main(argv=None):
     checkpoint = str(arguments.checkpoint or bundled_checkpoint())
     pipe = TactileTexturePipeline.from_pretrained(checkpoint)
     pipe.set_progress_bar_config(disable=True)
-    if arguments.suite == "scheduler":
-        from .benchmark_scheduler import run
-
-        text = run(arguments, pipe)
-    elif arguments.suite == "data":
-        from .benchmark_data import run
-
-        text = run(arguments, pipe)
-    elif arguments.suite == "stream":
-        from .benchmark_stream import run
-
-        text = run(arguments, pipe)
+    if arguments.suite in SUITES:
+        text = importlib.import_module(SUITES[arguments.suite]).run(arguments, pipe)
     else:
         text = _speed(arguments, pipe, checkpoint)
     if arguments.readme is not None:

@@ -7,6 +7,7 @@ from .drive_stream import ClippingReport, DriveStream
 from .endless import EndlessProfile, EndlessStream
 from .finger import FingerPath
 from .profile import TextureProfile
+from .scene import TextureScene
 from .stream import TextureStream
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "EndlessStream",
     "FingerPath",
     "TextureProfile",
+    "TextureScene",
     "TextureStream",
     "fit_drive_profile",
     "read_drive_calibration",

@@ -1,0 +1,323 @@
+"""Many surfaces under one finger, of which only what is touched is modelled: `TextureScene`."""
+
+import hashlib
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+
+from ..pipelines import TactileTexturePipeline
+from ..pipelines.inputs import check_positive_integer, parse_ratings
+from ..pipelines.recorded import DEFAULT_STEPS
+from .patches import Patches
+from .profile import LOOP_SHARE, TextureProfile
+from .scene_files import SceneState, check_seed, read_scene, write_scene
+
+#: Distance from a patch, mm, and time before it is reached, s, from which on `prepare` decodes it: a finger moves up to
+#: 0.2 m/s, mostly, and a segment takes 0.1 s to decode on one slow core.
+MARGIN_MM, AHEAD_SECONDS = 10.0, 0.3
+
+
+class TextureScene:
+    r"""
+    Surfaces given by ratings, as textures for `TextureStream`, each made when it is needed and not before.
+
+    At the first need DALE makes the latents of all surfaces, in one batch (patches longer than one segment, 118 mm with
+    the bundled checkpoint: one batch for each length). LCTG decodes a surface when its profile is first asked for, as
+    long as the longest stroke within its patch and at least one segment; `cache_size` profiles are kept, those asked
+    for last. What a surface is depends on `seed`, its name, ratings and patch alone: the same profile whatever is
+    touched in which order, after it was dropped from the cache, and from a file. Bit for bit within a process; among
+    other surfaces, or in another process, sums are rounded otherwise, 100 dB below the texture.
+
+    All calls may come from different threads. `profile` of a surface in the cache does not wait for one that is being
+    decoded, so that `prepare` can run in a thread of its own. The pipeline must not be used otherwise meanwhile.
+
+    Args:
+        surfaces (`Mapping[str, Any]`): name -> ratings of one texture, z-scores in any form that the pipeline takes:
+            `[r, b, s]`, `{"roughness": 1.2}`; `None` or NaN = not specified.
+        pipe (`TactileTexturePipeline`): with `dale`, which a scene from a file (`load`) can do without.
+        patches (`Mapping[str, Sequence[float]]`, *optional*): name -> (x, y, width, height), or (start, length) on a
+            line, mm, for `at`, `near` and `prepare`. Of patches that overlap the later surface lies above. A surface
+            without a patch is one segment, by name alone.
+        seed (`int`, *optional*, defaults to 0): another one gives other takes of the same surfaces.
+        num_inference_steps (`int`, *optional*, defaults to 5): of both stages.
+        guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): as in the pipeline; 1.0 = off.
+        cache_size (`int`, *optional*, defaults to 8): profiles kept, 1.4 MB for each segment.
+
+    Attributes:
+        names (`tuple[str, ...]`): of the surfaces.
+        ratings (`np.ndarray`): (surfaces, axes) float32, z-scores, NaN = not specified.
+        patches (`dict[str, tuple[float, ...]]`): mm.
+        dimensions (`int`): of a position, 1 or 2; 0 = no patches.
+        reference_speed (`float`): mm/s.
+
+    Raises:
+        ValueError: for impossible surfaces, patches, settings or a pipeline without DALE, before any work starts.
+    """
+
+    def __init__(
+        self,
+        surfaces,
+        pipe,
+        patches=None,
+        seed=0,
+        num_inference_steps=DEFAULT_STEPS,
+        guidance_scale=1.0,
+        cache_size=8,
+    ):
+        _check_pipe(pipe)
+        pipe.check_inputs(num_inference_steps, None, guidance_scale, 1, None, "latent", ())
+        check_seed(seed)
+        config = pipe.dale.config
+        if config.reference_speed is None:
+            raise ValueError("`pipe` does not know its reference speed (config of `dale`): it cannot be laid in space.")
+        names, ratings = _parse_surfaces(surfaces, config)
+        state = SceneState(
+            names=names,
+            ratings=ratings,
+            rating_axes=tuple(config.rating_axes),
+            patches=Patches({} if patches is None else patches, names),
+            seed=int(seed),
+            num_inference_steps=int(num_inference_steps),
+            guidance_scale=guidance_scale,
+            reference_speed=float(config.reference_speed),
+        )
+        self._begin(state, pipe, cache_size)
+
+    @classmethod
+    def load(cls, path, pipe, cache_size=8):
+        """A scene from a file; DALE is not run, nor needed.
+
+        Args:
+            path (`str` or `Path`): that `save` wrote.
+            pipe (`TactileTexturePipeline`): of the checkpoint that the scene was made with, in any precision, with
+                `dale` or without.
+            cache_size (`int`, *optional*, defaults to 8): profiles kept.
+
+        Raises:
+            FileNotFoundError: if there is no file.
+            ValueError: if the file is damaged or no scene, or belongs to another checkpoint.
+        """
+        _check_pipe(pipe)
+        scene = cls.__new__(cls)
+        scene._begin(read_scene(path, pipe), pipe, cache_size)
+        return scene
+
+    def _begin(self, state, pipe, cache_size):
+        check_positive_integer("cache_size", cache_size)
+        self._state, self._pipe, self.cache_size = state, pipe, int(cache_size)
+        self._profiles = OrderedDict()
+        # one for what takes long, models have state; one for the moments in which the cache is looked at
+        self._working, self._looking = threading.Lock(), threading.Lock()
+
+    @property
+    def names(self):
+        return self._state.names
+
+    @property
+    def ratings(self):
+        return self._state.ratings
+
+    @property
+    def patches(self):
+        return dict(self._state.patches.boxes)
+
+    @property
+    def dimensions(self):
+        return self._state.patches.dimensions
+
+    @property
+    def reference_speed(self):
+        return self._state.reference_speed
+
+    @property
+    def decoded(self):
+        """Names of the surfaces whose profiles are in the cache, the one asked for last at the end."""
+        with self._looking:
+            return tuple(self._profiles)
+
+    def save(self, path):
+        """Writes ratings, patches, seed and latents to one file, 3 kB for each surface of one segment.
+
+        DALE runs first if it has not run, so that a scene from a file never needs it.
+
+        Args:
+            path (`str` or `Path`): `.safetensors`, written under a temporary name and renamed.
+
+        Raises:
+            FileNotFoundError: if the folder does not exist.
+        """
+        self._ensure_latents()
+        write_scene(path, self._state, self._pipe)
+
+    def at(self, position):
+        """Name of the surface under a position, or `None`.
+
+        Args:
+            position (`float` or `Sequence[float]`): (dimensions,), mm.
+
+        Raises:
+            ValueError: if the position is not finite or of other dimensions, or the scene has no patches.
+        """
+        return self._state.patches.at(position)
+
+    def near(self, position, velocity=None, margin=MARGIN_MM, seconds=AHEAD_SECONDS):
+        """Surfaces that a finger touches or is about to touch.
+
+        Args:
+            position (`float` or `Sequence[float]`): (dimensions,), mm.
+            velocity (`float` or `Sequence[float]`, *optional*): (dimensions,), mm/s; `None` = it rests.
+            margin (`float`, *optional*, defaults to 10.0): mm around a patch that count as near.
+            seconds (`float`, *optional*, defaults to 0.3): how far ahead to look, straight on.
+
+        Returns:
+            `list[str]`: names, first to be reached first.
+
+        Raises:
+            ValueError: if an argument is not finite or of other dimensions, or the scene has no patches.
+        """
+        return self._state.patches.near(position, velocity, margin, seconds)
+
+    def prepare(self, position, velocity=None, margin=MARGIN_MM, seconds=AHEAD_SECONDS):
+        """Decodes what a finger touches or is about to touch, at most `cache_size` surfaces, in the caller's thread.
+
+        Arguments, result (less what exceeds the cache) and errors are those of `near`.
+        """
+        names = self.near(position, velocity, margin, seconds)[: self.cache_size]
+        for name in names:
+            self.profile(name)
+        return names
+
+    def profile(self, name):
+        """The texture of a surface over position, decoded if it is not in the cache.
+
+        Args:
+            name (`str`): of the surface.
+
+        Returns:
+            [`TextureProfile`]: at least as long as the longest stroke within the surface's patch.
+
+        Raises:
+            ValueError: for a name that the scene does not have.
+        """
+        index = self._index(name)
+        found = self._cached(name)
+        if found is not None:
+            return found
+        with self._working:
+            found = self._cached(name)  # another thread may have made it meanwhile
+            if found is None:
+                found = self._decode(index)
+                with self._looking:
+                    self._profiles[name] = found
+                    while len(self._profiles) > self.cache_size:
+                        self._profiles.popitem(last=False)
+        return found
+
+    def friction_coefficient(self, name):
+        """Mean friction of a surface, for `TextureStream`; NaN if the checkpoint does not know it.
+
+        Args:
+            name (`str`): of the surface.
+
+        Returns:
+            `float`
+
+        Raises:
+            ValueError: for a name that the scene does not have.
+        """
+        index = self._index(name)
+        self._ensure_latents()
+        return float(self._state.friction_coefficient[index])
+
+    def _index(self, name):
+        if name not in self._state.names:
+            raise ValueError(f"`name` must be one of the scene's {list(self._state.names)[:20]}, got {name!r}.")
+        return self._state.names.index(name)
+
+    def _cached(self, name):
+        with self._looking:
+            if name in self._profiles:
+                self._profiles.move_to_end(name)
+            return self._profiles.get(name)
+
+    def _ensure_latents(self):
+        if self._state.friction_coefficient is None:  # set last
+            with self._working:
+                self._generate()
+
+    def _generate(self):
+        """DALE for all surfaces, unless it has run: those of one length in one batch, each with its own noise."""
+        state = self._state
+        if state.friction_coefficient is not None:
+            return
+        durations = [self._duration(name) for name in state.names]
+        latents, level, friction = [None] * len(durations), *np.empty((2, len(durations)), dtype=np.float32)
+        for duration in dict.fromkeys(durations):
+            rows = [row for row, other in enumerate(durations) if other == duration]
+            made = self._pipe(
+                state.ratings[rows],
+                num_inference_steps=state.num_inference_steps,
+                guidance_scale=state.guidance_scale,
+                duration_s=duration,
+                generator=[self._generator(state.names[row], "dale") for row in rows],
+                output_type="latent",
+            )
+            # half precision, as in a file, so that a scene from there is the same: what it takes away lies 70 dB below
+            base = made.latents[:, : self._pipe.lctg.base_channels].half().cpu().numpy()
+            level[rows], friction[rows] = made.level.cpu().numpy(), made.friction_coefficient.cpu().numpy()
+            for row, values in zip(rows, base, strict=True):
+                latents[row] = values
+        state.latents, state.level, state.friction_coefficient = latents, level, friction
+
+    def _duration(self, name):
+        """Seconds of texture that a patch needs at the reference speed; `None` = one segment is enough."""
+        lctg, rate = self._pipe.lctg.config, self._pipe.feature_extractor.sampling_rate
+        seconds = self._state.patches.extent(name) / (1 - LOOP_SHARE) / self._state.reference_speed
+        return seconds if seconds > self._pipe.dale.config.latent_frames * lctg.latent_hop / rate else None
+
+    def _decode(self, index):
+        """LCTG for one surface, alone, so that no other surface changes how it is rounded."""
+        self._generate()
+        state, name = self._state, self._state.names[index]
+        out = self._pipe.decode(
+            self._pipe.lctg.complete(torch.from_numpy(state.latents[index][None]).float()),
+            torch.from_numpy(state.level[index : index + 1]),
+            num_inference_steps=state.num_inference_steps,
+            generator=self._generator(name, "lctg"),
+        )
+        seed = _noise_seed(state.seed, name, "filling")
+        return TextureProfile(out.textures[0], out.sampling_rate, state.reference_speed, seed=seed)
+
+    def _generator(self, name, use):
+        return torch.Generator("cpu").manual_seed(_noise_seed(self._state.seed, name, use))
+
+
+def _check_pipe(pipe):
+    if not isinstance(pipe, TactileTexturePipeline):
+        raise ValueError(f"`pipe` must be a TactileTexturePipeline, got {type(pipe).__name__}.")
+
+
+def _noise_seed(seed, name, use):
+    """A seed of the 32 bits that PyTorch's generator reads, by name: other surfaces may come and go."""
+    return int.from_bytes(hashlib.sha256(f"{seed}/{use}/{name}".encode()).digest()[:4], "big")
+
+
+def _parse_surfaces(surfaces, config):
+    """Names, and ratings (surfaces, axes) float32."""
+    if not isinstance(surfaces, Mapping) or not surfaces:
+        raise ValueError(f'`surfaces` must map names to ratings, {{"denim": [1.0, 0.5, -1.0]}}, got {surfaces!r}.')
+    rows = []
+    for name, ratings in surfaces.items():
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"`surfaces` must have names that are not empty, got {name!r}.")
+        try:
+            row = parse_ratings(ratings, config)
+        except ValueError as error:
+            raise ValueError(f"`surfaces[{name!r}]`: {error}") from error
+        if len(row) != 1:
+            raise ValueError(f"`surfaces[{name!r}]` must be the ratings of one texture, got {len(row)} rows.")
+        rows.append(row[0].numpy())
+    return tuple(surfaces), np.stack(rows)

@@ -1,0 +1,198 @@
+"""The file of a scene: ratings, seed and latents, a few kilobytes for each surface.
+
+A safetensors file with, for n surfaces, `ratings` (n, axes) float32, z-scores, NaN = not specified; `latents`
+(channels, frames of all surfaces) float16, LCTG's base layer, surface by surface; `frames` (n,) int32, how many are
+whose; `level` and `friction_coefficient` (n,) float32; and `weights`, the mean magnitude of each of LCTG's parameters.
+The metadata are `format`, `version` and `scene`, a JSON object: `_KEYS`, `patches`, and `decoder`, the settings of the
+pipeline on which decoded latents depend.
+"""
+
+import inspect
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import safetensors
+import torch
+from safetensors.numpy import save_file
+
+from ..data.files import atomic_path
+from ..pipelines.inputs import check_positive_integer
+from .patches import LONGEST_MM, Patches
+
+FORMAT, VERSION = "tactile-scene", "1"
+#: Largest relative difference of the mean magnitude of a parameter: bfloat16 makes 5e-4, training on makes more.
+SAME_WEIGHTS = 0.01
+#: No sampler needs more; a damaged file may ask for any number.
+MOST_STEPS = 10_000
+_DAMAGE = (
+    *(safetensors.SafetensorError, OSError),
+    *(ValueError, KeyError, TypeError, OverflowError, RecursionError),  # of JSON, or of what is not as expected
+)
+_KEYS = ("names", "rating_axes", "seed", "num_inference_steps", "guidance_scale", "reference_speed")
+
+
+@dataclass
+class SceneState:
+    """All that a scene is made of; the last three are `None` until DALE has run."""
+
+    names: tuple[str, ...]
+    ratings: np.ndarray  # (n, axes) float32
+    rating_axes: tuple[str, ...]
+    patches: Patches
+    seed: int
+    num_inference_steps: int
+    guidance_scale: float | dict[str, float]
+    reference_speed: float
+    latents: list[np.ndarray] | None = None  # of each surface, (base channels, frames) float16
+    level: np.ndarray | None = None  # (n,) float32
+    friction_coefficient: np.ndarray | None = None  # (n,) float32
+
+
+def write_scene(path, state, pipe):
+    """Writes a scene whose latents are made, in one step.
+
+    Raises:
+        FileNotFoundError: if the folder does not exist.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
+    content = {name: getattr(state, name) for name in _KEYS}
+    content |= {"patches": state.patches.boxes, "decoder": _decoder_settings(pipe)}
+    tensors = {
+        "ratings": state.ratings,
+        "latents": np.concatenate(state.latents, axis=1),
+        "frames": np.array([part.shape[1] for part in state.latents], dtype=np.int32),
+        "level": state.level,
+        "friction_coefficient": state.friction_coefficient,
+        "weights": _weights(pipe),
+    }
+    metadata = {"format": FORMAT, "version": VERSION, "scene": json.dumps(content, allow_nan=False, default=float)}
+    with atomic_path(path) as temporary:
+        save_file(tensors, temporary, metadata)
+
+
+def read_scene(path, pipe):
+    """Reads a scene that a pipeline can decode.
+
+    Returns:
+        `SceneState`
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: if the file is damaged or no scene, or belongs to another checkpoint.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"There is no file {path}.")
+    try:
+        content, tensors = _contents(path)
+        state = _state(content, tensors, pipe)
+    except _DAMAGE as error:
+        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error) or type(error).__name__
+        raise ValueError(
+            f"{path} cannot be read as a scene ({reason}). Copy it again, or write it again with `TextureScene.save`."
+        ) from error
+    difference = _difference(content["decoder"], tensors["weights"], state, pipe)
+    if difference:
+        raise ValueError(
+            f"{path} was made with another checkpoint: {difference}. Load that checkpoint, or make the scene anew with "
+            "this one: `TextureScene(surfaces, pipe, ...)`."
+        )
+    return state
+
+
+def _contents(path):
+    """JSON object and tensors, once they have the form of a scene's."""
+    with safetensors.safe_open(path, framework="numpy") as file:
+        metadata = file.metadata() or {}
+        found = metadata.get("format"), metadata.get("version")
+        if found != (FORMAT, VERSION):
+            raise ValueError(f"its format is {found[0]} {found[1]}, not {FORMAT} {VERSION}")
+        tensors = {name: file.get_tensor(name) for name in file.keys()}
+    content = json.loads(metadata["scene"])
+    count, axes = len(content["names"]), len(content["rating_axes"])
+    forms = {
+        "ratings": ("float32", (count, axes)),
+        "frames": ("int32", (count,)),
+        "level": ("float32", (count,)),
+        "friction_coefficient": ("float32", (count,)),
+        "latents": ("float16", (*tensors["latents"].shape[:1], int(tensors["frames"].sum()))),
+        "weights": ("float32", tensors["weights"].shape[:1]),
+    }
+    for name, (dtype, shape) in forms.items():
+        if tensors[name].dtype != dtype or tensors[name].shape != shape:
+            raise ValueError(f"{name} is {tensors[name].dtype} {tensors[name].shape}, not {dtype} {shape}")
+    if not isinstance(content["decoder"], dict):
+        raise ValueError("decoder is no object")
+    return content, tensors
+
+
+def _state(content, tensors, pipe):
+    names, frames = content["names"], tensors["frames"]
+    if not names or len(set(names)) < len(names) or not all(isinstance(name, str) and name for name in names):
+        raise ValueError(f"names are {names!r}")
+    check_seed(content["seed"])
+    check_positive_integer("num_inference_steps", content["num_inference_steps"])
+    if content["num_inference_steps"] > MOST_STEPS:
+        raise ValueError(f"num_inference_steps is {content['num_inference_steps']}, above {MOST_STEPS}")
+    speed = content["reference_speed"]
+    if not (isinstance(speed, float) and 0 < speed < float("inf")) or frames.min() < 1:
+        raise ValueError(f"reference_speed is {speed} mm/s and the smallest number of frames {frames.min()}")
+    samples = int(frames.max()) * pipe.lctg.config.latent_hop
+    if samples / pipe.feature_extractor.sampling_rate * speed > 2 * LONGEST_MM:
+        raise ValueError(f"a texture of {frames.max()} frames is longer than any patch")
+    friction = tensors["friction_coefficient"]
+    finite = np.isfinite(tensors["latents"]).all() and np.isfinite(tensors["level"]).all()
+    if not finite or np.isinf(tensors["ratings"]).any() or np.isinf(friction).any() or (friction < 0).any():
+        raise ValueError("numbers are not finite, or a friction coefficient is negative")
+    return SceneState(
+        names=tuple(names),
+        rating_axes=tuple(content["rating_axes"]),
+        patches=Patches(content["patches"], names),
+        **{name: content[name] for name in ("seed", "num_inference_steps", "guidance_scale", "reference_speed")},
+        ratings=tensors["ratings"],
+        latents=np.split(tensors["latents"], np.cumsum(frames)[:-1], axis=1),
+        level=tensors["level"],
+        friction_coefficient=friction,
+    )
+
+
+def _difference(decoder, weights, state, pipe):
+    """What tells a pipeline from the one that a scene was made with, in words; empty = nothing."""
+    ours = _decoder_settings(pipe)
+    for name, value in decoder.items():  # a setting that came later has its default in both
+        if ours.get(name) != value:
+            return f"{name} was {str(value)[:80]}, here it is {str(ours.get(name))[:80]}"
+    if state.latents[0].shape[0] != pipe.lctg.base_channels:
+        return f"its latents have {state.latents[0].shape[0]} channels, here they have {pipe.lctg.base_channels}"
+    here = _weights(pipe)
+    if weights.shape != here.shape or not np.allclose(weights, here, rtol=SAME_WEIGHTS, atol=1e-6):
+        return "the weights of its `lctg` are others"
+    return ""
+
+
+def _decoder_settings(pipe):
+    """All settings on which decoded latents depend, as JSON gives them back."""
+    extractor = pipe.feature_extractor
+    heard = [name for name in inspect.signature(type(extractor).__init__).parameters if hasattr(extractor, name)]
+    settings = {f"lctg.{name}": value for name, value in pipe.lctg.config.items() if not name.startswith("_")}
+    settings |= {f"feature_extractor.{name}": getattr(extractor, name) for name in heard}
+    return json.loads(json.dumps(settings))
+
+
+@torch.no_grad()
+def _weights(pipe):
+    """Mean magnitude of each of LCTG's parameters, (parameters,) float32: alike in every precision and on any device.
+
+    A digest would refuse the same checkpoint in half precision.
+    """
+    return torch.stack([parameter.float().abs().mean() for parameter in pipe.lctg.parameters()]).cpu().numpy()
+
+
+def check_seed(seed):
+    """Raises a `ValueError` unless `seed` is a whole number of at least 0."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"`seed` must be a whole number >= 0, got {seed!r}.")

@@ -1,0 +1,187 @@
+"""What a scene refuses: impossible requests before any work, and files that are none."""
+
+import json
+
+import numpy as np
+import pytest
+import safetensors
+from safetensors.numpy import save_file
+
+from tactile_diffusers.playback import TextureScene
+
+GOOD = {"table": [0.5, -0.5, 0.0], "denim": None}
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"surfaces": {}}, "`surfaces` must map names to ratings"),
+        ({"surfaces": [[1, 0, 0]]}, "`surfaces` must map names to ratings"),
+        ({"surfaces": {"": [1, 0, 0]}}, "`surfaces` must have names"),
+        ({"surfaces": {3: [1, 0, 0]}}, "`surfaces` must have names"),
+        ({"surfaces": {"denim": [1, 0]}}, "denim.*must have 3 values"),
+        ({"surfaces": {"denim": [[1, 0, 0], [1, 0, 0]]}}, "denim.*one texture, got 2 rows"),
+        ({"surfaces": {"denim": {"rough": 1}}}, "denim.*unknown axes"),
+        ({"surfaces": {"denim": [np.inf, 0, 0]}}, "denim.*got roughness = inf"),
+        ({"patches": [(0, 0, 1, 1)]}, "`patches` must map names"),
+        ({"patches": {"silk": (0, 0, 1, 1)}}, r"`patches` names \['silk'\]"),
+        ({"patches": {"denim": (0, 0, 1)}}, r"`patches\['denim'\]`"),
+        ({"patches": {"denim": (0, 0, 0, 5)}}, "positive size"),
+        ({"patches": {"denim": (0, np.nan, 5, 5)}}, "positive size"),
+        ({"patches": {"denim": "wide"}}, "positive size"),
+        ({"patches": {"denim": 5}}, "positive size"),
+        ({"patches": {"denim": (0, 0, 9e6, 5)}}, "give mm"),
+        ({"patches": {"denim": (0, 5), "table": (0, 0, 5, 5)}}, "got both"),
+        ({"seed": -1}, "`seed`"),
+        ({"seed": 0.5}, "`seed`"),
+        ({"num_inference_steps": 0}, "`num_inference_steps`"),
+        ({"guidance_scale": {"rough": 2.0}}, "`guidance_scale`"),
+        ({"cache_size": 0}, "`cache_size`"),
+        ({"pipe": "a checkpoint"}, "`pipe` must be a TactileTexturePipeline, got str"),
+    ],
+)
+def test_impossible_scenes_are_refused(pipe, given, message):
+    with pytest.raises(ValueError, match=message):
+        TextureScene(**({"surfaces": GOOD, "pipe": pipe} | given))
+
+
+def test_a_pipeline_must_know_its_ratings_and_its_speed(make_pipeline):
+    with pytest.raises(ValueError, match="no `dale`"):
+        TextureScene(GOOD, make_pipeline(dale=False))
+    with pytest.raises(ValueError, match="reference speed"):
+        TextureScene(GOOD, make_pipeline(dale_config={"reference_speed": None}))
+
+
+def test_impossible_questions_are_refused(pipe):
+    scene, bare = TextureScene(GOOD, pipe, {"denim": (0, 0, 5, 5)}), TextureScene(GOOD, pipe)
+    for ask in (scene.profile, scene.friction_coefficient):
+        with pytest.raises(ValueError, match=r"`name` must be one of .*denim.*got 'silk'"):
+            ask("silk")
+    for position in (3.0, (1, 2, 3), (np.nan, 0)):
+        with pytest.raises(ValueError, match="`position` must be 2 finite"):
+            scene.at(position)
+    with pytest.raises(ValueError, match="`velocity` must be 2 finite"):
+        scene.near((0, 0), velocity=3.0)
+    with pytest.raises(ValueError, match="`margin`"):
+        scene.prepare((0, 0), margin=-1)
+    with pytest.raises(ValueError, match="has no `patches`"):
+        bare.at((0, 0))
+
+
+# files
+
+
+@pytest.fixture
+def path(pipe, tmp_path):
+    TextureScene(GOOD, pipe, {"denim": (0, 0, 5, 5)}).save(tmp_path / "s.safetensors")
+    return tmp_path / "s.safetensors"
+
+
+def _rewrite(path, change):
+    """The file again, after `change(tensors, content, metadata)`."""
+    with safetensors.safe_open(path, framework="numpy") as file:
+        metadata, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}
+    content = json.loads(metadata["scene"])
+    change(tensors, content, metadata)
+    if "scene" in metadata:
+        metadata["scene"] = json.dumps(content)
+    save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, path, metadata)
+
+
+def _refused(path, pipe, message):
+    with pytest.raises(
+        ValueError, match=rf"(?s)s\.safetensors cannot be read as a scene.*{message}.*TextureScene.save"
+    ):
+        TextureScene.load(path, pipe)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.2, 0.9, 0.9999])
+def test_a_truncated_file_is_refused(path, pipe, share):
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    _refused(path, pipe, "")
+
+
+def test_random_damage_is_refused_or_harmless(path, pipe):
+    """Of the header every byte counts; a changed number in the tensors is another scene."""
+    content, rng = path.read_bytes(), np.random.default_rng(0)
+    header = 8 + int.from_bytes(content[:8], "little")
+    for place in rng.integers(0, header, 100):
+        damaged = bytearray(content)
+        damaged[place] = rng.integers(0, 256)
+        path.write_bytes(damaged)
+        try:
+            assert TextureScene.load(path, pipe).names
+        except ValueError as error:
+            assert "s.safetensors" in str(error)
+
+
+@pytest.mark.parametrize("content", [b"not a scene", b"\x80\x04\x95pickle", b"\xff" * 64, b"{}" * 100])
+def test_other_files_are_refused(path, pipe, content):
+    path.write_bytes(content)
+    _refused(path, pipe, "")
+
+
+def test_a_checkpoint_is_no_scene(path, pipe, tmp_path):
+    pipe.save_pretrained(tmp_path / "pipeline")
+    weights = tmp_path / "pipeline" / "lctg" / "diffusion_pytorch_model.safetensors"
+    path.write_bytes(weights.read_bytes())
+    _refused(path, pipe, "not tactile-scene 1")
+
+
+def _set(part, name, value):
+    return lambda *parts: parts[("tensors", "content", "metadata").index(part)].__setitem__(name, value)
+
+
+def _drop(part, name):
+    return lambda *parts: parts[("tensors", "content", "metadata").index(part)].pop(name)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_set("metadata", "version", "2"), "tactile-scene 2, not tactile-scene 1"),
+        (_drop("metadata", "scene"), "'scene' is missing"),
+        *((_drop("content", name), f"'{name}' is missing") for name in ("names", "seed", "patches", "decoder")),
+        *((_drop("tensors", name), f"'{name}' is missing") for name in ("latents", "frames", "level", "weights")),
+        (_set("content", "names", []), ""),
+        (_set("content", "names", 7), ""),
+        (_set("content", "names", ["a", "a"]), "names are"),
+        (_set("content", "names", ["a", 3]), "names are"),
+        (_set("content", "names", ["a"]), "ratings is float32"),
+        (_set("content", "seed", "0"), "`seed`"),
+        (_set("content", "num_inference_steps", 10**9), "above 10000"),
+        (_set("content", "reference_speed", None), "reference_speed is None"),
+        (_set("content", "reference_speed", 1e9), "longer than any patch"),
+        (_set("content", "patches", {"denim": [0, 0, 1]}), "patches"),
+        (_set("content", "patches", [1]), "patches"),
+        (_set("content", "decoder", []), "decoder"),
+        (_set("tensors", "frames", np.array([0, 64], np.int32)), "smallest number of frames 0"),
+        (_set("tensors", "frames", np.array([2**30, 2**30], np.int32)), "latents is float16"),
+        (_set("tensors", "frames", np.array([32.0, 32.0])), "frames is float64"),
+        (_set("tensors", "latents", np.zeros((4, 64), np.float32)), "latents is float32"),
+        (_set("tensors", "latents", np.array(1.0, np.float16)), "latents is float16"),
+        (_set("tensors", "latents", np.full((4, 64), np.inf, np.float16)), "not finite"),
+        (_set("tensors", "level", np.zeros(3, np.float32)), "level is float32"),
+        (_set("tensors", "level", np.full(2, np.nan, np.float32)), "not finite"),
+        (_set("tensors", "friction_coefficient", np.full(2, -1.0, np.float32)), "negative"),
+    ],
+)
+def test_files_that_do_not_fit_themselves_are_refused(path, pipe, change, message):
+    _rewrite(path, change)
+    _refused(path, pipe, message)
+
+
+def test_the_other_number_of_channels_is_another_checkpoint(path, pipe):
+    _rewrite(path, _set("tensors", "latents", np.zeros((5, 64), np.float16)))
+    with pytest.raises(ValueError, match="another checkpoint: its latents have 5 channels, here they have 4"):
+        TextureScene.load(path, pipe)
+
+
+def test_a_missing_file_and_another_pipe_are_named(path, pipe):
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        TextureScene.load(path.with_name("nowhere"), pipe)
+    with pytest.raises(ValueError, match="`pipe` must be"):
+        TextureScene.load(path, None)
+    with pytest.raises(ValueError, match="`cache_size`"):
+        TextureScene.load(path, pipe, cache_size=0)
