@@ -4,13 +4,17 @@ import json
 
 import pytest
 
-from tactile_diffusers.cli import benchmark, benchmark_stream
+from tactile_diffusers.cli import benchmark, benchmark_endless, benchmark_stream
 
 
 @pytest.fixture
 def small(monkeypatch):
     monkeypatch.setattr(benchmark_stream, "SPEEDS", (80.0, 160.0))
     monkeypatch.setattr(benchmark_stream, "SENSORS", ((125.0, 0.1), (125.0, 1.0)))
+    monkeypatch.setattr(benchmark_endless, "RATINGS", benchmark_endless.RATINGS[:2])
+    monkeypatch.setattr(benchmark_endless, "WINDOWS", 5)
+    monkeypatch.setattr(benchmark_endless, "TIMES", 1)
+    monkeypatch.setattr(benchmark_endless, "CHANGE_SECONDS", 0.5)
 
 
 def test_the_suite_writes_its_tables(small, tmp_path, capsys):
@@ -26,6 +30,12 @@ def test_the_suite_writes_its_tables(small, tmp_path, capsys):
     fine, coarse = report["sensors"]["125 Hz, 0.1 mm"], report["sensors"]["125 Hz, 1 mm"]
     assert fine["spurious dB"] < -15 and coarse["spurious dB"] > fine["spurious dB"] + 6
     assert report["clock"]["finite"] and report["clock"]["median ms"] > 0
+    # neighbours are decoded from the same latents and noise where they meet
+    assert report["joints"]["correlation of two windows"] > 0.95
+    for row in report["starts"].values():
+        assert 0 < row["first sample ms"] and 20 < row["change felt ms"] <= row["slowest change ms"]
+    endless = report["endless"]
+    assert endless["finite"] and endless["median ms"] > 0 and endless["largest step mN"] > 0
     assert (tmp_path / "stream.md").read_text().strip() == capsys.readouterr().out.strip()
 
 

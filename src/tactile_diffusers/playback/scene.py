@@ -10,7 +10,6 @@ import torch
 
 from ..pipelines import TactileTexturePipeline
 from ..pipelines.inputs import check_positive_integer, parse_ratings
-from ..pipelines.recorded import DEFAULT_STEPS
 from .patches import Patches
 from .profile import LOOP_SHARE, TextureProfile
 from .scene_files import SceneState, check_seed, read_scene, write_scene
@@ -42,7 +41,7 @@ class TextureScene:
             line, mm, for `at`, `near` and `prepare`. Of patches that overlap the later surface lies above. A surface
             without a patch is one segment, by name alone.
         seed (`int`, *optional*, defaults to 0): another one gives other takes of the same surfaces.
-        num_inference_steps (`int`, *optional*, defaults to 5): of both stages.
+        num_inference_steps (`int`, *optional*): as in the pipeline; `None` = 5, or what LCTG was distilled to.
         guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): as in the pipeline; 1.0 = off.
         cache_size (`int`, *optional*, defaults to 8): profiles kept, 1.4 MB for each segment.
 
@@ -63,12 +62,13 @@ class TextureScene:
         pipe,
         patches=None,
         seed=0,
-        num_inference_steps=DEFAULT_STEPS,
+        num_inference_steps=None,
         guidance_scale=1.0,
         cache_size=8,
     ):
         _check_pipe(pipe)
         pipe.check_inputs(num_inference_steps, None, guidance_scale, 1, None, "latent", ())
+        decoding_steps, self._latent_steps = pipe.resolve_steps(num_inference_steps)
         check_seed(seed)
         config = pipe.dale.config
         if config.reference_speed is None:
@@ -80,7 +80,7 @@ class TextureScene:
             rating_axes=tuple(config.rating_axes),
             patches=Patches({} if patches is None else patches, names),
             seed=int(seed),
-            num_inference_steps=int(num_inference_steps),
+            num_inference_steps=decoding_steps,
             guidance_scale=guidance_scale,
             reference_speed=float(config.reference_speed),
         )
@@ -260,6 +260,7 @@ class TextureScene:
             made = self._pipe(
                 state.ratings[rows],
                 num_inference_steps=state.num_inference_steps,
+                num_latent_inference_steps=self._latent_steps,
                 guidance_scale=state.guidance_scale,
                 duration_s=duration,
                 generator=[self._generator(state.names[row], "dale") for row in rows],
