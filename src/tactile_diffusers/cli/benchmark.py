@@ -14,7 +14,7 @@ from . import readme
 from .child import run_child
 
 #: suites beside "speed" -> the module whose `run(arguments, pipe)` measures
-SUITES = {name: f"{__package__}.benchmark_{name}" for name in ("scheduler", "data", "stream", "scene")}
+SUITES = {name: f"{__package__}.benchmark_{name}" for name in ("scheduler", "data", "stream", "scene", "dataset")}
 #: what a child process does so that its peak memory is that of generating one texture
 _GENERATE_ONCE = """
 import sys, torch
@@ -33,13 +33,14 @@ def parse_arguments(argv=None):
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="JSON and Markdown")
     parser.add_argument("--threads", type=int, help="of torch; default: its own choice")
     parser.add_argument("--repeats", type=int, default=5, help="the median counts")
-    compared = parser.add_argument_group("suites scheduler, data, stream and scene")
+    compared = parser.add_argument_group("suites beside speed")
     compared.add_argument(
         "--data", type=Path, metavar="PREPARED.h5", help="scheduler: also compare on trained models; data: load this"
     )
     compared.add_argument("--recordings", type=Path, metavar="R.h5", help="data: prepare these; default: virtual ones")
     compared.add_argument("--segments", type=int, default=60, help="scheduler: held-out segments, one a surface")
     compared.add_argument("--surfaces", type=int, help="stream: virtual ones, recorded, default 60; scene: default 100")
+    compared.add_argument("--textures", type=int, default=2000, help="dataset: that are generated")
     compared.add_argument("--minutes", type=float, default=10.0, help="stream: of random motion")
     compared.add_argument("--seed", type=int, default=0)
     compared.add_argument("--quiet", action="store_true", help="no progress bars")
@@ -53,6 +54,8 @@ def parse_arguments(argv=None):
         parser.error("arguments --segments and --seed must be at least 3 and 0")
     if arguments.surfaces < 1 or not 0 < arguments.minutes < 1e4:
         parser.error("arguments --surfaces and --minutes must be at least 1 and above 0")
+    if arguments.textures < 1000:
+        parser.error(f"argument --textures: must be at least 1000, got {arguments.textures}")
     if arguments.data is not None and not arguments.data.is_file():
         parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
     if arguments.recordings is not None and not arguments.recordings.is_file():
