@@ -18,7 +18,7 @@ Three ways (`--method`), which the README compares:
 - consistency: what it predicts from two neighbouring points of the teacher's path must be the same (Song et al. 2023,
   arXiv 2303.01469).
 
-What the last two learn is sampled in first order: `scheduler=VDDIMScheduler()` beside `lctg=`.
+What the last two learn is sampled in first order: load `runs/distilled/scheduler` beside `lctg=`.
 """
 
 import argparse
@@ -228,6 +228,7 @@ def main(argv=None):
             rows = dataset.non_overlapping(1)[:CONTRAST_TEXTURES]
             fit_level_contrast(pipe, pipe.dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
         model.save_pretrained(str(Path(args.output_dir) / NAME))
+        pipe.scheduler.save_pretrained(str(Path(args.output_dir) / "scheduler"))
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
 
 

@@ -14,7 +14,9 @@ from . import readme
 from .child import run_child
 
 #: suites beside "speed" -> the module whose `run(arguments, pipe)` measures
-SUITES = {name: f"{__package__}.benchmark_{name}" for name in ("scheduler", "data", "stream", "scene", "dataset")}
+SUITES = {
+    name: f"{__package__}.benchmark_{name}" for name in ("scheduler", "data", "stream", "scene", "dataset", "decoder")
+}
 #: what a child process does so that its peak memory is that of generating one texture
 _GENERATE_ONCE = """
 import sys, torch
@@ -40,6 +42,13 @@ def parse_arguments(argv=None):
     compared.add_argument("--recordings", type=Path, metavar="R.h5", help="data: prepare these; default: virtual ones")
     compared.add_argument("--segments", type=int, default=60, help="scheduler: held-out segments, one a surface")
     compared.add_argument("--surfaces", type=int, help="stream: virtual ones, recorded, default 60; scene: default 100")
+    compared.add_argument(
+        "--decoders",
+        nargs="+",
+        default=[],
+        metavar="NAME=FOLDER",
+        help="decoder: output folders of examples/distill_lctg.py; default: what the checkpoint brings",
+    )
     compared.add_argument("--textures", type=int, default=2000, help="dataset: that are generated")
     compared.add_argument("--minutes", type=float, default=10.0, help="stream: of random motion")
     compared.add_argument("--seed", type=int, default=0)
@@ -54,6 +63,14 @@ def parse_arguments(argv=None):
         parser.error("arguments --segments and --seed must be at least 3 and 0")
     if arguments.surfaces < 1 or not 0 < arguments.minutes < 1e4:
         parser.error("arguments --surfaces and --minutes must be at least 1 and above 0")
+    for word in arguments.decoders:
+        name, _, folder = word.partition("=")
+        if not name or not (Path(folder) / "lctg_distilled").is_dir():
+            parser.error(
+                f"argument --decoders: must be NAME=FOLDER with {folder or 'FOLDER'}/lctg_distilled, got {word}"
+            )
+    if arguments.suite == "decoder" and arguments.data is None:
+        parser.error("argument --data: --suite decoder needs a prepared data set; see examples/prepare_data.py")
     if arguments.textures < 1000:
         parser.error(f"argument --textures: must be at least 1000, got {arguments.textures}")
     if arguments.data is not None and not arguments.data.is_file():
