@@ -32,6 +32,7 @@ from torch import nn
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.models.lctg import DISTILLED
 from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import (
     add_training_arguments,
@@ -44,9 +45,6 @@ from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_losses
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
-
-#: Folder of the result inside the output folder.
-NAME = "lctg_distilled"
 
 
 def parse_args(argv=None):
@@ -227,7 +225,7 @@ def main(argv=None):
             pipe.register_modules(lctg=model)
             rows = dataset.non_overlapping(1)[:CONTRAST_TEXTURES]
             fit_level_contrast(pipe, pipe.dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
-        model.save_pretrained(str(Path(args.output_dir) / NAME))
+        model.save_pretrained(str(Path(args.output_dir) / DISTILLED))
         pipe.scheduler.save_pretrained(str(Path(args.output_dir) / "scheduler"))
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
 

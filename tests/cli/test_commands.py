@@ -1,11 +1,13 @@
 """The commands evaluate, benchmark and publish, on a tiny pipeline."""
 
+import copy
 import json
 
 import pytest
 import torch
+from safetensors.torch import load_file
 
-from tactile_diffusers import LCTGModel, TactileTexturePipeline
+from tactile_diffusers import LCTGModel, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli import benchmark, evaluate, publish
 from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
@@ -160,3 +162,43 @@ def test_publish_refuses_a_decoder_that_does_not_fit(checkpoint, make_lctg, prep
     pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
     publish._replace_lctg(pipe, tmp_path / "other")
     assert torch.equal(pipe.lctg.decoder.conv_in.weight, other.decoder.conv_in.weight)
+
+
+def test_decoder_suite_measures_every_number_of_steps(checkpoint, prepared, tmp_path, capsys):
+    own = LCTGModel.from_pretrained(checkpoint, subfolder="lctg")
+    own.register_to_config(distilled_steps=2)
+    own.save_pretrained(tmp_path / "run" / "lctg_distilled")
+    VDDIMScheduler().save_pretrained(tmp_path / "run" / "scheduler")
+    words = f"--suite decoder --checkpoint {checkpoint} --data {prepared} --quiet --output {tmp_path / 'out'}".split()
+    assert benchmark.main([*words, "--decoders", f"two={tmp_path / 'run'}"]) == 0
+    rows = json.loads((tmp_path / "out" / "decoder.json").read_text())["rows"]
+    assert [name for name in rows if name.startswith("two")] == ["two, 1 step", "two, 2 steps"]
+    errors = {name: row["reconstructed: nine-band error, dB"] for name, row in rows.items()}
+    # the same weights, and the first order of the checkpoint's own sampler
+    assert errors["two, 2 steps"] == pytest.approx(errors["as trained, 2 steps"], rel=1e-4)
+    assert errors["as trained, 1 step"] != pytest.approx(errors["as trained, 2 steps"], rel=1e-4)
+    assert all(row["generated: KTD"] == row["generated: KTD"] for row in rows.values())
+    with pytest.raises(SystemExit):
+        benchmark.main([*words, "--decoders", "two"])
+    assert "--decoders: must be NAME=FOLDER" in capsys.readouterr().err
+
+
+def test_publish_takes_a_distilled_decoder_along(checkpoint, make_lctg, prepared, tmp_path):
+    pipe, run, out = TactileTexturePipeline.from_pretrained(checkpoint), tmp_path / "run", tmp_path / "small"
+    run.mkdir()
+    record = {"script": "distill_lctg.py", "arguments": {}, "segments": 3, "steps": 2, "machine": "none"}
+    (run / "training.json").write_text(json.dumps(record | {"versions": {"torch": "2", "diffusers": "0"}}))
+    (run / "log.jsonl").write_text(json.dumps({"step": 2, "train/loss": 1.0, "seconds": 3.0}) + "\n")
+    (run / "loss.png").write_bytes(b"")
+    distilled = copy.deepcopy(pipe.lctg)
+    distilled.register_to_config(distilled_steps=2)
+    distilled.save_pretrained(run / "lctg_distilled")
+    words = f"--checkpoint {checkpoint} --runs {run} --distilled {run} --data {prepared} --output {out}".split()
+    assert publish.main(words) == 0
+    lctg = LCTGModel.from_pretrained(out, subfolder="lctg_distilled")
+    assert TactileTexturePipeline.from_pretrained(out, lctg=lctg).resolve_steps() == (2, 5)
+    assert load_file(out / "lctg_distilled" / "diffusion_pytorch_model.safetensors").popitem()[1].dtype == torch.float16
+    assert 'subfolder="lctg_distilled"' in (out / "README.md").read_text()
+    make_lctg(seed=9).save_pretrained(run / "lctg_distilled")
+    with pytest.raises(ValueError, match="--distilled .* has another encoder"):
+        publish.main(words)

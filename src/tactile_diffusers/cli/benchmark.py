@@ -94,7 +94,7 @@ def _median_seconds(run, repeats):
 
 def _stages(pipe, repeats):
     """Seconds of DALE alone, of both stages, and the real-time factor, at several steps."""
-    from ..pipelines.pipeline_tactile_texture import DEFAULT_STEPS
+    from ..pipelines.recorded import DEFAULT_STEPS
 
     rows = {}
     for steps in (3, DEFAULT_STEPS, 10, 25):
@@ -163,7 +163,7 @@ def _speed(arguments, pipe, checkpoint):
     import torch
 
     from ..evaluation.tables import markdown_table
-    from ..pipelines.pipeline_tactile_texture import DEFAULT_STEPS
+    from ..pipelines.recorded import DEFAULT_STEPS
 
     batches, durations = _scaling(pipe, arguments.repeats)
     report = {

@@ -12,13 +12,12 @@ from ..data.files import write_text
 from ..evaluation.reference import Reference
 from ..evaluation.sections.context import check_fit
 from ..evaluation.tables import markdown_table, title
+from ..models.lctg import DISTILLED, same_encoder
 from ..signal import nine_band_error_db, resample
 
 #: Steps of the checkpoint's own LCTG.
 STEPS = (1, 2, 3, 5, 10)
 BATCH = 32
-#: Name of a distilled LCTG in a folder of `examples/distill_lctg.py`.
-NAME = "lctg_distilled"
 
 
 def run(arguments, pipe):
@@ -65,9 +64,8 @@ def _distilled(arguments, pipe):
     folders = dict(word.split("=", 1) for word in arguments.decoders)
     made = {}
     for name, folder in (folders or {"distilled": arguments.checkpoint or bundled_checkpoint()}).items():
-        lctg = LCTGModel.from_pretrained(folder, subfolder=NAME)
-        encoder = pipe.lctg.encoder.state_dict()
-        if any(not value.equal(encoder[key]) for key, value in lctg.encoder.state_dict().items()):
+        lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED)
+        if not same_encoder(lctg, pipe.lctg):
             raise ValueError(f"--decoders {name}={folder}: its encoder is not the checkpoint's; it fits another one.")
         parts = {**pipe.components, "lctg": lctg}
         if folders:

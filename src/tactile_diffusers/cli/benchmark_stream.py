@@ -13,6 +13,7 @@ from ..data.files import write_text
 from ..data.virtual.exploration import steady_exploration
 from ..data.virtual.surface import VirtualSurface
 from ..evaluation.tables import markdown_table, title
+from ..models.lctg import DISTILLED, same_encoder
 from ..playback import FingerPath, TextureProfile, TextureStream
 from ..playback.stream import REFERENCE_FORCE, SPEED_EXPONENT
 from ..signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass
@@ -201,11 +202,9 @@ def with_distilled(pipe):
     from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
 
     found, folder = {"as it is": pipe}, bundled_checkpoint()
-    if (Path(folder) / "lctg_distilled").is_dir():
-        lctg = LCTGModel.from_pretrained(folder, subfolder="lctg_distilled")
-        if lctg.config.latent_channels == pipe.lctg.config.latent_channels and all(
-            value.equal(pipe.lctg.encoder.state_dict()[name]) for name, value in lctg.encoder.state_dict().items()
-        ):
+    if (Path(folder) / DISTILLED).is_dir():
+        lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED)
+        if same_encoder(lctg, pipe.lctg):
             found["distilled decoder"] = TactileTexturePipeline(**{**pipe.components, "lctg": lctg})
             found["distilled decoder"].set_progress_bar_config(disable=True)
     return found

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..models.lctg import DISTILLED, same_encoder
+
 CARD = """---
 library_name: diffusers
 license: apache-2.0
@@ -23,8 +25,8 @@ Force that a finger feels while it slides, from perceptual ratings: LCTG and DAL
     pipe = TactileTexturePipeline.from_pretrained(folder)
     out = pipe(ratings=[[1.5, 0.0, -1.0]])  # five steps of the second-order sampler
 
-It is loaded by this package's class, not by `DiffusionPipeline`. Weights are stored in half precision and load as
-float32.
+{distilled}It is loaded by this package's class, not by `DiffusionPipeline`. Weights are stored in half precision and load
+as float32.
 
 ## What it was trained on
 
@@ -40,6 +42,13 @@ band-passed to {low:g}-{high:g} Hz. Prepared by examples/prepare_data.py.
 - Ratings beyond the training surfaces' range are extrapolated: {ranges}.
 - A texture is what one finger feels at the reference speed; other speeds are for playback to derive.
 - No person has felt these textures yet: figures judge signals, not perception.
+"""
+
+DISTILLED_CARD = """A decoder for two steps, or one, in place of five lies beside it:
+
+    lctg = LCTGModel.from_pretrained(folder, subfolder="lctg_distilled")
+    pipe = TactileTexturePipeline.from_pretrained(folder, lctg=lctg)
+
 """
 
 RUN = """### {title}
@@ -66,11 +75,12 @@ def parse_arguments(argv=None):
         help="output folders of its trainings, in order",
     )
     parser.add_argument("--lctg", type=Path, metavar="FOLDER", help="take LCTG from here: same encoder, better decoder")
+    parser.add_argument("--distilled", type=Path, metavar="FOLDER", help="output folder of distill_lctg.py, goes along")
     parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="what it was trained on")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--note", default="", help="a sentence on how the trainings were run, for the card")
     arguments = parser.parse_args(argv)
-    for run in arguments.runs:
+    for run in [*arguments.runs, *([arguments.distilled] if arguments.distilled else [])]:
         if not (run / "training.json").is_file():
             parser.error(f"argument --runs: {run} has no training.json; it is written by the training scripts")
     return arguments
@@ -122,11 +132,24 @@ def _replace_lctg(pipe, folder):
     from tactile_diffusers.pipelines.inputs import check_components
 
     other = LCTGModel.from_pretrained(folder, subfolder="lctg", dtype=pipe.lctg.dtype)
-    weights, others = pipe.lctg.encoder.state_dict(), other.encoder.state_dict()
-    if weights.keys() != others.keys() or any(not value.equal(weights[name]) for name, value in others.items()):
+    if not same_encoder(other, pipe.lctg):
         raise ValueError(f"--lctg {folder} has another encoder than --checkpoint: DALE would speak another language.")
     pipe.register_modules(lctg=other)
     check_components(pipe.lctg, pipe.feature_extractor, pipe.dale)  # what the weights of an encoder do not tell
+
+
+def _add_distilled(pipe, folder, output):
+    """Stores the distilled LCTG of a training beside the pipeline.
+
+    Raises:
+        ValueError: if its encoder is not the pipeline's.
+    """
+    from tactile_diffusers import LCTGModel
+
+    lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED, dtype=pipe.lctg.dtype)
+    if not same_encoder(lctg, pipe.lctg):
+        raise ValueError(f"--distilled {folder} has another encoder than --checkpoint: DALE's latents do not fit it.")
+    lctg.save_pretrained(str(output / DISTILLED))
 
 
 def _normal_force(data):
@@ -153,12 +176,14 @@ def main(argv=None):
     temporary = arguments.output.with_name(f".{arguments.output.name}.unfinished")
     shutil.rmtree(temporary, ignore_errors=True)
     pipe.save_pretrained(str(temporary))
+    if arguments.distilled is not None:
+        _add_distilled(pipe, arguments.distilled, temporary)
     for path in temporary.rglob("*.json"):  # where it was on this machine is nobody's business
         config = json.loads(path.read_text())
         if config.pop("_name_or_path", None) is not None:
             path.write_text(json.dumps(config, indent=2, sort_keys=True) + "\n")
     runs = []
-    for run in arguments.runs:
+    for run in [*arguments.runs, *([arguments.distilled] if arguments.distilled else [])]:
         picture = f"loss_{run.name}.png"
         shutil.copyfile(run / "loss.png", temporary / picture)
         runs.append(describe_run(run, picture))
@@ -170,6 +195,7 @@ def main(argv=None):
     )
     card = CARD.format(
         name=arguments.output.name,
+        distilled="" if arguments.distilled is None else DISTILLED_CARD,
         version=__version__,
         source=data.source,
         surfaces=f"{len(set(data.surface_ids))} training surfaces, {len(data)} segments of {seconds:.2f} s",

@@ -13,6 +13,9 @@ from ..features.low_band import synthesize
 from .embeddings import TimestepEmbedder, expand_timestep
 from .unet_1d import ChannelRMSNorm, UNet1D
 
+#: Folder, beside "lctg", of a decoder for few steps.
+DISTILLED = "lctg_distilled"
+
 
 @dataclass
 class LCTGOutput(BaseOutput):
@@ -279,3 +282,9 @@ class LCTGModel(ModelMixin, ConfigMixin):
         states = torch.cat([sample - cosine * given, given], dim=1)
         velocity = self.decoder(states, embedding, context=base, checkpoint=checkpoint) - sine * given
         return LCTGOutput(sample=velocity) if return_dict else (velocity,)
+
+
+def same_encoder(first, second):
+    """Whether two LCTGs speak the same latents: their encoders have equal weights."""
+    weights, others = first.encoder.state_dict(), second.encoder.state_dict()
+    return weights.keys() == others.keys() and all(value.equal(others[name]) for name, value in weights.items())
