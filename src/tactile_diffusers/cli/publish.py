@@ -25,8 +25,8 @@ Force that a finger feels while it slides, from perceptual ratings: LCTG and DAL
     pipe = TactileTexturePipeline.from_pretrained(folder)
     out = pipe(ratings=[[1.5, 0.0, -1.0]])  # five steps of the second-order sampler
 
-{distilled}It is loaded by this package's class, not by `DiffusionPipeline`. Weights are stored in half precision and load
-as float32.
+{distilled}It is loaded by this package's class, not by `DiffusionPipeline`. Weights are stored in half precision
+and load as float32.
 
 ## What it was trained on
 
