@@ -54,7 +54,7 @@ def measure(arguments, processes):
     """
     with tempfile.TemporaryDirectory(dir=arguments.output.parent) as folder:
         words = ["--num_textures", arguments.textures, "--output", folder, "--textures_per_shard", SHARD]
-        words += ["--checkpoint", arguments.checkpoint] if arguments.checkpoint else []
+        words += ["--checkpoint", arguments.checkpoint]
         words += ["--quiet"] if arguments.quiet else []
         launch = [sys.executable, "-m", "torch.distributed.run", "--no_python", "--nproc_per_node", processes]
         done = subprocess.run(

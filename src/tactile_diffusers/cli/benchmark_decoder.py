@@ -59,11 +59,11 @@ def run(arguments, pipe):
 
 def _distilled(arguments, pipe):
     """Pipelines with the decoders that were asked for, or with the checkpoint's own: name -> (pipeline, steps)."""
-    from tactile_diffusers import LCTGModel, TactileTexturePipeline, VDDIMScheduler, bundled_checkpoint
+    from tactile_diffusers import LCTGModel, TactileTexturePipeline, VDDIMScheduler
 
     folders = dict(word.split("=", 1) for word in arguments.decoders)
     made = {}
-    for name, folder in (folders or {"distilled": arguments.checkpoint or bundled_checkpoint()}).items():
+    for name, folder in (folders or {"distilled": arguments.checkpoint}).items():
         lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED)
         if not same_encoder(lctg, pipe.lctg):
             raise ValueError(f"--decoders {name}={folder}: its encoder is not the checkpoint's; it fits another one.")
