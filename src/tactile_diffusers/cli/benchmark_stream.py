@@ -10,7 +10,7 @@ from scipy import signal
 from tqdm.auto import tqdm
 
 from ..data.files import write_text
-from ..data.virtual.exploration import steady_exploration
+from ..data.virtual.exploration import VELOCITY_RATE, Exploration, steady_exploration, wandering
 from ..data.virtual.surface import VirtualSurface
 from ..evaluation.tables import markdown_table, title
 from ..models.lctg import DISTILLED, same_encoder
@@ -26,6 +26,8 @@ RECORDED_SPEED = 80.0
 SEED = 4711
 #: Recorded seconds, after half a second that the filter needs.
 SECONDS, SETTLING = 4.0, 0.5
+#: Mean speeds of hands, and the limits of segments, mm/s.
+HAND_SPEEDS, SPEED_LIMITS = (72.0, 92.0), (66.0, 99.0)
 #: Sensors: reports per second and resolution in mm.
 SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1), (1000.0, 0.05))
 #: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
@@ -57,6 +59,7 @@ def run(arguments, pipe):
         "surfaces": arguments.surfaces,
         "minutes": arguments.minutes,
         "recordings": fresh_recordings(arguments.surfaces, arguments.quiet),
+        "whose speed": whose_speed(arguments.surfaces, arguments.quiet),
         "sensors": {f"{rate:g} Hz, {step:g} mm": sensor(profiles, rate, step) for rate, step in SENSORS},
         "clock": clock(profiles, arguments.minutes, arguments.seed, arguments.quiet),
         "joints": benchmark_endless.joints(pipe, arguments.quiet),
@@ -96,6 +99,44 @@ def fresh_recordings(surfaces, quiet):
         | {"surfaces": len(next(iter(rows["profile"].values())))}
         for group, rows in sorted(found.items(), reverse=True)
     }
+
+
+def whose_speed(surfaces, quiet):
+    """Nine-band error, dB, of textures recorded by a hand whose speed wanders, placed in space in three ways.
+
+    Args:
+        surfaces (`int`): how many virtual surfaces.
+        quiet (`bool`): no progress bar.
+
+    Returns:
+        `dict`: way -> speed at which it is played -> mean error over surfaces without stick-slip.
+    """
+    found, rate = {}, DEVICE_RATE
+    for index in tqdm(range(surfaces), disable=quiet, desc="whose speed"):
+        surface, rng = VirtualSurface(SEED, index), np.random.default_rng([SEED, index, 9])
+        if surface.parameters.stick > 0:
+            continue
+        samples = round((SETTLING + SECONDS) * VELOCITY_RATE)
+        trace = np.clip(wandering(rng, samples, rng.uniform(*HAND_SPEEDS), 0.1, 2.0), *SPEED_LIMITS)
+        hand = Exploration(trace, np.full(samples, REFERENCE_FORCE), np.zeros(samples), trace)
+        kept = slice(round(SETTLING * rate), round(SETTLING * rate) + SEGMENT_SAMPLES)
+        texture = band_pass(surface.record(hand, rng)[:, 0], rate)[kept]
+        speed = np.interp(np.arange(len(texture)) + kept.start, np.arange(samples) * rate / VELOCITY_RATE, trace)
+        position = np.cumsum(speed) / rate
+        even = np.arange(position[0], position[-1], RECORDED_SPEED / rate)
+        placed = {
+            "along the recorded path": (np.interp(even, position, texture), RECORDED_SPEED),
+            "at the segment's mean speed": (texture, speed.mean()),
+            "at the collection's mean speed": (texture, RECORDED_SPEED),
+        }
+        for played in SPEEDS:
+            fresh = band_levels_db(_record(surface, played, 1), rate)
+            place = played * np.arange(round(SECONDS * rate)) / rate
+            for name, (signal_, reference) in placed.items():
+                read = TextureProfile(signal_, rate, reference).read(place, np.full(len(place), played))
+                levels = band_levels_db(read * (played / reference) ** SPEED_EXPONENT, rate)
+                found.setdefault(name, {}).setdefault(f"{played:g} mm/s", []).append(np.abs(levels - fresh).mean())
+    return {name: {speed: float(np.mean(values)) for speed, values in row.items()} for name, row in found.items()}
 
 
 def _record(surface, speed, trial):
@@ -247,6 +288,11 @@ def markdown(report):
             table = {name: values for name, values in rows.items() if name != "surfaces"}
             parts.append(f"{group} ({rows['surfaces']})\n\n{markdown_table(table, labels=labels)}")
     parts.append(f"the profile, by material\n\n{markdown_table(materials, labels=labels)}")
+    parts.append(
+        "Recorded by a hand whose speed wanders between 66 and 99 mm/s, without stick-slip, and placed in space in "
+        "three ways. Checkpoints carry the last one, `reference_speed`: the others gain little, and DALE would have "
+        "to generate a speed.\n\n" + markdown_table(report["whose speed"], labels=labels)
+    )
     parts.append(
         f"{title('Sensors', 4)}What reports of a touch sensor add to the force, against the texture, in the worst of "
         "slow, fast and to-and-fro motion; how far the place is off; when a change of speed is felt.\n\n"
