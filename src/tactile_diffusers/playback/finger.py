@@ -51,11 +51,15 @@ class FingerPath:
             raise ValueError(f"`dimensions` must be 1 or 2, got {dimensions}.")
         self.sampling_rate, self.dimensions = float(sampling_rate), dimensions
         self._wait = 1 / sensor_rate + _MARGIN
-        self._sections = signal.bessel(_ORDER, cutoff, norm="phase", fs=sampling_rate, output="sos")
-        self._lead = signal.butter(1, _LEAD_SHARE * cutoff, fs=sampling_rate, output="sos")
+        smooth = signal.bessel(_ORDER, cutoff, norm="phase", fs=sampling_rate, output="sos")
         low = cutoff / 100
-        phase = np.angle(signal.sosfreqz(self._sections, worN=[low], fs=sampling_rate)[1][0])
+        phase = np.angle(signal.sosfreqz(smooth, worN=[low], fs=sampling_rate)[1][0])
         self.latency = self._wait - phase / (2 * np.pi * low)
+        # 1 + latency x low-passed velocity, as one more section: a block is short, and calls cost more than numbers
+        b, a = signal.butter(1, _LEAD_SHARE * cutoff, fs=sampling_rate)
+        lead = np.append(a, 0) + self.latency * sampling_rate * np.convolve(b, [1, -1])
+        self._sections = np.concatenate([smooth, [[*lead, *a, 0]]])
+        self._settled = signal.sosfilt_zi(self._sections)[..., None]
         self._samples = 0
         self._times, self._places = np.empty(0), np.empty((0, dimensions))
         self._state = self._last = None
@@ -133,14 +137,8 @@ class FingerPath:
     def _smooth(self, line):
         """Place and velocity along a line without breaks."""
         if self._state is None:
-            settled = signal.sosfilt_zi(self._sections)[..., None] * line[0]
-            self._state, self._last = settled, (line[0], line[0])
-            self._lead_state = np.zeros((len(self._lead), 2, self.dimensions))
-        smooth, self._state = signal.sosfilt(self._sections, line, axis=0, zi=self._state)
-        before, place_before = self._last
-        velocity = np.diff(smooth, axis=0, prepend=before[None]) * self.sampling_rate
-        velocity, self._lead_state = signal.sosfilt(self._lead, velocity, axis=0, zi=self._lead_state)
-        place = smooth + self.latency * velocity
-        moved = np.diff(place, axis=0, prepend=place_before[None]) * self.sampling_rate
-        self._last = smooth[-1], place[-1]
+            self._state, self._last = self._settled * line[0], line[0]
+        place, self._state = signal.sosfilt(self._sections, line, axis=0, zi=self._state)
+        moved = np.diff(place, axis=0, prepend=self._last[None]) * self.sampling_rate
+        self._last = place[-1]
         return place, moved

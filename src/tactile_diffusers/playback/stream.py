@@ -123,15 +123,16 @@ class TextureStream:
             raise ValueError("`normal_force` must be finite; 0 = no contact.")
         with self._lock:
             place, velocity = self._finger.advance(samples)
-            force = self._force(self._surface, place, velocity, normal_force)
+            speed = np.sqrt(np.square(velocity).sum(axis=1))
+            force = self._force(self._surface, place, velocity, speed, normal_force)
             if self._next is not None:
                 share = np.clip((self._faded + 1 + np.arange(samples)) / self._fade_samples, 0, 1)
                 share = np.sin(0.5 * np.pi * share) ** 2
-                force = (1 - share) * force + share * self._force(self._next, place, velocity, normal_force)
+                force = (1 - share) * force + share * self._force(self._next, place, velocity, speed, normal_force)
                 self._faded += samples
                 if self._faded >= self._fade_samples:
                     self._surface, self._next = self._next, None
-            force = self._joined(-_direction(velocity) * force[:, None]).astype(np.float32)
+            force = self._joined(-_direction(velocity, speed) * force[:, None]).astype(np.float32)
         return force[:, 0] if self._finger.dimensions == 1 else force
 
     def _joined(self, force):
@@ -148,10 +149,9 @@ class TextureStream:
         self._felt = force[-1].copy()
         return force
 
-    def _force(self, surface, place, velocity, normal_force):
+    def _force(self, surface, place, velocity, speed, normal_force):
         """Magnitude of friction: (samples,), N."""
         profile, friction_coefficient = surface
-        speed = np.linalg.norm(velocity, axis=1)
         pressed = (normal_force / REFERENCE_FORCE) ** self.force_exponent
         moved = (np.maximum(speed, SLOWEST_SLIDING) / profile.reference_speed) ** self.speed_exponent
         return friction_coefficient * normal_force + _read(profile, place, velocity) * pressed * moved
@@ -176,8 +176,7 @@ def _checked(profile, friction_coefficient):
     return profile, float(friction_coefficient)
 
 
-def _direction(velocity):
+def _direction(velocity, speed):
     """Unit vectors (samples, dimensions), or shorter: smooth through rest, and of length 1 from `TURNING_SPEED` on."""
-    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     ratio = np.minimum(speed / TURNING_SPEED, 1)
-    return velocity / np.maximum(speed, 1e-12) * (1.5 * ratio - 0.5 * ratio**3)
+    return velocity * ((1.5 * ratio - 0.5 * ratio**3) / np.maximum(speed, 1e-12))[:, None]
