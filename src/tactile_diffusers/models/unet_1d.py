@@ -11,6 +11,9 @@ from torch import nn
 
 from .attention import CrossAttention1D
 
+#: up to this number of positions a convolution is computed as a matrix product over patches
+FEW_POSITIONS = 8
+
 
 class ChannelRMSNorm(nn.Module):
     """Divides each time step by the root mean square of its channels: (batch, channels, length), same shape.
@@ -25,13 +28,28 @@ class ChannelRMSNorm(nn.Module):
         return hidden_states * gain.to(hidden_states.dtype)
 
 
+class Conv1d(nn.Conv1d):
+    """`nn.Conv1d`, computed as one matrix product where it has few positions.
+
+    On CPUs, PyTorch multiplies the weights by a matrix with a column for each position; with eight columns or fewer a
+    product with the two exchanged is about three times as fast.
+    """
+
+    def forward(self, hidden_states):
+        (size,), (stride,), (padding,) = self.kernel_size, self.stride, self.padding
+        if hidden_states.shape[-1] + 2 * padding - size >= FEW_POSITIONS * stride:
+            return super().forward(hidden_states)
+        patches = F.pad(hidden_states, (padding, padding)).unfold(2, size, stride).transpose(1, 2).flatten(2)
+        return F.linear(patches, self.weight.flatten(1), self.bias).transpose(1, 2)
+
+
 class Stretch1D(nn.Module):
     """Multiplies the length by `ratio`, each position becoming `ratio` learned ones (a pointwise layer, reshuffled)."""
 
     def __init__(self, in_channels, out_channels, ratio):
         super().__init__()
         self.ratio = ratio
-        self.conv = nn.Conv1d(in_channels, out_channels * ratio, 1)
+        self.conv = Conv1d(in_channels, out_channels * ratio, 1)
 
     def forward(self, hidden_states):
         return from_patches(self.conv(hidden_states), self.ratio)
@@ -52,7 +70,7 @@ def _context_projection(context_channels, channels, ratio):
     if ratio >= 1:
         return Stretch1D(context_channels, channels, int(ratio))
     stride = round(1 / ratio)
-    return nn.Conv1d(context_channels, channels, stride, stride=stride)
+    return Conv1d(context_channels, channels, stride, stride=stride)
 
 
 class ResnetBlock1D(nn.Module):
@@ -80,10 +98,10 @@ class ResnetBlock1D(nn.Module):
         padding = kernel_size // 2
         self.act = nn.SiLU()
         self.norm1 = ChannelRMSNorm()
-        self.conv1 = nn.Conv1d(channels, channels, kernel_size, padding=padding)
+        self.conv1 = Conv1d(channels, channels, kernel_size, padding=padding)
         self.time_proj = nn.Linear(embedding_dim, 2 * channels)
         self.norm2 = ChannelRMSNorm()
-        self.conv2 = nn.Conv1d(channels, channels, kernel_size, padding=padding)
+        self.conv2 = Conv1d(channels, channels, kernel_size, padding=padding)
         nn.init.zeros_(self.conv2.weight)  # a new block is the identity
         nn.init.zeros_(self.conv2.bias)
         self.context_proj = self.attn = None
@@ -163,20 +181,20 @@ class UNet1D(nn.Module):
             ratio = context_stride / strides[level]
             return ResnetBlock1D(channels, embedding_dim, kernel_size, context_channels, ratio, cross_attention_dim)
 
-        self.conv_in = nn.Conv1d(in_channels * patch_size, widths[0], 3, padding=1)
+        self.conv_in = Conv1d(in_channels * patch_size, widths[0], 3, padding=1)
         self.down_blocks, self.downsamplers = nn.ModuleList(), nn.ModuleList()
         self.up_blocks, self.upsamplers = nn.ModuleList(), nn.ModuleList()
         next_widths = [*widths[1:], widths[-1]]
         for level, (width, wider) in enumerate(zip(widths, next_widths, strict=True)):
             self.down_blocks.append(block(width, level))
-            self.downsamplers.append(nn.Conv1d(width, wider, 2, stride=2))
+            self.downsamplers.append(Conv1d(width, wider, 2, stride=2))
         self.mid_block = block(widths[-1], len(widths))
         for level in reversed(range(len(widths))):
             self.upsamplers.append(Stretch1D(next_widths[level], widths[level], 2))
             self.up_blocks.append(block(widths[level], level))
         self.norm_out = ChannelRMSNorm()
         self.act = nn.SiLU()
-        self.conv_out = nn.Conv1d(widths[0], out_channels * patch_size, 3, padding=1)
+        self.conv_out = Conv1d(widths[0], out_channels * patch_size, 3, padding=1)
         nn.init.zeros_(self.conv_out.weight)  # v = 0 at the start: the loss begins at the data's variance
         nn.init.zeros_(self.conv_out.bias)
 

@@ -14,8 +14,10 @@ def rating_velocity(dale, scheduler, ratings, frames, guidance):
         guidance (`Guidance`): pushes away from what DALE would answer without ratings.
     """
 
+    dtype = dale.dtype  # read once: it is searched for among all weights
+
     def guided(state, t, ratings):
-        state = state.to(dale.dtype)  # the sampler's state is wider than a half-precision model
+        state = state.to(dtype)  # the sampler's state is wider than a half-precision model
         return guidance.velocity(dale, scheduler, state, t, ratings)
 
     windows = Windows(frames, dale.config.latent_frames)
@@ -36,13 +38,13 @@ def rating_velocity(dale, scheduler, ratings, frames, guidance):
 def texture_velocity(lctg, latents):
     """LCTG's velocity given latents (batch, latent_channels, frames)."""
     size = lctg.config.segment_samples // lctg.config.latent_hop
-    windows = Windows(latents.shape[-1], min(size, latents.shape[-1]))
+    windows, dtype = Windows(latents.shape[-1], min(size, latents.shape[-1])), lctg.dtype
     if len(windows.starts) == 1:
-        return lambda waveform, t: lctg(waveform.to(lctg.dtype), t, latents, return_dict=False)[0]
+        return lambda waveform, t: lctg(waveform.to(dtype), t, latents, return_dict=False)[0]
     fine, contexts = windows.scaled(lctg.config.latent_hop), windows.split(latents)
 
     def fused(waveform, t):
-        pieces = fine.split(waveform.to(lctg.dtype))
+        pieces = fine.split(waveform.to(dtype))
         return fine.fuse(in_chunks(lambda x, z: lctg(x, t, z, return_dict=False)[0], pieces, contexts))
 
     return fused
