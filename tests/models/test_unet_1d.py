@@ -22,3 +22,21 @@ def test_a_convolution_of_few_positions_is_a_convolution(length, size, stride, p
         result.square().sum().backward()
     torch.testing.assert_close(inputs[0].grad, inputs[1].grad, rtol=1e-4, atol=1e-5)
     torch.testing.assert_close(ours.weight.grad, theirs.weight.grad, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("detail_channels", [0, 2])
+@pytest.mark.parametrize("samples", [16, 500, 512])
+def test_conditions_stand_for_latents(make_lctg, detail_channels, samples):
+    """A sampler prepares what latents add once; velocities are those of the latents themselves."""
+    sizes = {"feature_channels": 26, "latent_channels": 6, "detail_channels": 2} if detail_channels else {}
+    lctg = make_lctg(**sizes)
+    latents = torch.randn(2, lctg.config.latent_channels, -(-samples // 16))
+    sample = torch.randn(2, 1, samples)
+    with torch.no_grad():
+        conditions = lctg.condition(latents)
+        for timestep in (0.0, 640.5):
+            found = lctg(sample, timestep, conditions).sample
+            torch.testing.assert_close(found, lctg(sample, timestep, latents).sample, rtol=1e-5, atol=1e-6)
+    assert (conditions.given is None) == (detail_channels == 0)
+    compiled = torch.compile(lctg, fullgraph=True, backend="eager")
+    torch.testing.assert_close(compiled(sample, 0.0, conditions).sample, lctg(sample, 0.0, conditions).sample)

@@ -135,13 +135,23 @@ def test_a_list_of_generators_equals_single_calls(pipe, duration_s):
         np.testing.assert_allclose(together.friction_coefficient[row], alone.friction_coefficient[0], rtol=1e-4)
 
 
+def _on_step(model, record):
+    """`record(args)` of the model at each step; without a sample, LCTG only prepares its latents."""
+
+    def hook(module, args):
+        if args[0] is not None:
+            record(args)
+
+    return model.register_forward_pre_hook(hook)
+
+
 def test_one_generator_draws_for_dale_and_then_for_lctg(pipe):
     ratings, generator = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], _generator(4)
     state = torch.randn((2, 6, 32), generator=generator)  # DALE's noise, the whole batch
     waveform = torch.randn((2, 1, 512), generator=generator)  # then LCTG's
     dale, lctg = [], []
     pipe.dale.register_forward_pre_hook(lambda module, args: dale.append(args[0].clone()))
-    pipe.lctg.register_forward_pre_hook(lambda module, args: lctg.append(args[0].clone()))
+    _on_step(pipe.lctg, lambda args: lctg.append(args[0].clone()))
     used = _generator(4)
     _run(pipe, ratings, generator=used)
     assert torch.equal(dale[0], state) and torch.equal(lctg[0], waveform)
@@ -150,7 +160,7 @@ def test_one_generator_draws_for_dale_and_then_for_lctg(pipe):
 
 def test_each_generator_of_a_list_draws_for_dale_and_then_for_lctg(pipe):
     seen = []
-    hook = pipe.lctg.register_forward_pre_hook(lambda module, args: seen.append(args[0].clone()))
+    hook = _on_step(pipe.lctg, lambda args: seen.append(args[0].clone()))
     _run(pipe, [[0.0] * 3] * 2, generator=[_generator(7), _generator(8)])
     hook.remove()
     for row, seed in enumerate((7, 8)):
@@ -258,9 +268,9 @@ def test_no_ratings_are_ratings_that_are_all_unknown(pipe):
 
 
 def _watch(model):
-    """Records the batch size (and for DALE the ratings) of every forward call."""
+    """Records the batch size and the condition of every step."""
     calls = []
-    model.register_forward_pre_hook(lambda module, args: calls.append((len(args[0]), args[2].clone())))
+    _on_step(model, lambda args: calls.append((len(args[0]), args[2])))
     return calls
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from diffusers.configuration_utils import ConfigMixin, register_to_config
@@ -22,6 +23,18 @@ class LCTGOutput(BaseOutput):
     """Output of `LCTGModel`: `sample` is the velocity v, (batch, 1, samples)."""
 
     sample: torch.Tensor
+
+
+class LCTGConditions(NamedTuple):
+    """What latents add to every step of a sampler, computed once (`LCTGModel.condition`).
+
+    Attributes:
+        context (`list[torch.Tensor]`): what each block of the decoder adds.
+        given (`torch.Tensor` or `None`): (batch, 1, samples), the waveform of the detail layer; `None` = no such layer.
+    """
+
+    context: list
+    given: torch.Tensor | None
 
 
 class _EncoderBlock(nn.Module):
@@ -241,13 +254,34 @@ class LCTGModel(ModelMixin, ConfigMixin):
             )
         return self(None, None, None, features=features)
 
+    def condition(self, latents):
+        """What of `forward` depends on the latents alone, in place of them: a sampler needs it once, not at each step.
+
+        Args:
+            latents (`torch.Tensor`): (batch, latent_channels, frames), of the model's dtype.
+
+        Returns:
+            `LCTGConditions`
+        """
+        return self(None, None, latents)
+
+    def _conditions(self, latents, project=True):
+        """Conditions; training leaves projecting to the blocks, where gradient checkpointing covers it."""
+        base, detail = latents.tensor_split([self.base_channels], dim=1)
+        context, given = self.decoder.project(base) if project else base, None
+        if self.config.detail_channels:
+            stride = self.config.latent_hop // self.config.detail_channels
+            given = synthesize(detail.transpose(1, 2).flatten(1), stride)
+        return LCTGConditions(context, given)
+
     def forward(self, sample, timestep, latents, return_dict=True, features=None):
         """Velocity of a noisy texture.
 
         Args:
             sample (`torch.Tensor`): (batch, 1, samples) at the working rate, whitened, unit RMS.
             timestep (`float`, `int` or `torch.Tensor`): t = num_train_timesteps * phi / (pi/2) - 1, (batch,) or scalar.
-            latents (`torch.Tensor`): (batch, latent_channels, ceil(samples / latent_hop)).
+            latents (`torch.Tensor` or `LCTGConditions`): (batch, latent_channels, ceil(samples / latent_hop)), or
+                what `condition` made of them.
             return_dict (`bool`, *optional*, defaults to `True`): `LCTGOutput` or a plain tuple.
             features (`torch.Tensor`, *optional*): encoded instead, see `encode`, which calls `forward` because hooks
                 (offloading, distributed training) see no other method.
@@ -258,29 +292,32 @@ class LCTGModel(ModelMixin, ConfigMixin):
             # what passes through comes once for each frame of the latents, repeated for its features' frames
             levels = features[:, : self.level_channels, ::ratio]
             return torch.cat([levels, self.encoder(heard), detail[..., ::ratio]], dim=1)
-        frames = -(-sample.shape[-1] // self.config.latent_hop)
-        if latents.shape[-1] != frames:
-            raise ValueError(
-                f"`latents` must have {frames} frames for {sample.shape[-1]} samples (one per "
-                f"{self.config.latent_hop}), got {latents.shape[-1]}."
-            )
+        if sample is None:
+            return self._conditions(latents)
+        conditions = latents
+        if isinstance(latents, torch.Tensor):
+            frames = -(-sample.shape[-1] // self.config.latent_hop)
+            if latents.shape[-1] != frames:
+                raise ValueError(
+                    f"`latents` must have {frames} frames for {sample.shape[-1]} samples (one per "
+                    f"{self.config.latent_hop}), got {latents.shape[-1]}."
+                )
+            conditions = self._conditions(latents.to(sample.dtype), project=False)
         timestep = expand_timestep(timestep, sample)
         embedding = self.time_embedder(timestep, sample.dtype)
         checkpoint = None
         if torch.is_grad_enabled() and self.gradient_checkpointing:
             checkpoint = self._gradient_checkpointing_func
-        latents = latents.to(sample.dtype)
-        if not self.config.detail_channels:
-            velocity = self.decoder(sample, embedding, context=latents, checkpoint=checkpoint)
+        context, given = conditions
+        if given is None:
+            velocity = self.decoder(sample, embedding, context=context, checkpoint=checkpoint)
             return LCTGOutput(sample=velocity) if return_dict else (velocity,)
         # what is given needs no making: the decoder denoises what is left of the texture without it
-        base, detail = latents.tensor_split([self.base_channels], dim=1)
-        stride = self.config.latent_hop // self.config.detail_channels
-        given = synthesize(detail.transpose(1, 2).flatten(1), stride)[..., : sample.shape[-1]]
+        given = given[..., : sample.shape[-1]]
         angle = (timestep + 1) / self.config.num_train_timesteps * (math.pi / 2)
         cosine, sine = (wave.to(sample.dtype)[:, None, None] for wave in (angle.cos(), angle.sin()))
         states = torch.cat([sample - cosine * given, given], dim=1)
-        velocity = self.decoder(states, embedding, context=base, checkpoint=checkpoint) - sine * given
+        velocity = self.decoder(states, embedding, context=context, checkpoint=checkpoint) - sine * given
         return LCTGOutput(sample=velocity) if return_dict else (velocity,)
 
 

@@ -112,14 +112,20 @@ class ResnetBlock1D(nn.Module):
             self.attn = CrossAttention1D(channels, cross_attention_dim)
             self.context_scale = nn.Parameter(torch.ones(1))  # paper: "learnable context scaling"
 
-    def forward(self, hidden_states, embedding, context=None, tokens=None):
-        """(batch, channels, length), same shape out."""
+    def forward(self, hidden_states, embedding, context=None, tokens=None, projected=None):
+        """(batch, channels, length), same shape out.
+
+        Without `hidden_states`, the projected context alone, which all steps of a sampler share as `projected`; hooks
+        (offloading) see no other method.
+        """
+        if hidden_states is None:
+            return self.context_proj(context)
         residual = hidden_states
         hidden_states = self.conv1(self.act(self.norm1(hidden_states)))
         scale, shift = self.time_proj(embedding)[:, :, None].chunk(2, dim=1)
         hidden_states = torch.addcmul(shift, self.norm2(hidden_states), 1 + scale)
         if self.context_proj is not None:
-            hidden_states = hidden_states + self.context_proj(context)
+            hidden_states = hidden_states + (self.context_proj(context) if projected is None else projected)
         hidden_states = residual + self.conv2(self.act(hidden_states))
         if self.attn is not None:
             queries = self.attn_norm(hidden_states).transpose(1, 2)
@@ -198,13 +204,24 @@ class UNet1D(nn.Module):
         nn.init.zeros_(self.conv_out.weight)  # v = 0 at the start: the loss begins at the data's variance
         nn.init.zeros_(self.conv_out.bias)
 
+    def _pad_context(self, context):
+        per_stride = self.stride // self.context_stride
+        return F.pad(context, (0, -context.shape[-1] % per_stride))
+
+    def project(self, context):
+        """What every block adds of a context, in the order in which they run: a list of tensors for `forward`."""
+        blocks = (*self.down_blocks, self.mid_block, *self.up_blocks)
+        context = self._pad_context(context)
+        return [block(None, None, context) for block in blocks]
+
     def forward(self, sample, embedding, context=None, tokens=None, checkpoint=None):
         """Velocity of a noisy sample.
 
         Args:
             sample (`torch.Tensor`): (batch, in_channels, length), any length >= 1.
             embedding (`torch.Tensor`): (batch, embedding_dim).
-            context (`torch.Tensor`, *optional*): (batch, context_channels, ceil(length / context_stride)).
+            context (`torch.Tensor` or `list[torch.Tensor]`, *optional*): (batch, context_channels, ceil(length /
+                context_stride)), or what `project` made of it.
             tokens (`torch.Tensor`, *optional*): (batch, tokens, cross_attention_dim).
             checkpoint (`Callable`, *optional*): runs a block with gradient checkpointing.
 
@@ -215,18 +232,18 @@ class UNet1D(nn.Module):
         length = sample.shape[-1]
         padded = -(-length // self.stride) * self.stride
         sample = F.pad(sample, (0, padded - length))
-        if context is not None:
-            context = F.pad(context, (0, padded // self.context_stride - context.shape[-1]))
+        projected = iter(context if isinstance(context, list) else [None] * (2 * len(self.down_blocks) + 1))
+        context = self._pad_context(context) if isinstance(context, torch.Tensor) else None
 
         hidden_states = self.conv_in(to_patches(sample, self.patch_size))
         skips = []
         for block, downsampler in zip(self.down_blocks, self.downsamplers, strict=True):
-            hidden_states = run(block, hidden_states, embedding, context, tokens)
+            hidden_states = run(block, hidden_states, embedding, context, tokens, next(projected))
             skips.append(hidden_states)
             hidden_states = downsampler(hidden_states)
-        hidden_states = run(self.mid_block, hidden_states, embedding, context, tokens)
+        hidden_states = run(self.mid_block, hidden_states, embedding, context, tokens, next(projected))
         for block, upsampler in zip(self.up_blocks, self.upsamplers, strict=True):
             hidden_states = upsampler(hidden_states) + skips.pop()  # added: half the cost of concatenating
-            hidden_states = run(block, hidden_states, embedding, context, tokens)
+            hidden_states = run(block, hidden_states, embedding, context, tokens, next(projected))
         velocity = self.conv_out(self.act(self.norm_out(hidden_states)))
         return from_patches(velocity, self.patch_size)[..., :length]

@@ -40,7 +40,8 @@ def texture_velocity(lctg, latents):
     size = lctg.config.segment_samples // lctg.config.latent_hop
     windows, dtype = Windows(latents.shape[-1], min(size, latents.shape[-1])), lctg.dtype
     if len(windows.starts) == 1:
-        return lambda waveform, t: lctg(waveform.to(dtype), t, latents, return_dict=False)[0]
+        conditions = lctg.condition(latents)
+        return lambda waveform, t: lctg(waveform.to(dtype), t, conditions, return_dict=False)[0]
     fine, contexts = windows.scaled(lctg.config.latent_hop), windows.split(latents)
 
     def fused(waveform, t):
