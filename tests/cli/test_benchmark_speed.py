@@ -70,7 +70,7 @@ def test_the_comparison_is_complete(small, without_audio_diffusion, checkpoint, 
     models, batches = peers["models"], peers["batches"]
     rows = {benchmark_peers.OURS, benchmark_peers.COMPILED, benchmark_peers.BFLOAT16, benchmark_peers.ANCHOR}
     rows |= {"ours, 5 + 5 steps", "ours, distilled, 5 + 2 steps", "ours, distilled, 5 + 1 steps"}
-    rows |= {"UNet1DModel, as published", "UNet1DModel, at our size"}
+    rows |= {"UNet1DModel, 18 M", "UNet1DModel, at our size"}
     assert set(models) == rows == set(batches["1"]) == set(batches["2"])
     ours, cut = (models[name]["parameters, M"] for name in (benchmark_peers.OURS, "UNet1DModel, at our size"))
     assert abs(cut / ours - 1) <= peer_models.SIZE_TOLERANCE

@@ -84,8 +84,9 @@ def forms(request):
             )
     if request["anchor"]:
         made[ANCHOR] = lambda: _anchor(request)
-    sizes = {"as published": None, "at our size": request["parameters"]}
-    for name, model in ((_AUDIO, audio_diffusion), (_UNET, unet_1d)):
+    # nobody publishes a configuration of UNet1DModel for such signals
+    for name, model, whole in ((_AUDIO, audio_diffusion, "as published"), (_UNET, unet_1d, "18 M")):
+        sizes = {whole: None, "at our size": request["parameters"]}
         for label, parameters in sizes.items() if name in request["peers"] else ():
             made[f"{name}, {label}"] = lambda m=model, p=parameters, n=name: _peer(m(p), n == _AUDIO)
     return made
