@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 
 import pytest
 import torch
@@ -31,7 +32,6 @@ def checkpoint(make_pipeline, tmp_path):
 @pytest.fixture
 def small(monkeypatch):
     """Few and short measurements, no child processes, no compiler, a small network for that of the other package."""
-    monkeypatch.setattr(benchmark_peers, "BATCHES", (1, 2))
     monkeypatch.setattr(benchmark_speed, "BATCHES", (1,))
     for module in (benchmark_peers, benchmark_speed):
         monkeypatch.setattr(module, "DURATIONS", (1.0, 1.5))
@@ -63,7 +63,10 @@ def test_the_comparison_is_complete(small, without_audio_diffusion, checkpoint, 
     readme, out = tmp_path / "README.md", tmp_path / "out"
     readme.write_text("\n".join(markers("speed")))
     words = f"--checkpoint {checkpoint} --output {out} --repeats 1 --peers --anchor {checkpoint} --data {prepared}"
-    assert benchmark.main([*words.split(), "--segments", "3", "--quiet", "--readme", str(readme)]) == 0
+    assert (
+        benchmark.main([*words.split(), "--segments", "3", "--batches", "2", "1", "--quiet", "--readme", str(readme)])
+        == 0
+    )
     report = json.loads((out / "benchmark.json").read_text())
     peers = report["peers"]
     assert "not installed" in peers["notes"][0] and peer_models.INSTALL in peers["notes"][0]
@@ -103,8 +106,8 @@ def test_without_a_compiler_the_rest_is_measured(small, without_audio_diffusion,
         self.forward = lambda *args, **kwargs: (_ for _ in ()).throw(RuntimeError("no C++ compiler\nat length"))
 
     monkeypatch.setattr(LCTGModel, "compile", broken)
-    monkeypatch.setattr(benchmark_peers, "BATCHES", (1,))
-    arguments = benchmark.parse_arguments(f"--output {checkpoint / 'o'} --repeats 1 --peers".split())
+    words = f"--output {checkpoint / 'o'} --repeats 1 --peers --batches 1"
+    arguments = benchmark.parse_arguments(words.split())
     pipe = benchmark_peers.load(checkpoint)
     found = benchmark_peers.compare(arguments, pipe, str(checkpoint))
     assert "compiled: RuntimeError: no C++ compiler" in found["notes"]
@@ -186,3 +189,13 @@ def test_what_does_not_belong_together_is_refused(words, message, tmp_path, caps
     with pytest.raises(SystemExit) as stop:
         benchmark.parse_arguments([*words.format(folder=tmp_path).split(), "--output", str(tmp_path / "out")])
     assert stop.value.code == 2 and message.format(folder=tmp_path) in capsys.readouterr().err
+
+
+def test_what_would_take_too_long_is_left_out(monkeypatch):
+    monkeypatch.setattr(benchmark_peers, "LONGEST_RUN", 0.5)
+    slow = benchmark_peers.Competitor([], lambda count, seconds=None: time.sleep(0.06))
+    quick = benchmark_peers.Competitor([], lambda count, seconds=None: None)
+    models = {name: {"multiply-adds of a segment, G": 1.0} for name in ("slow", "quick")}
+    found = benchmark_peers._batches({"slow": slow, "quick": quick}, [1, 2, 64, 128], 1, 1e9, models)
+    # 0.03 s for each of two: 1.9 s for 64, though batches take no longer here
+    assert [set(rows) for rows in found.values()] == [{"slow", "quick"}] * 2 + [{"quick"}] * 2

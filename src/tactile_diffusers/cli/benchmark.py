@@ -78,6 +78,9 @@ def _add_comparison(parser):
         help="beside other packages' models, where installed, and beside our own other forms; with --data also the "
         "error of held-out textures against time",
     )
+    speed.add_argument(
+        "--batches", type=int, nargs="+", default=[1, 4, 16, 64], help="--peers: textures at once; default 1 4 16 64"
+    )
     speed.add_argument("--anchor", type=Path, metavar="FOLDER", help="--peers: checkpoint of the paper's configuration")
     speed.add_argument(
         "--distilled", type=Path, metavar="FOLDER", help="--peers: distilled LCTG; default: the checkpoint's, if any"
@@ -92,6 +95,9 @@ def _check_comparison(parser, arguments):
             parser.error(f"argument --{name}: needs --suite speed --peers, which it is compared by")
         if folder is not None and not (folder / file).is_file():
             parser.error(f"argument --{name}: {folder} has no {file}; give a folder of save_pretrained")
+    if min(arguments.batches) < 1:
+        parser.error(f"argument --batches: must be at least 1, got {arguments.batches}")
+    arguments.batches = sorted(set(arguments.batches))
     if arguments.peers and arguments.suite != "speed":
         parser.error(f"argument --peers: belongs to --suite speed, got --suite {arguments.suite}")
 

@@ -14,13 +14,15 @@ from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
 from ..evaluation.tables import markdown_table, title
 from ..pipelines.recorded import DEFAULT_STEPS
 from ..signal import SEGMENT_SECONDS
-from .benchmark_speed import BATCHES, DURATIONS, LONG_RUN, RATINGS, peak_memory, seconds_of
+from .benchmark_speed import DURATIONS, LONG_RUN, RATINGS, peak_memory, seconds_of
 from .peer_models import SIZE_TOLERANCE, audio_diffusion, audio_diffusion_version, size, unet_1d
 
 #: Steps of both stages at which all are compared.
 STEPS = 10
 #: Steps of a distilled LCTG.
 DISTILLED_STEPS = (2, 1)
+#: What would take longer than this, s, is left out.
+LONGEST_RUN = 60.0
 #: Compiled and plain textures count as equal up to this share of the plain ones' RMS.
 EQUAL = 1e-3
 OURS, COMPILED, BFLOAT16 = "ours", "ours, compiled", "ours, bfloat16"
@@ -43,8 +45,8 @@ _EXPLANATION = (
     "level of its conditional U-Net, over those latents. UNet1DModel: a waveform at 10 kHz without ratings, its "
     "default widths continued to seven levels. At our size: all widths are scaled until parameters are within "
     f"{SIZE_TOLERANCE:.0%} of ours. Ours does all: both stages, band levels, resampling to 10 kHz. Parameters are "
-    f"those that generating runs (no encoder). What takes longer than {LONG_RUN:g} s is run once. × "
-    "means times as fast as."
+    f"those that generating runs (no encoder). What takes longer than {LONG_RUN:g} s is run once, what "
+    f"would take longer than {LONGEST_RUN:g} s is left out. × means times as fast as."
 )
 
 
@@ -177,7 +179,7 @@ def compare(arguments, pipe, checkpoint):
     """Measures all rows.
 
     Args:
-        arguments (`argparse.Namespace`): "anchor" and "distilled" (`Path` or `None`), "repeats".
+        arguments (`argparse.Namespace`): "anchor" and "distilled" (`Path` or `None`), "repeats", "batches".
         pipe (`TactileTexturePipeline`): ours, from `checkpoint`.
         checkpoint (`str`): its folder.
 
@@ -218,7 +220,7 @@ def compare(arguments, pipe, checkpoint):
         "notes": notes,
         "peak": peak,
         "models": models,
-        "batches": _batches(rows, arguments.repeats, peak, models),
+        "batches": _batches(rows, arguments.batches, arguments.repeats, peak, models),
         "durations": _durations(rows, max(1, arguments.repeats // 2)),
         "compiled differs by": difference(rows[OURS], rows[COMPILED]) if COMPILED in rows else None,
     }
@@ -244,13 +246,20 @@ def _models(rows, request):
     return found
 
 
-def _batches(rows, repeats, peak, models):
-    """Times of a segment: batch -> row -> seconds, real-time factor, share of the peak, and ratios to others."""
-    found = {}
-    for count in BATCHES:
-        if COMPILED in rows:
+def _batches(rows, counts, repeats, peak, models):
+    """Times of a segment: batch -> row -> seconds, real-time factor, share of the peak, and ratios to others.
+
+    What would take longer than `LONGEST_RUN`, by its time at the batch before, is left out.
+    """
+    found, last = {}, {}
+    for count in counts:
+        able = {name: row for name, row in rows.items() if last.get(name, 0.0) * count <= LONGEST_RUN}
+        if COMPILED in able:
             rows[COMPILED].generate(count)  # compiles for this shape
-        times = seconds_of({name: partial(row.generate, count) for name, row in rows.items()}, repeats)
+        times = seconds_of({name: partial(row.generate, count) for name, row in able.items()}, repeats)
+        last = {name: seconds / count for name, seconds in times.items()} | {
+            name: seconds for name, seconds in last.items() if name not in times
+        }
         found[str(count)] = {
             name: {
                 "s": seconds,
@@ -286,7 +295,7 @@ def difference(plain, other):
     Args:
         plain, other (`Competitor`): both of ours, of the same noise.
     """
-    ours, theirs = (np.asarray(row.generate(BATCHES[1]), dtype=np.float64) for row in (plain, other))
+    ours, theirs = (np.asarray(row.generate(2), dtype=np.float64) for row in (plain, other))
     return float((np.abs(ours - theirs) / np.sqrt(np.mean(ours**2, axis=-1, keepdims=True))).max())
 
 
