@@ -134,4 +134,4 @@ def plot(found, output_path):
             axis.set_major_formatter(StrMethodFormatter("{x:g}"))
         panel.margins(x=0.08, y=0.15)
         panel.grid(alpha=0.3, which="both")
-        panel.legend(fontsize=9, title="numbers: steps of LCTG")
+        panel.legend(loc=(0.4, 0.24), fontsize=9, title="numbers: steps of LCTG")
