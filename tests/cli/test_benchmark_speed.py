@@ -77,9 +77,9 @@ def test_the_comparison_is_complete(small, without_audio_diffusion, checkpoint, 
     assert set(models) == rows == set(batches["1"]) == set(batches["2"])
     ours, cut = (models[name]["parameters, M"] for name in (benchmark_peers.OURS, "UNet1DModel, at our size"))
     assert abs(cut / ours - 1) <= peer_models.SIZE_TOLERANCE
-    # half the steps, half the work; a distilled LCTG saves its own share
+    # half the steps, half the work but for what is prepared once a call; a distilled LCTG saves its own share
     work = {name: row["multiply-adds of a segment, G"] for name, row in models.items()}
-    assert work["ours, 5 + 5 steps"] == pytest.approx(work[benchmark_peers.OURS] / 2, rel=1e-6)
+    assert work["ours, 5 + 5 steps"] == pytest.approx(work[benchmark_peers.OURS] / 2, rel=0.01)
     assert work["ours, distilled, 5 + 1 steps"] < work["ours, distilled, 5 + 2 steps"] < work["ours, 5 + 5 steps"]
     for by_row in batches.values():
         for name, row in by_row.items():
