@@ -106,14 +106,16 @@ def test_ten_seconds_decoded_whole_equal_overlapped_pieces():
     frames = 10 * pipe.feature_extractor.sampling_rate // hop
     base = torch.randn((1, lctg.base_channels, frames), generator=generator).mul(0.4).clamp(-1, 1)
     latents, noise = lctg.complete(base), torch.randn((1, 1, frames * hop), generator=generator)
-    velocities = (lambda x, t: lctg(x, t, latents).sample, texture_velocity(lctg, latents))
+    pipe.scheduler.set_timesteps(5)
+    timesteps = pipe.scheduler.timesteps
+    velocities = (lambda x, step: lctg(x, timesteps[step], latents).sample, texture_velocity(lctg, latents, timesteps))
     made = []
     for velocity in velocities:
         state = noise
         pipe.scheduler.set_timesteps(5)
         with torch.no_grad():
-            for t in pipe.scheduler.timesteps:
-                state = pipe.scheduler.step(velocity(state, t), t, state).prev_sample
+            for step, t in enumerate(timesteps):
+                state = pipe.scheduler.step(velocity(state, step), t, state).prev_sample
         levels = lctg.band_levels(latents)
         made.append(pipe.feature_extractor.denormalize(state[:, 0], torch.tensor([-5.0]), band_levels=levels))
     whole, pieces = made

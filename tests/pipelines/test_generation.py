@@ -136,7 +136,7 @@ def test_a_list_of_generators_equals_single_calls(pipe, duration_s):
 
 
 def _on_step(model, record):
-    """`record(args)` of the model at each step; without a sample, LCTG only prepares its latents."""
+    """`record(args)` of the model at each step; without a sample, it only prepares its conditions."""
 
     def hook(module, args):
         if args[0] is not None:
@@ -150,7 +150,7 @@ def test_one_generator_draws_for_dale_and_then_for_lctg(pipe):
     state = torch.randn((2, 6, 32), generator=generator)  # DALE's noise, the whole batch
     waveform = torch.randn((2, 1, 512), generator=generator)  # then LCTG's
     dale, lctg = [], []
-    pipe.dale.register_forward_pre_hook(lambda module, args: dale.append(args[0].clone()))
+    _on_step(pipe.dale, lambda args: dale.append(args[0].clone()))
     _on_step(pipe.lctg, lambda args: lctg.append(args[0].clone()))
     used = _generator(4)
     _run(pipe, ratings, generator=used)
@@ -268,26 +268,33 @@ def test_no_ratings_are_ratings_that_are_all_unknown(pipe):
 
 
 def _watch(model):
-    """Records the batch size and the condition of every step."""
+    """Records the batch size of every step."""
     calls = []
-    _on_step(model, lambda args: calls.append((len(args[0]), args[2])))
+    _on_step(model, lambda args: calls.append(len(args[0])))
+    return calls
+
+
+def _asked(dale):
+    """Records the ratings that DALE prepares."""
+    calls = []
+    dale.rating_embedder.register_forward_pre_hook(lambda module, args: calls.append(args[0]))
     return calls
 
 
 def test_without_guidance_no_null_batch_is_evaluated(pipe):
-    dale, lctg = _watch(pipe.dale), _watch(pipe.lctg)
+    dale, lctg, asked = _watch(pipe.dale), _watch(pipe.lctg), _asked(pipe.dale)
     _run(pipe, [[1.0, None, 0.0], [0.0, 1.0, 0.0]], guidance_scale=1.0, num_latent_inference_steps=4)
-    assert [size for size, _ in dale] == [2] * 4 and [size for size, _ in lctg] == [2] * 3
-    assert not any(torch.isnan(ratings).all(-1).any() for _, ratings in dale)
+    assert dale == [2] * 4 and lctg == [2] * 3
+    assert len(asked) == 1 and not torch.isnan(asked[0]).all(-1).any()
     assert not pipe.do_classifier_free_guidance and pipe.guidance_scale == 1.0
 
 
 def test_guidance_is_one_batched_forward(pipe):
-    dale, lctg = _watch(pipe.dale), _watch(pipe.lctg)
+    dale, lctg, asked = _watch(pipe.dale), _watch(pipe.lctg), _asked(pipe.dale)
     _run(pipe, [[1.0, None, 0.0], [0.0, 1.0, 0.0]], guidance_scale=2.5)
-    assert [size for size, _ in dale] == [4] * 3 and [size for size, _ in lctg] == [2] * 3
-    for _, ratings in dale:
-        assert torch.isnan(ratings[:2]).all() and torch.equal(ratings[3], torch.tensor([0.0, 1.0, 0.0]))
+    assert dale == [4] * 3 and lctg == [2] * 3
+    (ratings,) = asked
+    assert torch.isnan(ratings[:2]).all() and torch.equal(ratings[3], torch.tensor([0.0, 1.0, 0.0]))
     assert pipe.do_classifier_free_guidance and pipe.guidance_scale == 2.5
 
 

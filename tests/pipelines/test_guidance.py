@@ -20,6 +20,11 @@ def _without(*axes, ratings=RATINGS):
     return left
 
 
+def _velocity(guidance, dale, scheduler, state, t, ratings):
+    weights, ratings = guidance.conditions(ratings)
+    return guidance.velocity(dale, scheduler, state, t, ratings, weights)
+
+
 @pytest.fixture
 def state_of(pipe, seeded):
     """`state_of(ratings, **options)` is what DALE makes of the same noise in one step, (batch, 6, 32)."""
@@ -62,12 +67,14 @@ def test_guidance_of_axes_equals_its_formula(pipe, state_of, scale):
 def test_all_conditions_go_through_in_one_forward(pipe, state_of, calls_of):
     ratings, calls = torch.tensor([[1.0, NAN, 0.5], [0.0, 1.0, -1.0]]), calls_of(pipe.dale)
     state_of(ratings, guidance_scale={"roughness": 3.0, "slipperiness": 0.5}, num_inference_steps=3)
-    assert [len(state) for state, *_ in calls] == [6] * 3
+    (_, times, asked), *calls = calls  # what ratings and times alone decide comes once, before the steps
+    assert len(times) == 3
     wanted = [ratings, _without(0, ratings=ratings), _without(2, ratings=ratings)]
-    for state, _, asked in calls:
+    for rows in wanted:  # once each, in whatever order
+        assert sum(torch.equal(rows.nan_to_num(9.0), part.nan_to_num(9.0)) for part in asked.chunk(3)) == 1
+    assert [len(state) for state, *_ in calls] == [6] * 3
+    for state, *_ in calls:
         assert torch.equal(state[:2], state[2:4]) and torch.equal(state[:2], state[4:])
-        for rows in wanted:  # once each, in whatever order
-            assert sum(torch.equal(rows.nan_to_num(9.0), part.nan_to_num(9.0)) for part in asked.chunk(3)) == 1
     assert pipe.do_classifier_free_guidance and pipe.guidance_scale == {"roughness": 3.0, "slipperiness": 0.5}
 
 
@@ -87,7 +94,8 @@ def test_a_row_that_does_not_specify_the_axis_is_not_pushed(state_of):
 def test_a_dict_that_changes_nothing_asks_once(pipe, state_of, calls_of, scale):
     ratings, calls = _without(1), calls_of(pipe.dale)
     _, made = state_of(ratings, guidance_scale=scale)
-    assert len(calls) == 1 and len(calls[0][0]) == 1
+    (_, _, asked), (state, *_) = calls  # once to prepare ratings, once for the step
+    assert len(asked) == len(state) == 1
     assert torch.equal(made, state_of(ratings)[1])
 
 
@@ -115,10 +123,10 @@ def test_scales_become_numbers_and_indices():
 
 @pytest.mark.parametrize("scale", [1.0, 0.0, 2.5, {}, {0: 3.0, 2: 0.5}, {1: 4.0}], ids=str)
 def test_weights_sum_to_one_and_the_plain_answer_is_last(scale):
-    conditions = Guidance(scale).conditions(RATINGS)
-    assert sum(weight for weight, _ in conditions) == pytest.approx(1.0)
-    assert torch.equal(conditions[-1][1], RATINGS)
-    assert all(torch.isnan(ratings).any() for _, ratings in conditions[:-1])
+    weights, ratings = Guidance(scale).conditions(RATINGS)
+    assert sum(weights) == pytest.approx(1.0) and len(weights) == len(ratings)
+    assert torch.equal(ratings[-1:], RATINGS)
+    assert torch.isnan(ratings[:-1]).any(dim=1).all()
 
 
 # --- bringing the spread back
@@ -150,7 +158,7 @@ def test_rescaling_goes_as_far_as_it_is_told_at_every_time(make_dale, seeded, re
     ratings = RATINGS.repeat(2, 1)
     with torch.no_grad():
         plain, guided, made = (
-            _kinds(dale, scheduler.get_original_sample(g.velocity(dale, scheduler, state, t, ratings), state, t))
+            _kinds(dale, scheduler.get_original_sample(_velocity(g, dale, scheduler, state, t, ratings), state, t))
             for g in (Guidance(), Guidance(6.0), Guidance(6.0, rescale))
         )
     assert made.shape == (2, 3) and ((guided / plain - 1).abs() > 0.01).any()

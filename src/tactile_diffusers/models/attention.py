@@ -11,10 +11,9 @@ class CrossAttnProcessor:
     _attention_backend = None
     _parallel_config = None
 
-    def __call__(self, attn, hidden_states, encoder_hidden_states):
+    def __call__(self, attn, hidden_states, encoder_hidden_states, projected=None):
         query = attn.to_q(hidden_states).unflatten(-1, (attn.heads, -1))  # (batch, positions, heads, head_dim)
-        key = attn.to_k(encoder_hidden_states).unflatten(-1, (attn.heads, -1))
-        value = attn.to_v(encoder_hidden_states).unflatten(-1, (attn.heads, -1))
+        key, value = attn.project(encoder_hidden_states) if projected is None else projected
         out = dispatch_attention_fn(
             query, key, value, backend=self._attention_backend, parallel_config=self._parallel_config
         )
@@ -46,6 +45,18 @@ class CrossAttention1D(nn.Module, AttentionModuleMixin):
         self.to_out = nn.ModuleList([nn.Linear(dim, dim)])
         self.set_processor(self._default_processor_cls())
 
-    def forward(self, hidden_states, encoder_hidden_states):
-        """(batch, positions, dim), (batch, tokens, cross_attention_dim) -> (batch, positions, dim)."""
-        return self.processor(self, hidden_states, encoder_hidden_states)
+    def project(self, encoder_hidden_states):
+        """Keys and values of tokens: two of (batch, tokens, heads, head_dim)."""
+        return tuple(to(encoder_hidden_states).unflatten(-1, (self.heads, -1)) for to in (self.to_k, self.to_v))
+
+    def forward(self, hidden_states, encoder_hidden_states, projected=None):
+        """(batch, positions, dim), (batch, tokens, cross_attention_dim) -> (batch, positions, dim).
+
+        Without `hidden_states`: what stands for the tokens as `projected` in further calls, with this processor.
+        """
+        if hidden_states is None:
+            own = isinstance(self.processor, CrossAttnProcessor)  # another one may do without keys
+            return self.project(encoder_hidden_states) if own else encoder_hidden_states
+        if isinstance(projected, tuple):
+            return self.processor(self, hidden_states, None, projected)
+        return self.processor(self, hidden_states, encoder_hidden_states if projected is None else projected)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -72,6 +73,16 @@ class DALEOutput(BaseOutput):
     """Output of `DALEModel`: `sample` is the velocity v, (batch, in_channels, latent_frames)."""
 
     sample: torch.Tensor
+
+
+class DALEConditions(NamedTuple):
+    """What a velocity at one timestep does not take from the sample (`DALEModel.condition`).
+
+    Attributes:
+        blocks (`list[BlockConditions]`): of each block of the U-Net.
+    """
+
+    blocks: list
 
 
 class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
@@ -304,27 +315,53 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         mean, std = self.config.log_friction_mean, self.config.log_friction_std
         return (math.nan, math.nan) if mean is None or std is None else (mean, std)
 
+    def condition(self, ratings, timesteps):
+        """What of `forward` does not depend on the sample: a sampler prepares it once for all of its steps.
+
+        Args:
+            ratings (`torch.Tensor`): (batch, axes) in z-scores; NaN = not specified.
+            timesteps (`torch.Tensor`): (steps,).
+
+        Returns:
+            `list[DALEConditions]`: for each step, in place of the ratings.
+        """
+        return self(None, timesteps, ratings)
+
+    def _conditions(self, ratings, timesteps, dtype):
+        """Embeddings (steps, batch, dim), which may need broadcasting, and tokens (batch, axes, dim)."""
+        if ratings.shape[-1] != len(self.config.rating_axes):
+            raise ValueError(
+                f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
+                f"{list(self.config.rating_axes)}, got {tuple(ratings.shape)}."
+            )
+        tokens = self.rating_embedder(ratings, dtype)
+        embeddings = self.time_embedder(timesteps, dtype)
+        if self.rating_pool is not None:
+            embeddings = embeddings + self.rating_pool(tokens.flatten(1))
+        return embeddings, tokens
+
     def forward(self, sample, timestep, ratings, return_dict=True):
         """Velocity of a noisy state.
 
         Args:
             sample (`torch.Tensor`): (batch, in_channels, frames).
             timestep (`float`, `int` or `torch.Tensor`): t = num_train_timesteps * phi / (pi/2) - 1, (batch,) or scalar.
-            ratings (`torch.Tensor`): (batch, axes) in z-scores; NaN = not specified.
+            ratings (`torch.Tensor` or `DALEConditions`): (batch, axes) in z-scores, NaN = not specified; or what
+                `condition` made of them for this timestep, which is then not read.
             return_dict (`bool`, *optional*, defaults to `True`): `DALEOutput` or a plain tuple.
         """
-        if ratings.shape[-1] != len(self.config.rating_axes):
-            raise ValueError(
-                f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
-                f"{list(self.config.rating_axes)}, got {tuple(ratings.shape)}."
-            )
-        hidden_states = self.numbers(sample)
-        tokens = self.rating_embedder(ratings, sample.dtype)
-        embedding = self.time_embedder(expand_timestep(timestep, sample), sample.dtype)
-        if self.rating_pool is not None:
-            embedding = embedding + self.rating_pool(tokens.flatten(1))
+        if sample is None:
+            embeddings, tokens = self._conditions(ratings, timestep[:, None], self.dtype)
+            return [DALEConditions(blocks) for blocks in self.unet.condition(embeddings, tokens=tokens)]
+        embedding, tokens, blocks = None, None, None
+        if isinstance(ratings, DALEConditions):
+            (blocks,) = ratings
+        else:
+            embedding, tokens = self._conditions(ratings, expand_timestep(timestep, sample), sample.dtype)
         checkpoint = None
         if torch.is_grad_enabled() and self.gradient_checkpointing:
             checkpoint = self._gradient_checkpointing_func
-        velocity = self.spread(self.unet(hidden_states, embedding, tokens=tokens, checkpoint=checkpoint))
+        hidden_states = self.numbers(sample)
+        hidden_states = self.unet(hidden_states, embedding, tokens=tokens, checkpoint=checkpoint, conditions=blocks)
+        velocity = self.spread(hidden_states)
         return DALEOutput(sample=velocity) if return_dict else (velocity,)

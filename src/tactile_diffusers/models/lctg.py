@@ -26,14 +26,16 @@ class LCTGOutput(BaseOutput):
 
 
 class LCTGConditions(NamedTuple):
-    """What latents add to every step of a sampler, computed once (`LCTGModel.condition`).
+    """What a velocity at one timestep does not take from the sample (`LCTGModel.condition`).
 
     Attributes:
-        context (`list[torch.Tensor]`): what each block of the decoder adds.
+        blocks (`list[BlockConditions]`): of each block of the decoder.
+        wave (`torch.Tensor` or `None`): (2,), cosine and sine of the timestep's angle.
         given (`torch.Tensor` or `None`): (batch, 1, samples), the waveform of the detail layer; `None` = no such layer.
     """
 
-    context: list
+    blocks: list
+    wave: torch.Tensor | None
     given: torch.Tensor | None
 
 
@@ -254,25 +256,37 @@ class LCTGModel(ModelMixin, ConfigMixin):
             )
         return self(None, None, None, features=features)
 
-    def condition(self, latents):
-        """What of `forward` depends on the latents alone, in place of them: a sampler needs it once, not at each step.
+    def condition(self, latents, timesteps):
+        """What of `forward` does not depend on the sample: a sampler prepares it once for all of its steps.
 
         Args:
             latents (`torch.Tensor`): (batch, latent_channels, frames), of the model's dtype.
+            timesteps (`torch.Tensor`): (steps,).
 
         Returns:
-            `LCTGConditions`
+            `list[LCTGConditions]`: for each step, in place of the latents.
         """
-        return self(None, None, latents)
+        return self(None, timesteps, latents)
 
-    def _conditions(self, latents, project=True):
-        """Conditions; training leaves projecting to the blocks, where gradient checkpointing covers it."""
-        base, detail = latents.tensor_split([self.base_channels], dim=1)
-        context, given = self.decoder.project(base) if project else base, None
+    def _conditions(self, latents, timesteps):
+        context, given = self._layers(latents)
+        embeddings = self.time_embedder(timesteps, latents.dtype)[:, None]
+        blocks = self.decoder.condition(embeddings, context)
+        waves = [None] * len(blocks) if given is None else self._waves(timesteps, latents.dtype).unbind(0)
+        return [LCTGConditions(*step, given) for step in zip(blocks, waves, strict=True)]
+
+    def _layers(self, latents):
+        """The base layer, and the waveform that the detail layer holds."""
+        base, given = latents[:, : self.base_channels], None
         if self.config.detail_channels:
             stride = self.config.latent_hop // self.config.detail_channels
-            given = synthesize(detail.transpose(1, 2).flatten(1), stride)
-        return LCTGConditions(context, given)
+            given = synthesize(latents[:, self.base_channels :].transpose(1, 2).flatten(1), stride)
+        return base, given
+
+    def _waves(self, timesteps, dtype):
+        """Cosine and sine of angles: (n,) -> (n, 2)."""
+        angles = (timesteps + 1) / self.config.num_train_timesteps * (math.pi / 2)
+        return torch.stack([angles.cos(), angles.sin()], dim=-1).to(dtype)
 
     def forward(self, sample, timestep, latents, return_dict=True, features=None):
         """Velocity of a noisy texture.
@@ -281,7 +295,7 @@ class LCTGModel(ModelMixin, ConfigMixin):
             sample (`torch.Tensor`): (batch, 1, samples) at the working rate, whitened, unit RMS.
             timestep (`float`, `int` or `torch.Tensor`): t = num_train_timesteps * phi / (pi/2) - 1, (batch,) or scalar.
             latents (`torch.Tensor` or `LCTGConditions`): (batch, latent_channels, ceil(samples / latent_hop)), or
-                what `condition` made of them.
+                what `condition` made of them for this timestep, which is then not read.
             return_dict (`bool`, *optional*, defaults to `True`): `LCTGOutput` or a plain tuple.
             features (`torch.Tensor`, *optional*): encoded instead, see `encode`, which calls `forward` because hooks
                 (offloading, distributed training) see no other method.
@@ -293,31 +307,32 @@ class LCTGModel(ModelMixin, ConfigMixin):
             levels = features[:, : self.level_channels, ::ratio]
             return torch.cat([levels, self.encoder(heard), detail[..., ::ratio]], dim=1)
         if sample is None:
-            return self._conditions(latents)
-        conditions = latents
-        if isinstance(latents, torch.Tensor):
+            return self._conditions(latents, timestep)
+        checkpoint = None
+        if torch.is_grad_enabled() and self.gradient_checkpointing:
+            checkpoint = self._gradient_checkpointing_func
+        if isinstance(latents, LCTGConditions):
+            (blocks, wave, given), embedding, context = latents, None, None
+        else:
             frames = -(-sample.shape[-1] // self.config.latent_hop)
             if latents.shape[-1] != frames:
                 raise ValueError(
                     f"`latents` must have {frames} frames for {sample.shape[-1]} samples (one per "
                     f"{self.config.latent_hop}), got {latents.shape[-1]}."
                 )
-            conditions = self._conditions(latents.to(sample.dtype), project=False)
-        timestep = expand_timestep(timestep, sample)
-        embedding = self.time_embedder(timestep, sample.dtype)
-        checkpoint = None
-        if torch.is_grad_enabled() and self.gradient_checkpointing:
-            checkpoint = self._gradient_checkpointing_func
-        context, given = conditions
+            timestep = expand_timestep(timestep, sample)
+            embedding, blocks = self.time_embedder(timestep, sample.dtype), None
+            context, given = self._layers(latents.to(sample.dtype))
+            wave = None if given is None else self._waves(timestep, sample.dtype)
+        options = {"context": context, "checkpoint": checkpoint, "conditions": blocks}
         if given is None:
-            velocity = self.decoder(sample, embedding, context=context, checkpoint=checkpoint)
+            velocity = self.decoder(sample, embedding, **options)
             return LCTGOutput(sample=velocity) if return_dict else (velocity,)
         # what is given needs no making: the decoder denoises what is left of the texture without it
         given = given[..., : sample.shape[-1]]
-        angle = (timestep + 1) / self.config.num_train_timesteps * (math.pi / 2)
-        cosine, sine = (wave.to(sample.dtype)[:, None, None] for wave in (angle.cos(), angle.sin()))
+        cosine, sine = wave[..., None, None].unbind(-3)
         states = torch.cat([sample - cosine * given, given], dim=1)
-        velocity = self.decoder(states, embedding, context=context, checkpoint=checkpoint) - sine * given
+        velocity = self.decoder(states, embedding, **options) - sine * given
         return LCTGOutput(sample=velocity) if return_dict else (velocity,)
 
 

@@ -4,6 +4,7 @@ Everything in it is local in time (convolutions, norms over channels only), so a
 """
 
 import math
+from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -73,6 +74,21 @@ def _context_projection(context_channels, channels, ratio):
     return Conv1d(context_channels, channels, stride, stride=stride)
 
 
+class BlockConditions(NamedTuple):
+    """What a block adds that does not depend on the sample: a sampler needs it once a call, not at each step.
+
+    Attributes:
+        gain, shift (`torch.Tensor`): (batch or 1, channels, 1), modulation after the second norm.
+        context (`torch.Tensor` or `None`): (batch, channels, length), projected.
+        tokens (`tuple`, `torch.Tensor` or `None`): keys and values of the cross-attention (`CrossAttention1D`).
+    """
+
+    gain: torch.Tensor
+    shift: torch.Tensor
+    context: torch.Tensor | None
+    tokens: tuple | torch.Tensor | None
+
+
 class ResnetBlock1D(nn.Module):
     """Residual block: two convolutions, modulated by the embedding, with the context added between them.
 
@@ -112,25 +128,34 @@ class ResnetBlock1D(nn.Module):
             self.attn = CrossAttention1D(channels, cross_attention_dim)
             self.context_scale = nn.Parameter(torch.ones(1))  # paper: "learnable context scaling"
 
-    def forward(self, hidden_states, embedding, context=None, tokens=None, projected=None):
-        """(batch, channels, length), same shape out.
+    def forward(self, hidden_states, embedding, context=None, tokens=None, conditions=None):
+        """(batch, channels, length), same shape out; `conditions` replace the three before them.
 
-        Without `hidden_states`, the projected context alone, which all steps of a sampler share as `projected`; hooks
-        (offloading) see no other method.
+        Without `hidden_states`: the `BlockConditions` of embeddings (steps, batch, embedding_dim), their modulation
+        still of all steps, (steps, batch, channels, 1). Hooks (offloading) see no other method.
         """
         if hidden_states is None:
-            return self.context_proj(context)
+            return self._conditions(embedding, context, tokens)
+        if conditions is None:
+            conditions = self._conditions(embedding, context, tokens, project=False)
         residual = hidden_states
         hidden_states = self.conv1(self.act(self.norm1(hidden_states)))
-        scale, shift = self.time_proj(embedding)[:, :, None].chunk(2, dim=1)
-        hidden_states = torch.addcmul(shift, self.norm2(hidden_states), 1 + scale)
-        if self.context_proj is not None:
-            hidden_states = hidden_states + (self.context_proj(context) if projected is None else projected)
+        hidden_states = torch.addcmul(conditions.shift, self.norm2(hidden_states), conditions.gain)
+        if conditions.context is not None:
+            hidden_states = hidden_states + conditions.context
         hidden_states = residual + self.conv2(self.act(hidden_states))
         if self.attn is not None:
             queries = self.attn_norm(hidden_states).transpose(1, 2)
-            hidden_states = hidden_states + self.context_scale * self.attn(queries, tokens).transpose(1, 2)
+            attended = self.attn(queries, tokens, conditions.tokens)
+            hidden_states = hidden_states + self.context_scale * attended.transpose(1, 2)
         return hidden_states
+
+    def _conditions(self, embedding, context, tokens, project=True):
+        """`project`: keys and values, too; otherwise the attention makes them of the tokens."""
+        scale, shift = self.time_proj(embedding)[..., None].chunk(2, dim=-2)
+        context = None if self.context_proj is None else self.context_proj(context)
+        tokens = self.attn(None, tokens) if project and self.attn is not None else None
+        return BlockConditions(1 + scale, shift, context, tokens)
 
 
 class UNet1D(nn.Module):
@@ -208,22 +233,33 @@ class UNet1D(nn.Module):
         per_stride = self.stride // self.context_stride
         return F.pad(context, (0, -context.shape[-1] % per_stride))
 
-    def project(self, context):
-        """What every block adds of a context, in the order in which they run: a list of tensors for `forward`."""
-        blocks = (*self.down_blocks, self.mid_block, *self.up_blocks)
-        context = self._pad_context(context)
-        return [block(None, None, context) for block in blocks]
+    def condition(self, embeddings, context=None, tokens=None):
+        """What every block adds at every step, in the order in which blocks run, for `forward`.
 
-    def forward(self, sample, embedding, context=None, tokens=None, checkpoint=None):
+        Args:
+            embeddings (`torch.Tensor`): (steps, batch or 1, embedding_dim).
+            context, tokens: as for `forward`.
+
+        Returns:
+            `list[list[BlockConditions]]`: for each step, of each block.
+        """
+        blocks = (*self.down_blocks, self.mid_block, *self.up_blocks)
+        context = None if context is None else self._pad_context(context)
+        made = [block(None, embeddings, context, tokens) for block in blocks]
+        steps = range(len(embeddings))
+        return [[one._replace(gain=one.gain[step], shift=one.shift[step]) for one in made] for step in steps]
+
+    def forward(self, sample, embedding, context=None, tokens=None, checkpoint=None, conditions=None):
         """Velocity of a noisy sample.
 
         Args:
             sample (`torch.Tensor`): (batch, in_channels, length), any length >= 1.
             embedding (`torch.Tensor`): (batch, embedding_dim).
-            context (`torch.Tensor` or `list[torch.Tensor]`, *optional*): (batch, context_channels, ceil(length /
-                context_stride)), or what `project` made of it.
+            context (`torch.Tensor`, *optional*): (batch, context_channels, ceil(length / context_stride)).
             tokens (`torch.Tensor`, *optional*): (batch, tokens, cross_attention_dim).
             checkpoint (`Callable`, *optional*): runs a block with gradient checkpointing.
+            conditions (`list[BlockConditions]`, *optional*): of one step (`condition`), in place of the embedding,
+                the context and the tokens.
 
         Returns:
             `torch.Tensor`: (batch, out_channels, length).
@@ -232,18 +268,18 @@ class UNet1D(nn.Module):
         length = sample.shape[-1]
         padded = -(-length // self.stride) * self.stride
         sample = F.pad(sample, (0, padded - length))
-        projected = iter(context if isinstance(context, list) else [None] * (2 * len(self.down_blocks) + 1))
-        context = self._pad_context(context) if isinstance(context, torch.Tensor) else None
+        given = iter([None] * (2 * len(self.down_blocks) + 1) if conditions is None else conditions)
+        context = None if context is None else self._pad_context(context)
 
         hidden_states = self.conv_in(to_patches(sample, self.patch_size))
         skips = []
         for block, downsampler in zip(self.down_blocks, self.downsamplers, strict=True):
-            hidden_states = run(block, hidden_states, embedding, context, tokens, next(projected))
+            hidden_states = run(block, hidden_states, embedding, context, tokens, next(given))
             skips.append(hidden_states)
             hidden_states = downsampler(hidden_states)
-        hidden_states = run(self.mid_block, hidden_states, embedding, context, tokens, next(projected))
+        hidden_states = run(self.mid_block, hidden_states, embedding, context, tokens, next(given))
         for block, upsampler in zip(self.up_blocks, self.upsamplers, strict=True):
             hidden_states = upsampler(hidden_states) + skips.pop()  # added: half the cost of concatenating
-            hidden_states = run(block, hidden_states, embedding, context, tokens, next(projected))
+            hidden_states = run(block, hidden_states, embedding, context, tokens, next(given))
         velocity = self.conv_out(self.act(self.norm_out(hidden_states)))
         return from_patches(velocity, self.patch_size)[..., :length]

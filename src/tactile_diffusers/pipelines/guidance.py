@@ -25,7 +25,7 @@ class Guidance:
         return self.scale != 1.0 if not isinstance(self.scale, dict) else any(s != 1.0 for s in self.scale.values())
 
     def conditions(self, ratings):
-        """Weights and ratings of the answers that are added: a list of (float, (batch, axes)); the plain one is last.
+        """Weights and ratings of the answers that are added, the plain one last: n floats, and (n * batch, axes).
 
         Weights sum to one. Nothing is asked twice: what no row specifies is left alone.
         """
@@ -39,23 +39,25 @@ class Guidance:
                     without = ratings.clone()
                     without[:, axis] = torch.nan
                     pushes.append((scale - 1, without))
-        return [(-push, without) for push, without in pushes] + [(1 + sum(push for push, _ in pushes), ratings)]
+        weights = [*(-push for push, _ in pushes), 1 + sum(push for push, _ in pushes)]
+        return weights, torch.cat([*(without for _, without in pushes), ratings])
 
-    def velocity(self, dale, scheduler, state, t, ratings):
-        """DALE's velocity, guided; all conditions go through in one batch.
+    def velocity(self, dale, scheduler, state, t, conditions, weights):
+        """DALE's velocity, guided; all answers come in one batch.
 
         Args:
             dale (`DALEModel`).
             scheduler (`VDDIMScheduler`): DALE's; turns velocities into clean states for `rescale`.
             state (`torch.Tensor`): (batch, in_channels, frames).
             t (`torch.Tensor`): timestep, a scalar.
-            ratings (`torch.Tensor`): (batch, axes) z-scores, NaN = not specified.
+            conditions (`torch.Tensor` or `DALEConditions`): (n * batch, axes) ratings of `conditions`, or what DALE
+                made of them for this timestep.
+            weights (`list[float]`): of the n answers.
         """
-        conditions = self.conditions(ratings)
-        if len(conditions) == 1:
-            return dale(state, t, ratings, return_dict=False)[0]
-        weights, rows = zip(*conditions, strict=True)
-        answers = dale(torch.cat([state] * len(rows)), t, torch.cat(rows), return_dict=False)[0].chunk(len(rows))
+        if len(weights) == 1:
+            return dale(state, t, conditions, return_dict=False)[0]
+        states = torch.cat([state] * len(weights))
+        answers = dale(states, t, conditions, return_dict=False)[0].chunk(len(weights))
         guided = sum(weight * answer for weight, answer in zip(weights, answers, strict=True))
         return self._rescaled(dale, scheduler, state, t, guided, answers[-1]) if self.rescale else guided
 

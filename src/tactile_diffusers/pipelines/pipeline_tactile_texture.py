@@ -177,22 +177,22 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         return latents.to(device=device, dtype=dtype)
 
     def _denoise(self, scheduler, velocity, latents, timesteps, bar, callback=None, callback_inputs=(), first_index=0):
-        """The one sampling loop: `velocity(latents, t)` is followed from noise to data, in float32 at least.
+        """The one sampling loop: `velocity(latents, step)` is followed from noise to data, in float32 at least.
 
         A half-precision state would be rounded at every step. The callback may change `latents`; `pipe._interrupt =
         True` ends the loop.
         """
         latents = latents.to(torch.promote_types(latents.dtype, torch.float32))
-        for index, t in enumerate(timesteps, start=first_index):
+        for step, t in enumerate(timesteps):
             if self._interrupt:
                 break
-            model_output = velocity(scheduler.scale_model_input(latents, t), t)
+            model_output = velocity(scheduler.scale_model_input(latents, t), step)
             latents = scheduler.step(model_output, t, latents, return_dict=False)[0]
             if callback is not None:
                 callback_kwargs = {}
                 for name in callback_inputs:
                     callback_kwargs[name] = locals()[name]
-                changed = callback(self, index, t, callback_kwargs) or {}
+                changed = callback(self, first_index + step, t, callback_kwargs) or {}
                 latents = changed.pop("latents", latents)
             bar.update()
         return latents
@@ -279,7 +279,8 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         decoding_steps, latent_steps = self.resolve_steps(num_inference_steps, num_latent_inference_steps)
         frames, samples = self._sizes(duration_s)
         shape = (count, self.dale.config.in_channels, frames)
-        latents = self.prepare_latents(shape, generator, device, self.dale.dtype, latents)
+        dtype = self.dale.dtype
+        latents = self.prepare_latents(shape, generator, device, dtype, latents)
         self.dale_scheduler.set_timesteps(latent_steps, device=device)
         self._num_timesteps = len(self.dale_scheduler.timesteps) + (0 if output_type == "latent" else decoding_steps)
         callback = (callback_on_step_end, callback_on_step_end_tensor_inputs)
@@ -290,7 +291,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
             velocity = rating_velocity(self.dale, self.dale_scheduler, ratings, frames, self._guidance)
             latents = self._denoise(self.dale_scheduler, velocity, latents, timesteps, bar, *callback)
             made = TactileLatents(*self.dale.unpack(latents))
-            made.latents = self.lctg.complete(made.latents.to(self.dale.dtype))
+            made.latents = self.lctg.complete(made.latents.to(dtype))
             if output_type == "latent":
                 self.maybe_free_model_hooks()
                 return made if return_dict else made.to_tuple()
@@ -329,14 +330,15 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
 
         Returns them with the band levels and the contrast that they should have.
         """
-        latents = latents.to(self.lctg.dtype)
+        dtype = self.lctg.dtype
+        latents = latents.to(dtype)
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
         if noise is None:
-            noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=self.lctg.dtype)
-        noise = noise.to(device=latents.device, dtype=self.lctg.dtype)
+            noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=dtype)
+        noise = noise.to(device=latents.device, dtype=dtype)
         self.scheduler.set_timesteps(num_inference_steps, device=latents.device)
-        velocity = texture_velocity(self.lctg, latents)
         timesteps = self.scheduler.timesteps
+        velocity = texture_velocity(self.lctg, latents, timesteps)
         callback = (callback, callback_inputs, first_index)
         waveform = self._denoise(self.scheduler, velocity, noise, timesteps, bar, *callback)[:, 0]
         return waveform, self.lctg.band_levels(latents), self.lctg.contrast(latents)

@@ -175,9 +175,9 @@ def _any_length(context):
     pipe = context.pipe
     made = pipe.encode(textures, context.rate)
     steps, seeds = context.steps, noise_seeds([context.seed, 2], 2)
-    whole = _decode(pipe, made, one_piece(pipe.lctg, made.latents), steps, seeds[0])
-    windows = _decode(pipe, made, texture_velocity(pipe.lctg, made.latents), steps, seeds[0])
-    other = _decode(pipe, made, one_piece(pipe.lctg, made.latents), steps, seeds[1])
+    whole = _decode(pipe, made, one_piece, steps, seeds[0])
+    windows = _decode(pipe, made, texture_velocity, steps, seeds[0])
+    other = _decode(pipe, made, one_piece, steps, seeds[1])
     rate = pipe.feature_extractor.delivery_rate
     return {
         "seconds": number(textures.shape[-1] / context.rate, len(textures)),
@@ -186,20 +186,21 @@ def _any_length(context):
     }
 
 
-def one_piece(lctg, latents):
+def one_piece(lctg, latents, timesteps):
     """LCTG's velocity of the whole at once, however long: `texture_velocity` without windows."""
-    return lambda waveform, t: lctg(waveform.to(lctg.dtype), t, latents, return_dict=False)[0]
+    return lambda waveform, step: lctg(waveform.to(lctg.dtype), timesteps[step], latents, return_dict=False)[0]
 
 
 @torch.no_grad()
-def _decode(pipe, made, velocity, steps, seed):
+def _decode(pipe, made, make_velocity, steps, seed):
     """The pipeline's decoding with a velocity of our own: (n, samples) float32, N."""
     latents, scheduler = made.latents, deepcopy(pipe.scheduler)
     shape = (len(latents), 1, latents.shape[-1] * pipe.lctg.config.latent_hop)
     state = torch.randn(shape, generator=torch.Generator("cpu").manual_seed(int(seed))).to(latents.device)
     scheduler.set_timesteps(steps, device=latents.device)
-    for t in scheduler.timesteps:
-        state = scheduler.step(velocity(state, t), t, state, return_dict=False)[0]
+    velocity = make_velocity(pipe.lctg, latents, scheduler.timesteps)
+    for step, t in enumerate(scheduler.timesteps):
+        state = scheduler.step(velocity(state, step), t, state, return_dict=False)[0]
     return pipe.feature_extractor.denormalize(state[:, 0], made.level, band_levels=pipe.lctg.band_levels(latents))
 
 
