@@ -8,8 +8,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from ..data.files import write_text
 from . import readme
+from .suite import machine, write_results
 
 #: Segments of the paper's collection, which preparation is extrapolated to.
 PAPER_SEGMENTS = 22_000
@@ -44,22 +44,18 @@ def run(arguments, pipe):
     Returns:
         `str`
     """
-    import torch
-
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "prepared.h5"
         preparation = prepare(_recordings(arguments, folder), made)
         loading, consumption = feed(arguments.data or made, pipe)
     report = {
-        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, torch {torch.__version__}",
+        "machine": machine(),
         "preparation": preparation,
         "loading": loading,
         "training": consumption,
     }
-    arguments.output.mkdir(parents=True, exist_ok=True)
     text = markdown(report)
-    for name, content in (("data.json", json.dumps(report, indent=1) + "\n"), ("data.md", text)):
-        write_text(arguments.output / name, content)
+    write_results(arguments.output, "data", report, text, indent=1)
     if arguments.readme is not None:
         folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, folder, ("data.*",))

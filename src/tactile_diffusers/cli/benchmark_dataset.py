@@ -1,18 +1,15 @@
 """`python examples/benchmark.py --suite dataset`: many textures, by one process and by one for each core."""
 
-import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
-import torch
 
-from ..data.files import write_text
 from ..evaluation.tables import markdown_table, title
+from .suite import machine, write_results
 
 #: Textures of a shard here: enough shards to see whether time grows in proportion.
 SHARD = 64
@@ -30,16 +27,14 @@ def run(arguments, pipe):
         `str`
     """
     counts = sorted({1, os.cpu_count() or 1})
-    machine = f"{platform.machine()}, {os.cpu_count()} cores, torch {torch.__version__}"
+    where = machine(f"{os.cpu_count()} cores")
     rows = {f"{count} process(es)": measure(arguments, count) for count in counts}
     text = (
         f"{title('Many textures', 4)}{arguments.textures} textures of one segment, 5 + 5 steps, batches of 32, by "
-        f"`generate_dataset.py`. {machine}. Departure: of the time at which a process finishes its shards from a "
+        f"`generate_dataset.py`. {where}. Departure: of the time at which a process finishes its shards from a "
         f"straight line, largest, as a share of the whole time.\n\n{markdown_table(rows, 3)}\n"
     )
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    write_text(arguments.output / "dataset.json", json.dumps({"machine": machine, "rows": rows}, indent=2) + "\n")
-    write_text(arguments.output / "dataset.md", text)
+    write_results(arguments.output, "dataset", {"machine": where, "rows": rows}, text)
     return text
 
 

@@ -1,19 +1,16 @@
 """`python examples/benchmark.py --suite decoder`: what few steps of LCTG cost in accuracy, distilled or not."""
 
-import json
-import platform
-
 import numpy as np
 import torch
 from tqdm.auto import tqdm
 
 from ..data import PreparedDataset
-from ..data.files import write_text
 from ..evaluation.reference import Reference
 from ..evaluation.sections.context import check_fit
 from ..evaluation.tables import markdown_table, title
 from ..models.lctg import DISTILLED, same_encoder
 from ..signal import nine_band_error_db, resample
+from .suite import machine, write_results
 
 #: Steps of the checkpoint's own LCTG.
 STEPS = (1, 2, 3, 5, 10)
@@ -44,16 +41,13 @@ def run(arguments, pipe):
     for name, (one, counts) in decoders.items():
         for steps in tqdm(counts, disable=arguments.quiet, desc=name):
             rows[f"{name}, {steps} step{'s' * (steps > 1)}"] = given.measure(one, steps, arguments.seed)
-    machine = f"{platform.machine()}, {torch.get_num_threads()} threads, torch {torch.__version__}"
     text = (
         f"{title('Few steps', 4)}{len(given.real)} segments of {len(set(given.surfaces))} test surfaces of "
         f"`{arguments.data.name}`, one each; KTD over that of real segments. Reconstructed: with the detail layer; "
         "from the base layer: told of a recording only what DALE would make; generated: from ratings, DALE in its "
         f"default steps.\n\n{markdown_table(rows, 2)}\n"
     )
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    write_text(arguments.output / "decoder.json", json.dumps({"machine": machine, "rows": rows}, indent=2) + "\n")
-    write_text(arguments.output / "decoder.md", text)
+    write_results(arguments.output, "decoder", {"machine": machine(), "rows": rows}, text)
     return text
 
 

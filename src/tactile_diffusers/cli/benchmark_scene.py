@@ -2,7 +2,6 @@
 
 import json
 import math
-import platform
 import statistics
 import tempfile
 import time
@@ -10,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..data.files import write_text
 from .child import run_child
+from .suite import machine, write_results
 
 TOUCHED = 3
 #: Surfaces that go through both stages at once where all are decoded: larger batches are no faster on a CPU.
@@ -45,7 +44,7 @@ def run(arguments, pipe):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.safetensors"
         report = {
-            "machine": f"{platform.machine()}, {threads} threads, torch {torch.__version__}",
+            "machine": machine(),
             "surfaces": arguments.surfaces,
             "touched": min(TOUCHED, arguments.surfaces),
             "repeats": arguments.repeats,
@@ -58,9 +57,7 @@ def run(arguments, pipe):
     for row in report["cases"].values():
         row["above the pipeline MiB"] = None if loaded is None else row["peak MiB"] - loaded
     text = markdown(report)
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    write_text(arguments.output / "scene.json", json.dumps(report, indent=2) + "\n")
-    write_text(arguments.output / "scene.md", text)
+    write_results(arguments.output, "scene", report, text)
     return text
 
 

@@ -1,11 +1,9 @@
 """`python examples/benchmark.py --suite scheduler`: speed against error of the sampler and of what was tried for it."""
 
-import json
-
 import numpy as np
 
-from ..data.files import write_text
 from . import readme
+from .suite import write_results
 
 #: Rules and spacings that the tables show; the JSON has all.
 _SHOWN = ("ddim", "rotation_2", "rotation_2_lowered", "rotation_3", "adams_bashforth_2", "adams_bashforth_3", "data_2m")
@@ -276,11 +274,8 @@ def run(arguments, pipe):
         "trained": found,
         "costs": step_cost(pipe),
     }
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    text = markdown(report)
+    write_results(arguments.output, "scheduler", report, markdown(report), indent=1)
     plot(report, arguments.output / "scheduler.png")
-    for name, content in (("scheduler.json", json.dumps(report, indent=1) + "\n"), ("scheduler.md", text)):
-        write_text(arguments.output / name, content)
     if arguments.readme is not None:
         folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, folder, ("scheduler.*",))

@@ -1,17 +1,15 @@
 """`python examples/benchmark.py --suite speed`: time and memory of generating, and how they compare."""
 
-import json
 import math
-import platform
 import statistics
 import time
 
-from ..data.files import write_text
 from ..evaluation.tables import markdown_table
 from ..pipelines.recorded import DEFAULT_STEPS
 from ..signal import SEGMENT_SECONDS
 from . import readme
 from .child import run_child
+from .suite import machine, write_results
 
 RATINGS = [1.5, 0.0, -1.0]
 BATCHES = (1, 4, 16, 64)
@@ -110,11 +108,9 @@ def run(arguments, pipe):
     Returns:
         `str`
     """
-    import torch
-
     batches, durations = _scaling(pipe, arguments.repeats)
     report = {
-        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, torch {torch.__version__}",
+        "machine": machine(),
         "steps": _stages(pipe, arguments.repeats),
         "batch": batches,
         "duration": durations,
@@ -128,7 +124,6 @@ def run(arguments, pipe):
     }
     tables = [f"#### {title}\n\n{markdown_table(report[key], 3)}\n" for key, title in titles.items()]
     text = [f"### Speed and memory\n\n{report['machine']}; medians of {arguments.repeats}.\n", *tables]
-    arguments.output.mkdir(parents=True, exist_ok=True)
     if arguments.peers:
         from .benchmark_peers import compare, markdown
 
@@ -138,10 +133,10 @@ def run(arguments, pipe):
         from . import benchmark_pareto as pareto
 
         report["pareto"] = pareto.measure(arguments, pipe, arguments.checkpoint)
-        pareto.plot(report["pareto"], arguments.output / "pareto.png")
         text.append(pareto.markdown(report["pareto"]))
-    write_text(arguments.output / "benchmark.json", json.dumps(report, indent=2) + "\n")
-    write_text(arguments.output / "benchmark.md", "\n".join(text))
+    write_results(arguments.output, "benchmark", report, "\n".join(text))
+    if "pareto" in report:
+        pareto.plot(report["pareto"], arguments.output / "pareto.png")
     if arguments.readme is not None and "pareto" in report:
         folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, folder, ("pareto.png", "benchmark.json"))

@@ -1,7 +1,5 @@
 """`python examples/benchmark.py --suite stream`: playback against fresh recordings, coarse sensors and the clock."""
 
-import json
-import platform
 import time
 from pathlib import Path
 
@@ -9,7 +7,6 @@ import numpy as np
 from scipy import signal
 from tqdm.auto import tqdm
 
-from ..data.files import write_text
 from ..data.virtual.exploration import VELOCITY_RATE, Exploration, steady_exploration, wandering
 from ..data.virtual.surface import VirtualSurface
 from ..evaluation.tables import markdown_table, title
@@ -18,6 +15,7 @@ from ..playback import FingerPath, TextureProfile, TextureStream
 from ..playback.stream import REFERENCE_FORCE, SPEED_EXPONENT
 from ..signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass
 from . import benchmark_endless
+from .suite import machine, write_results
 
 SPEEDS = (20.0, 40.0, 80.0, 160.0, 320.0)
 #: Speed at which the profiles are recorded, mm/s: that of the virtual explorers.
@@ -55,7 +53,7 @@ def run(arguments, pipe):
     out = pipe([[1.5, 0.0, -1.0], [-1.0, 1.0, 0.0]], generator=torch.Generator().manual_seed(arguments.seed))
     profiles = [TextureProfile(texture, out.sampling_rate, out.reference_speed) for texture in out.textures]
     report = {
-        "machine": f"{platform.machine()}, {torch.get_num_threads()} threads, torch {torch.__version__}",
+        "machine": machine(),
         "surfaces": arguments.surfaces,
         "minutes": arguments.minutes,
         "recordings": fresh_recordings(arguments.surfaces, arguments.quiet),
@@ -67,9 +65,7 @@ def run(arguments, pipe):
         "endless": endless(pipe, arguments.minutes, arguments.seed, arguments.quiet),
     }
     text = markdown(report)
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    write_text(arguments.output / "stream.json", json.dumps(report, indent=2) + "\n")
-    write_text(arguments.output / "stream.md", text)
+    write_results(arguments.output, "stream", report, text)
     return text
 
 

@@ -1,16 +1,16 @@
 """`python examples/validate_virtual.py`: every law of the virtual surfaces, measured against intended."""
 
 import argparse
-import json
 from dataclasses import asdict
 from pathlib import Path
 
 from tqdm import tqdm
 
-from ..data.files import atomic_path, write_text
+from ..data.files import atomic_path
 from ..data.virtual import RECIPE_VERSION
 from ..data.virtual.validation import LAWS
 from . import readme
+from .suite import write_results
 
 
 def parse_arguments(argv=None):
@@ -91,11 +91,7 @@ def main(argv=None):
     for name in tqdm(arguments.laws, desc="laws", unit="law", disable=arguments.quiet):
         laws[name] = LAWS[name](arguments.quick)
         draw(laws[name], arguments.output / f"{name}.png")
-    for name, text in (
-        ("validation.json", json.dumps(results(laws, arguments.quick), indent=1) + "\n"),
-        ("validation.md", markdown(laws)),
-    ):
-        write_text(arguments.output / name, text)
+    write_results(arguments.output, "validation", results(laws, arguments.quick), markdown(laws), indent=1)
     if arguments.readme is not None:
         folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, folder, ("*.png", "validation.*"))
