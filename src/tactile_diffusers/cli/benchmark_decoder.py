@@ -8,8 +8,10 @@ from ..data import PreparedDataset
 from ..evaluation.reference import Reference
 from ..evaluation.sections.context import check_fit
 from ..evaluation.tables import markdown_table, title
-from ..models.lctg import DISTILLED, same_encoder
+from ..models.lctg import DISTILLED, LCTGModel, same_encoder
+from ..schedulers import VDDIMScheduler
 from ..signal import nine_band_error_db, resample
+from .distilled import with_lctg
 from .suite import machine, write_results
 
 #: Steps of the checkpoint's own LCTG.
@@ -53,19 +55,14 @@ def run(arguments, pipe):
 
 def _distilled(arguments, pipe):
     """Pipelines with the decoders that were asked for, or with the checkpoint's own: name -> (pipeline, steps)."""
-    from tactile_diffusers import LCTGModel, TactileTexturePipeline, VDDIMScheduler
-
     folders = dict(word.split("=", 1) for word in arguments.decoders)
     made = {}
     for name, folder in (folders or {"distilled": arguments.checkpoint}).items():
         lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED)
         if not same_encoder(lctg, pipe.lctg):
             raise ValueError(f"--decoders {name}={folder}: its encoder is not the checkpoint's; it fits another one.")
-        parts = {**pipe.components, "lctg": lctg}
-        if folders:
-            parts["scheduler"] = VDDIMScheduler.from_pretrained(folder, subfolder="scheduler")
-        made[name] = TactileTexturePipeline(**parts), range(1, lctg.config.distilled_steps + 1)
-        made[name][0].set_progress_bar_config(disable=True)
+        own = {"scheduler": VDDIMScheduler.from_pretrained(folder, subfolder="scheduler")} if folders else {}
+        made[name] = with_lctg(pipe, lctg, **own), range(1, lctg.config.distilled_steps + 1)
     return made
 
 

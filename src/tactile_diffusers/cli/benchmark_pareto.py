@@ -8,10 +8,12 @@ import torch
 from ..evaluation.generate import reconstruct
 from ..evaluation.statistics import leaf
 from ..evaluation.tables import markdown_table, title
+from ..models import LCTGModel
 from ..pipelines.recorded import DEFAULT_STEPS
 from ..signal import band_edges, nine_band_error_db
-from .benchmark_peers import ANCHOR, BFLOAT16, OURS, STEPS, distil, distilled_folder, load
+from .benchmark_peers import ANCHOR, BFLOAT16, OURS, STEPS, load
 from .benchmark_speed import seconds_of
+from .distilled import distilled_folder, with_lctg
 
 DISTILLED = "ours, distilled"
 #: Steps of each model.
@@ -22,9 +24,9 @@ _MARKERS = {OURS: "o", BFLOAT16: "^", DISTILLED: "*", ANCHOR: "s"}
 def models(arguments, pipe, checkpoint):
     """Pipelines to compare: name -> pipeline."""
     made = {OURS: pipe, BFLOAT16: load(checkpoint, torch.bfloat16)}
-    folder = distilled_folder(checkpoint, arguments.distilled)
+    folder = arguments.distilled or distilled_folder(checkpoint)
     if folder is not None:
-        made[DISTILLED] = distil(pipe, folder)
+        made[DISTILLED] = with_lctg(pipe, LCTGModel.from_pretrained(str(folder)))
     if arguments.anchor is not None:
         made[ANCHOR] = load(arguments.anchor)
     return made

@@ -1,20 +1,20 @@
 """`python examples/benchmark.py --suite speed --peers`: our forms and other packages' models side by side."""
 
-import copy
 import json
 import time
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
 
 from ..evaluation.tables import markdown_table, title
+from ..models import LCTGModel
 from ..pipelines.recorded import DEFAULT_STEPS
 from ..signal import SEGMENT_SECONDS
 from .benchmark_speed import DURATIONS, LONG_RUN, RATINGS, peak_memory, seconds_of
+from .distilled import distilled_folder, with_lctg
 from .peer_models import SIZE_TOLERANCE, audio_diffusion, audio_diffusion_version, size, unet_1d
 
 #: Steps of both stages at which all are compared.
@@ -108,23 +108,6 @@ def load(folder, dtype=torch.float32):
     return pipe
 
 
-def distil(pipe, folder):
-    """A pipeline whose LCTG is a distilled one; all else is shared with `pipe`, schedulers copied."""
-    from tactile_diffusers import LCTGModel, TactileTexturePipeline
-
-    parts = pipe.components | {"lctg": LCTGModel.from_pretrained(str(folder))}
-    parts |= {name: copy.deepcopy(part) for name, part in parts.items() if name.endswith("scheduler")}
-    made = TactileTexturePipeline(**parts)
-    made.set_progress_bar_config(disable=True)
-    return made
-
-
-def distilled_folder(checkpoint, folder=None):
-    """The distilled LCTG that is compared: `folder`, or the one that the checkpoint brings; `None` = none."""
-    own = Path(checkpoint) / "lctg_distilled"
-    return folder if folder is not None else own if (own / "config.json").is_file() else None
-
-
 def generating_modules(pipe):
     """The networks that generating runs: LCTG without its encoder, and DALE."""
     return [pipe.lctg.decoder, pipe.lctg.time_embedder, *([pipe.dale] if pipe.dale is not None else [])]
@@ -133,7 +116,7 @@ def generating_modules(pipe):
 def _ours(request, steps=(STEPS, STEPS), compiled=False, dtype=torch.float32, distilled=False):
     pipe = load(request["checkpoint"], dtype)
     if distilled:
-        pipe = distil(pipe, request["distilled"])
+        pipe = with_lctg(pipe, LCTGModel.from_pretrained(request["distilled"]))
     modules = generating_modules(pipe)
     if compiled:  # for each shape anew, as fast as can be
         for network in (pipe.lctg, pipe.dale):
@@ -193,7 +176,7 @@ def compare(arguments, pipe, checkpoint):
         peers.insert(0, _AUDIO)
     except ImportError as error:
         notes.append(f"audio-diffusion-pytorch: {error}.")
-    anchor, distilled = arguments.anchor, distilled_folder(checkpoint, arguments.distilled)
+    anchor, distilled = arguments.anchor, arguments.distilled or distilled_folder(checkpoint)
     if anchor is not None and load(anchor).dale is None:
         notes.append(f"{ANCHOR}: no DALE in {anchor.name}, so it only reconstructs and is left out here.")
         anchor = None

@@ -1,20 +1,21 @@
 """`python examples/benchmark.py --suite stream`: playback against fresh recordings, coarse sensors and the clock."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 from scipy import signal
 from tqdm.auto import tqdm
 
+from ..checkpoints import bundled_checkpoint
 from ..data.virtual.exploration import VELOCITY_RATE, Exploration, steady_exploration, wandering
 from ..data.virtual.surface import VirtualSurface
 from ..evaluation.tables import markdown_table, title
-from ..models.lctg import DISTILLED, same_encoder
+from ..models.lctg import LCTGModel, same_encoder
 from ..playback import FingerPath, TextureProfile, TextureStream
 from ..playback.stream import REFERENCE_FORCE, SPEED_EXPONENT
 from ..signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass
 from . import benchmark_endless
+from .distilled import distilled_folder, with_lctg
 from .suite import machine, write_results
 
 SPEEDS = (20.0, 40.0, 80.0, 160.0, 320.0)
@@ -236,14 +237,11 @@ def with_distilled(pipe):
 
     What is distilled from another checkpoint's decoder would not fit: only the bundled encoder's latents do.
     """
-    from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
-
-    found, folder = {"as it is": pipe}, bundled_checkpoint()
-    if (Path(folder) / DISTILLED).is_dir():
-        lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED)
+    found, folder = {"as it is": pipe}, distilled_folder(bundled_checkpoint())
+    if folder is not None:
+        lctg = LCTGModel.from_pretrained(str(folder))
         if same_encoder(lctg, pipe.lctg):
-            found["distilled decoder"] = TactileTexturePipeline(**{**pipe.components, "lctg": lctg})
-            found["distilled decoder"].set_progress_bar_config(disable=True)
+            found["distilled decoder"] = with_lctg(pipe, lctg)
     return found
 
 
