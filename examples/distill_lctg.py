@@ -31,8 +31,8 @@ import torch
 from torch import nn
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.checkpoints import DISTILLED
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.models.lctg import DISTILLED
 from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import (
     add_training_arguments,

@@ -1,6 +1,9 @@
-"""The checkpoint that comes with the package."""
+"""The checkpoint that comes with the package, and the folders in checkpoints."""
 
 from pathlib import Path
+
+#: Folder, beside "lctg", of a decoder for few steps.
+DISTILLED = "lctg_distilled"
 
 
 def bundled_checkpoint():

@@ -4,6 +4,7 @@ import argparse
 import importlib
 from pathlib import Path
 
+from ..checkpoints import DISTILLED
 from . import readme
 
 #: each measured by `run(arguments, pipe)` of the module `benchmark_<suite>`
@@ -52,10 +53,8 @@ def parse_arguments(argv=None):
         parser.error("arguments --surfaces and --minutes must be at least 1 and above 0")
     for word in arguments.decoders:
         name, _, folder = word.partition("=")
-        if not name or not (Path(folder) / "lctg_distilled").is_dir():
-            parser.error(
-                f"argument --decoders: must be NAME=FOLDER with {folder or 'FOLDER'}/lctg_distilled, got {word}"
-            )
+        if not name or not (Path(folder) / DISTILLED).is_dir():
+            parser.error(f"argument --decoders: must be NAME=FOLDER with {folder or 'FOLDER'}/{DISTILLED}, got {word}")
     if arguments.suite == "decoder" and arguments.data is None:
         parser.error("argument --data: --suite decoder needs a prepared data set; see examples/prepare_data.py")
     if arguments.textures < 1000:

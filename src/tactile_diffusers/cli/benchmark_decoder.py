@@ -4,11 +4,12 @@ import numpy as np
 import torch
 from tqdm.auto import tqdm
 
+from ..checkpoints import DISTILLED
 from ..data import PreparedDataset
 from ..evaluation.reference import Reference
 from ..evaluation.sections.context import check_fit
 from ..evaluation.tables import markdown_table, title
-from ..models.lctg import DISTILLED, LCTGModel, same_encoder
+from ..models.lctg import LCTGModel, same_encoder
 from ..schedulers import VDDIMScheduler
 from ..signal import nine_band_error_db, resample
 from .distilled import with_lctg

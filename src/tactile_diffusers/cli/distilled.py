@@ -3,7 +3,7 @@
 import copy
 from pathlib import Path
 
-from ..models.lctg import DISTILLED
+from ..checkpoints import DISTILLED
 from ..pipelines import TactileTexturePipeline
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..models.lctg import DISTILLED, same_encoder
+from ..checkpoints import DISTILLED
 
 CARD = """---
 library_name: diffusers
@@ -44,9 +44,9 @@ band-passed to {low:g}-{high:g} Hz. Prepared by examples/prepare_data.py.
 - No person has felt these textures yet: figures judge signals, not perception.
 """
 
-DISTILLED_CARD = """A decoder for two steps, or one, in place of five lies beside it:
+DISTILLED_CARD = f"""A decoder for two steps, or one, in place of five lies beside it:
 
-    lctg = LCTGModel.from_pretrained(folder, subfolder="lctg_distilled")
+    lctg = LCTGModel.from_pretrained(folder, subfolder="{DISTILLED}")
     pipe = TactileTexturePipeline.from_pretrained(folder, lctg=lctg)
 
 """
@@ -129,6 +129,7 @@ def _replace_lctg(pipe, folder):
             not fit the other components.
     """
     from tactile_diffusers import LCTGModel
+    from tactile_diffusers.models.lctg import same_encoder
     from tactile_diffusers.pipelines.inputs import check_components
 
     other = LCTGModel.from_pretrained(folder, subfolder="lctg", dtype=pipe.lctg.dtype)
@@ -145,6 +146,7 @@ def _add_distilled(pipe, folder, output):
         ValueError: if its encoder is not the pipeline's.
     """
     from tactile_diffusers import LCTGModel
+    from tactile_diffusers.models.lctg import same_encoder
 
     lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED, dtype=pipe.lctg.dtype)
     if not same_encoder(lctg, pipe.lctg):

@@ -14,9 +14,6 @@ from ..features.low_band import synthesize
 from .embeddings import TimestepEmbedder, expand_timestep
 from .unet_1d import ChannelRMSNorm, UNet1D
 
-#: Folder, beside "lctg", of a decoder for few steps.
-DISTILLED = "lctg_distilled"
-
 
 @dataclass
 class LCTGOutput(BaseOutput):
