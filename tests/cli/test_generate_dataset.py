@@ -41,7 +41,8 @@ def _words(folder, target, **changes):
 
 
 def _subprocess(words, launcher=()):
-    environment = {"HF_HUB_OFFLINE": "1", "ACCELERATE_USE_CPU": "true", "OMP_NUM_THREADS": "2"}
+    # no GPU is seen, and accelerate is not told
+    environment = {"HF_HUB_OFFLINE": "1", "CUDA_VISIBLE_DEVICES": "", "OMP_NUM_THREADS": "2"}
     return subprocess.Popen(
         [sys.executable, *launcher, str(SCRIPT), *words],
         env={**os.environ, **environment},
@@ -105,8 +106,10 @@ def test_two_processes_write_what_one_does(checkpoint, tmp_path):
     """Also with another number of threads, and on "cpu:0" in place of "cpu": each alone would round sums otherwise."""
     assert main(_words(checkpoint, tmp_path / "one")) == 0
     launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc_per_node=2"]
-    launched = _subprocess(_words(checkpoint, tmp_path / "two"), launcher)
-    assert launched.wait(TIMEOUT) == 0, launched.communicate()[1]
+    launched = _subprocess([word for word in _words(checkpoint, tmp_path / "two") if word != "--quiet"], launcher)
+    printed, errors = launched.communicate(timeout=TIMEOUT)
+    assert launched.returncode == 0, errors
+    assert "by 2 process(es)" in printed  # not each of them all
     assert _content(tmp_path / "one") == _content(tmp_path / "two")
     assert (tmp_path / "one" / "manifest.json").read_text() == (tmp_path / "two" / "manifest.json").read_text()
 

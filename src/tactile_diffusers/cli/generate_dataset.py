@@ -71,14 +71,12 @@ def main(argv=None):
         `int`: 0, or 2 if the request was refused (one line on stderr from each machine, and nothing written).
     """
     arguments = parse_arguments(argv)
-    import torch
     from accelerate import PartialState
-    from accelerate.utils import parse_flag_from_env
 
-    # without a GPU accelerate has to be told, or each of several processes takes itself for the only one
-    cpu = parse_flag_from_env("ACCELERATE_USE_CPU") or not torch.accelerator.is_available()
+    from ..training.processes import on_cpu
+
     # processes that are done wait for the last one, however long its shards take
-    state = PartialState(cpu, timeout=timedelta(weeks=1))
+    state = PartialState(on_cpu(), timeout=timedelta(weeks=1))
     try:
         job = _prepare(arguments, state)
     except (ValueError, OSError) as error:

@@ -20,6 +20,7 @@ from diffusers.training_utils import EMAModel
 from tqdm.auto import tqdm
 
 from ..data.files import write_text
+from .processes import on_cpu
 
 logger = logging.getLogger(__name__)
 #: Distance between the noise seeds of two training seeds: a prime near the golden section of 2^32, so that trainings of
@@ -90,6 +91,7 @@ def make_accelerator(args):
             ) from error
     project = ProjectConfiguration(project_dir=args.output_dir, logging_dir=str(output / args.logging_dir))
     accelerator = Accelerator(
+        cpu=on_cpu(),
         gradient_accumulation_steps=args.gradient_accumulation_steps,
         mixed_precision=args.mixed_precision,
         log_with=None if args.report_to == "none" else args.report_to,
