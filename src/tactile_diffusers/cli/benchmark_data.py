@@ -1,14 +1,12 @@
 """`python examples/benchmark.py --suite data`: cost of preparing data, and speed of the loader against training."""
 
 import json
-import platform
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 from . import readme
+from .child import run_child
 from .suite import machine, write_results
 
 #: Segments of the paper's collection, which preparation is extrapolated to.
@@ -29,7 +27,6 @@ report = prepare_recordings(sys.argv[1], sys.argv[2], quiet=True)
 print(json.dumps({"seconds": time.perf_counter() - begin, "segments": sum(report.segments["filtered"].values()),
                   "recorded s": sum(report.seconds["filtered"].values())}))
 """
-_PEAK = "print(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])"
 
 
 def run(arguments, pipe):
@@ -77,14 +74,10 @@ def prepare(recordings, prepared):
     Time is proportional to the recorded seconds and memory to the longest recording, so that 22,000 segments at 10 kHz
     follow. Peak memory is told on Linux only.
     """
-    linux = platform.system() == "Linux"
-    code = _PREPARE + (_PEAK if linux else "print(0)")
-    command = [sys.executable, "-c", code, str(recordings), str(prepared)]
-    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
-    facts, peak = done.stdout.splitlines()[-2:]
-    facts = json.loads(facts)
+    printed, peak = run_child(_PREPARE, str(recordings), str(prepared))
+    facts = json.loads(printed.splitlines()[-1])
     facts[f"seconds for {PAPER_SEGMENTS}"] = facts["seconds"] * PAPER_SEGMENTS / facts["segments"]
-    facts["peak MiB"] = int(peak) / 2**10 if linux else None
+    facts["peak MiB"] = peak
     facts["MiB on disk"] = prepared.stat().st_size / 2**20
     return facts
 

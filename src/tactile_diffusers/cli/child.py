@@ -16,15 +16,15 @@ def run_child(code, *arguments):
         arguments (`str`).
 
     Returns:
-        `tuple[str, float]`: what it printed, and its peak resident memory in MiB; NaN anywhere but on Linux.
+        `tuple[str, float | None]`: what it printed, and its peak resident memory in MiB; `None` anywhere but on Linux.
 
     Raises:
         RuntimeError: if it fails, with the end of what it wrote to stderr.
     """
     linux = platform.system() == "Linux"
-    code = f"{code}\n{_PEAK if linux else 'print(float(0))'}"
+    code = f"{code}\n{_PEAK if linux else 'print(0)'}"
     done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"A process that was measured failed with {done.returncode}:\n{done.stderr[-2000:]}")
     *printed, kibibytes = done.stdout.splitlines()
-    return "\n".join(printed), float(kibibytes) / 2**10 if linux else float("nan")
+    return "\n".join(printed), int(kibibytes) / 2**10 if linux else None
