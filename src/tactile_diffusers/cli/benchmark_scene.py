@@ -29,15 +29,13 @@ def run(arguments, pipe):
 
     Args:
         arguments (`argparse.Namespace`): "output" (`Path`, a folder), "surfaces" (`int`), "repeats", "seed", "threads",
-            "checkpoint".
+            "checkpoint" (`str`).
         pipe (`TactileTexturePipeline`): makes the scene that is written to a file.
 
     Returns:
         `str`
     """
     import torch
-
-    from tactile_diffusers import bundled_checkpoint
 
     threads = torch.get_num_threads()
     with tempfile.TemporaryDirectory() as folder:
@@ -49,8 +47,7 @@ def run(arguments, pipe):
             "repeats": arguments.repeats,
             "file": file_size(pipe, arguments.surfaces, arguments.seed, path),
         }
-        checkpoint = str(arguments.checkpoint or bundled_checkpoint())
-        settings = (checkpoint, str(arguments.surfaces), str(arguments.seed), str(threads), str(path))
+        settings = (arguments.checkpoint, str(arguments.surfaces), str(arguments.seed), str(threads), str(path))
         report["cases"] = measure(arguments.repeats, settings)
     loaded = report["cases"]["pipeline alone"]["peak MiB"]
     for row in report["cases"].values():
