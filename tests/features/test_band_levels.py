@@ -121,7 +121,7 @@ def test_another_noise_gets_the_levels_of_the_first():
 
 def test_a_waveform_with_the_right_levels_is_left_alone():
     noise = _noise(3)
-    np.testing.assert_allclose(_impose(noise, _measure(noise)), noise, rtol=0, atol=1e-12)  # float64 transforms
+    np.testing.assert_allclose(_impose(noise, _measure(noise)), noise, rtol=0, atol=5e-6)  # float32, up to 4
 
 
 def test_a_change_at_one_end_leaves_the_other_alone():
@@ -129,9 +129,9 @@ def test_a_change_at_one_end_leaves_the_other_alone():
     levels = _measure(noise)
     levels[:, :, :16] += 1
     made = _impose(noise, levels)
-    # each pass hears half a window and half a kernel (eight hops) further, then gains reach one hop; float64 transforms
+    # each pass hears half a window and half a kernel (eight hops) further, then gains reach one hop; float32, up to 4
     late = slice(17 * HOP + PASSES * (256 + 8 * HOP), None)
-    np.testing.assert_allclose(made[:, late], noise[:, late], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(made[:, late], noise[:, late], rtol=0, atol=5e-6)
     early = slice(0, 4 * HOP)  # where later passes have sharpened the step a little
     np.testing.assert_allclose(made[:, early], np.exp(0.5) * noise[:, early], rtol=0, atol=0.1 * np.abs(noise).max())
     assert np.square(made[:, early]).mean() == pytest.approx(np.e * np.square(noise[:, early]).mean(), rel=0.1)

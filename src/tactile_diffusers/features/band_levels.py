@@ -8,7 +8,7 @@ the CELT layer of the Opus codec keeps the energy of its bands (Valin et al. 201
 from functools import lru_cache
 
 import numpy as np
-from scipy import signal
+import torch
 
 from ..signal import band_edges
 
@@ -50,29 +50,56 @@ def check_band_levels(sampling_rate, band, count, window, hop):
     _members(sampling_rate, tuple(band), count, window)
 
 
-def _transform(waveform, window, hop):
-    """(batch, samples) -> (batch, bins, samples / hop + 1) complex."""
-    half = window // 2
-    padded = np.pad(waveform, ((0, 0), (half, half)), mode="reflect")  # also where a waveform is shorter than that
-    return signal.stft(padded, nperseg=window, noverlap=window - hop, boundary=None, scaling="psd")[2]
+class _Grid:
+    """Band levels on one grid of windows; its tensors are those of one dtype.
 
+    PyTorch's transforms are several times as fast as SciPy's in float32 and let other threads run.
+    """
 
-def _smoothing(sampling_rate, hop):
-    half = max(1, round(SMOOTHING_SECONDS * sampling_rate / hop / 2))
-    kernel = np.hanning(2 * half + 1)[1:-1]
-    return kernel / kernel.sum()
+    def __init__(self, sampling_rate, band, count, window, hop, dtype):
+        members, shares = _members(sampling_rate, tuple(band), count, window)
+        self.window, self.hop, self.members = window, hop, torch.from_numpy(members)
+        self.hann = torch.hann_window(window, dtype=dtype)
+        #: from power of bins to power of bands over that of white noise of unit RMS
+        self.sums = torch.zeros(count + 1, len(members), dtype=dtype)
+        self.sums[self.members, torch.arange(len(members))] = 1
+        self.sums /= torch.from_numpy(shares)[:, None] * len(members) * self.hann.square().sum()
+        half = max(1, round(SMOOTHING_SECONDS * sampling_rate / hop / 2))
+        kernel = torch.from_numpy(np.hanning(2 * half + 1)[1:-1]).to(dtype)
+        self.smoothing = kernel / kernel.sum()
 
+    def transform(self, waveform):
+        """(batch, samples) -> (batch, bins, samples / hop + 1) complex."""
+        half = self.window // 2
+        padded = np.pad(waveform, ((0, 0), (half, half)), mode="reflect")  # also where a waveform is shorter than that
+        padded = torch.from_numpy(padded).to(self.hann.dtype)
+        return torch.stft(padded, self.window, self.hop, window=self.hann, center=False, return_complex=True)
 
-def _log_powers(transform, members, shares, kernel):
-    """(batch, bins, frames + 1) -> (batch, bands, frames), natural log of power over white noise's."""
-    power = np.abs(transform) ** 2
-    power = np.stack([power[:, members == index].sum(1) for index in range(len(shares))], axis=1)
-    power = power / (shares[:, None] * len(members))
-    power = 0.5 * (power[..., 1:] + power[..., :-1])  # from the edges of hops to their middles
-    half = len(kernel) // 2
-    padded = np.pad(power, ((0, 0), (0, 0), (half, half)), mode="edge")
-    smooth = signal.oaconvolve(padded, kernel[None, None], mode="valid", axes=-1)
-    return np.log(np.maximum(smooth, 0) + POWER_FLOOR)
+    def invert(self, transform, samples):
+        """Undoes `transform`."""
+        made = torch.istft(transform, self.window, self.hop, window=self.hann, length=samples)
+        return made.numpy()
+
+    def log_powers(self, transform, smooth=True):
+        """(batch, bins, frames + 1) -> (batch, bands, frames), natural log of power over white noise's."""
+        power = self.sums @ (transform.real.square() + transform.imag.square())
+        power = 0.5 * (power[..., 1:] + power[..., :-1])  # from the edges of hops to their middles
+        if smooth:
+            half = len(self.smoothing) // 2
+            padded = torch.nn.functional.pad(power, (half, half), mode="replicate").flatten(0, 1)[:, None]
+            power = torch.nn.functional.conv1d(padded, self.smoothing[None, None]).view_as(power)
+        return torch.log(power + POWER_FLOOR)
+
+    def fast_modulation(self, transform):
+        """What the window resolves and the smoothing does not."""
+        return self.log_powers(transform, smooth=False) - self.log_powers(transform)
+
+    def amplify(self, transform, gains):
+        """Bins multiplied by the exponentials of gains of their bands, (batch, bands, frames)."""
+        edges = torch.nn.functional.pad(gains, (1, 1), mode="replicate")
+        edges = torch.exp(0.5 * (edges[..., 1:] + edges[..., :-1]))  # back to the edges of hops
+        # real times complex would be computed as complex times complex
+        return torch.view_as_complex(torch.view_as_real(transform) * edges[:, self.members, :, None])
 
 
 def measure_band_levels(waveform, sampling_rate, band, count, window, hop):
@@ -89,9 +116,8 @@ def measure_band_levels(waveform, sampling_rate, band, count, window, hop):
         `np.ndarray`: (batch, count + 1, samples / hop) float64, natural log of power relative to white noise of unit
         RMS, smoothed over 0.4 s; the last row is what lies above `band`.
     """
-    members, shares = _members(sampling_rate, tuple(band), count, window)
-    transform = _transform(np.asarray(waveform, dtype=np.float64), window, hop)
-    return _log_powers(transform, members, shares, _smoothing(sampling_rate, hop))
+    grid = _Grid(sampling_rate, band, count, window, hop, torch.float64)
+    return grid.log_powers(grid.transform(np.asarray(waveform))).numpy()
 
 
 def measure_fast_modulation(waveform, sampling_rate, band, count, window, hop):
@@ -102,13 +128,8 @@ def measure_fast_modulation(waveform, sampling_rate, band, count, window, hop):
     Returns:
         `np.ndarray`: (batch, count + 1, samples / hop) float64, difference of natural logs of power.
     """
-    members, shares = _members(sampling_rate, tuple(band), count, window)
-    transform = _transform(np.asarray(waveform, dtype=np.float64), window, hop)
-    return _fast_modulation(transform, members, shares, _smoothing(sampling_rate, hop))
-
-
-def _fast_modulation(transform, members, shares, smoothing):
-    return _log_powers(transform, members, shares, np.ones(1)) - _log_powers(transform, members, shares, smoothing)
+    grid = _Grid(sampling_rate, band, count, window, hop, torch.float64)
+    return grid.fast_modulation(grid.transform(np.asarray(waveform))).numpy()
 
 
 def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, contrast=None):
@@ -122,24 +143,21 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, contr
             (`measure_fast_modulation`) is made deeper afterwards, in log power.
 
     Returns:
-        `np.ndarray`: (batch, samples) float64.
+        `np.ndarray`: (batch, samples) float32.
     """
-    waveform = np.asarray(waveform, dtype=np.float64)
-    members, shares = _members(sampling_rate, tuple(band), levels.shape[1] - 1, window)
-    transform, smoothing = _transform(waveform, window, hop), _smoothing(sampling_rate, hop)
-    limit, gains, restored = LARGEST_GAIN_DB * np.log(10) / 20, 0.0, waveform
-
-    def apply(gains):
-        edges = np.pad(gains, ((0, 0), (0, 0), (1, 1)), mode="edge")
-        edges = np.exp(0.5 * (edges[..., 1:] + edges[..., :-1]))  # back to the edges of hops
-        made = signal.istft(transform * edges[:, members], nperseg=window, noverlap=window - hop, scaling="psd")[1]
-        return made[:, : waveform.shape[-1]]
-
-    for _ in range(PASSES):
-        measured = _log_powers(_transform(restored, window, hop), members, shares, smoothing)
-        gains = np.clip(gains + 0.5 * (np.asarray(levels, dtype=np.float64) - measured), -limit, limit)
-        restored = apply(gains)
-    if contrast is not None:
-        fast = _fast_modulation(_transform(restored, window, hop), members, shares, smoothing)
-        restored = apply(np.clip(gains + 0.5 * (np.asarray(contrast)[..., None] - 1) * fast, -limit, limit))
-    return restored
+    waveform = np.asarray(waveform, dtype=np.float32)
+    grid = _Grid(sampling_rate, band, levels.shape[1] - 1, window, hop, torch.float32)
+    levels = torch.as_tensor(np.asarray(levels), dtype=torch.float32)
+    limit, gains = LARGEST_GAIN_DB * np.log(10) / 20, 0.0
+    given = restored = grid.transform(waveform)
+    for number in range(PASSES + (contrast is not None)):
+        if number < PASSES:
+            step = levels - grid.log_powers(restored)
+        else:
+            factors = torch.as_tensor(np.asarray(contrast), dtype=torch.float32)[..., None]
+            step = (factors - 1) * grid.fast_modulation(restored)
+        gains = torch.clamp(gains + 0.5 * step, -limit, limit)
+        made = grid.invert(grid.amplify(given, gains), waveform.shape[-1])
+        if number + 1 < PASSES + (contrast is not None):
+            restored = grid.transform(made)
+    return made

@@ -10,6 +10,7 @@ from transformers.feature_extraction_utils import BatchFeature, FeatureExtractio
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, power_spectral_density, resample, rms
 from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .low_band import sample_low_band
+from .upsampling import resample_quickly
 
 #: powers below this are silence to the logarithm (a whitened texture has a mean power of 1 in every band)
 LOG_FLOOR = 1e-4
@@ -303,7 +304,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             if contrast is not None and contrast.shape != shape[:2]:
                 raise ValueError(f"`contrast` must be {shape[:2]}, got {contrast.shape}.")
             waveform = impose_band_levels(waveform, _as_float64(band_levels), contrast=contrast, **self._latent_grid)
-        texture = resample(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
+        texture = resample_quickly(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
         texture = texture - texture.mean(-1, keepdims=True)
         scale, wanted = rms(texture)[:, None], np.exp(levels)[:, None]
         heard = (scale > SILENCE) & (wanted > SILENCE)

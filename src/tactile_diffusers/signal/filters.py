@@ -41,7 +41,7 @@ def band_pass(texture, sampling_rate, band=BAND_HZ, order=4, passes=2):
 
 
 @lru_cache(maxsize=16)
-def _anti_alias_filter(up, down):
+def anti_alias_filter(up, down):
     """Kaiser low-pass for `resample`, flat up to 0.48 and stopped from 0.52 of the lower rate.
 
     Between 10 and 2.5 kHz that is 1200 and 1300 Hz: what would fold below 1.2 kHz is 80 dB down.
@@ -73,4 +73,4 @@ def resample(texture, rate_in, rate_out):
     up, down = int(rate_out) // divisor, int(rate_in) // divisor
     if up == down:
         return texture
-    return signal.resample_poly(texture, up, down, axis=-1, window=_anti_alias_filter(up, down))
+    return signal.resample_poly(texture, up, down, axis=-1, window=anti_alias_filter(up, down))
