@@ -34,8 +34,11 @@ def test_the_suite_writes_its_tables(small, tmp_path, capsys):
     assert report["joints"]["correlation of two windows"] > 0.95
     for row in report["starts"].values():
         assert 0 < row["first sample ms"] and 20 < row["change felt ms"] <= row["slowest change ms"]
-    endless = report["endless"]
-    assert endless["finite"] and endless["median ms"] > 0 and endless["largest step mN"] > 0
+    assert len(report["starts"]) == 3
+    for way in ("in a thread", "in a process"):
+        endless = report["endless"][way]
+        assert endless["finite"] and endless["median ms"] > 0 and endless["largest step mN"] > 0
+    assert report["endless"]["waking, of the machine"]["largest ms"] > 0
     assert (tmp_path / "stream.md").read_text().strip() == capsys.readouterr().out.strip()
 
 

@@ -38,7 +38,12 @@ def test_conditions_stand_for_latents(make_lctg, detail_channels, samples):
         for timestep, prepared in zip(timesteps, conditions, strict=True):
             found = lctg(sample, None, prepared).sample
             torch.testing.assert_close(found, lctg(sample, timestep, latents).sample, rtol=1e-5, atol=1e-6)
-    assert (conditions[0].given is None) == (detail_channels == 0)
+        # what is not given is not made, and changes nothing
+        latents = lctg.complete(latents[:, : lctg.base_channels])
+        (prepared,) = lctg.condition(latents, timesteps[:1])
+        assert prepared.given is None and (conditions[0].given is None) == (detail_channels == 0)
+        expected = lctg(sample, timesteps[0], latents).sample
+        torch.testing.assert_close(lctg(sample, None, prepared).sample, expected, rtol=1e-5, atol=1e-6)
     compiled = torch.compile(lctg, fullgraph=True, backend="eager")
     torch.testing.assert_close(compiled(sample, None, conditions[1]).sample, found)
     assert len(compiled.condition(latents, timesteps)) == 2

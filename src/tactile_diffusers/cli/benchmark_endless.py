@@ -1,6 +1,6 @@
 """Part of `python examples/benchmark.py --suite stream`: textures without end, generated while they are played."""
 
-import sys
+import multiprocessing
 import time
 from pathlib import Path
 
@@ -18,8 +18,6 @@ CHANGE_SECONDS = 2.0
 WINDOWS = 24
 #: Starts and changes that are timed.
 TIMES = 9
-#: How often threads take turns in the timed runs, s: Python's own 5 ms are longer than a block.
-SWITCH_SECONDS = 5e-4
 
 
 def joints(pipe, quiet):
@@ -58,7 +56,10 @@ def joints(pipe, quiet):
 
 
 def starts(pipe):
-    """Time from ratings to the first sample, and from new ratings until they alone are felt: medians, ms."""
+    """Time from ratings to the first sample, and from new ratings until they alone are felt: medians, ms.
+
+    `pipe`: or a `GeneratingProcess`.
+    """
     first, changes = [], []
     for number in range(TIMES + 1):  # the first one warms up
         begin = time.perf_counter()
@@ -83,7 +84,7 @@ def clock(pipe, place, rate, block, minutes, quiet):
     """Random motion in real time, while windows are generated and ratings change.
 
     Args:
-        pipe (`TactileTexturePipeline`).
+        pipe (`TactileTexturePipeline` or `GeneratingProcess`).
         place (`np.ndarray`): mm, of the finger, `rate` times a second.
         rate (`float`): Hz.
         block (`int`): samples at a time.
@@ -95,31 +96,26 @@ def clock(pipe, place, rate, block, minutes, quiet):
     """
     blocks, budget = round(minutes * 60 * DEVICE_RATE / block), block / DEVICE_RATE
     times, late, steps, last, finite, number, substituted = np.empty(blocks), 0, 0.0, 0.0, True, 0, 0
-    interval, memory = sys.getswitchinterval(), []
-    sys.setswitchinterval(SWITCH_SECONDS)
-    busy, began = time.process_time(), time.perf_counter()
-    try:
-        with EndlessStream(EndlessProfile(pipe, RATINGS[0]), rate) as stream:
-            stream.read(block)
-            start = time.perf_counter()
-            for index in tqdm(range(blocks), disable=quiet, desc="endless", mininterval=5):
-                while number / rate <= stream.time and number < len(place):
-                    stream.report(number / rate, place[number])
-                    number += 1
-                if (index + 1) % round(CHANGE_SECONDS / budget) == 0:
-                    substituted += stream._profile.substituted
-                    stream.change(RATINGS[index // round(CHANGE_SECONDS / budget) % len(RATINGS)])
-                if index % round(5 / budget) == 0:
-                    memory.append(_resident_mib())
-                time.sleep(max(0.0, start + index * budget - time.perf_counter()))
-                begin = time.perf_counter()
-                force = stream.read(block)
-                times[index] = time.perf_counter() - begin
-                late += time.perf_counter() > start + (index + 2) * budget
-                steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
-                last, finite = force[-1], finite and bool(np.isfinite(force).all())
-    finally:
-        sys.setswitchinterval(interval)
+    memory, busy, began = [], time.process_time(), time.perf_counter()
+    with EndlessStream(EndlessProfile(pipe, RATINGS[0]), rate) as stream:
+        stream.read(block)
+        start = time.perf_counter()
+        for index in tqdm(range(blocks), disable=quiet, desc="endless", mininterval=5):
+            while number / rate <= stream.time and number < len(place):
+                stream.report(number / rate, place[number])
+                number += 1
+            if (index + 1) % round(CHANGE_SECONDS / budget) == 0:
+                substituted += stream._profile.substituted
+                stream.change(RATINGS[index // round(CHANGE_SECONDS / budget) % len(RATINGS)])
+            if index % round(5 / budget) == 0:
+                memory.append(_resident_mib())
+            time.sleep(max(0.0, start + index * budget - time.perf_counter()))
+            begin = time.perf_counter()
+            force = stream.read(block)
+            times[index] = time.perf_counter() - begin
+            late += time.perf_counter() > start + (index + 2) * budget
+            steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
+            last, finite = force[-1], finite and bool(np.isfinite(force).all())
     wall = time.perf_counter() - began
     quarter = max(1, len(memory) // 4)
     return {
@@ -136,6 +132,30 @@ def clock(pipe, place, rate, block, minutes, quiet):
         "largest step mN": 1e3 * steps,
         "finite": finite,
     }
+
+
+def wakes(block, minutes, quiet):
+    """How late the machine itself wakes a program that sleeps from block to block while another computes: ms."""
+    blocks, budget = round(minutes * 60 * DEVICE_RATE / block), block / DEVICE_RATE
+    late = np.empty(blocks)
+    other = multiprocessing.get_context("spawn").Process(target=_compute, daemon=True)
+    other.start()
+    start = time.perf_counter() + 1.0  # it has begun by then
+    for index in tqdm(range(blocks), disable=quiet, desc="machine", mininterval=5):
+        time.sleep(max(0.0, start + index * budget - time.perf_counter()))
+        late[index] = time.perf_counter() - start - index * budget
+    other.terminate()
+    return {
+        "median ms": 1e3 * float(np.median(late)),
+        "99.9th percentile ms": 1e3 * float(np.percentile(late, 99.9)),
+        "largest ms": 1e3 * float(late.max()),
+        "over budget": int((late > budget).sum()),
+    }
+
+
+def _compute():
+    while True:
+        np.sin(np.arange(10_000))
 
 
 def profiles(pipe, windows=6):

@@ -11,7 +11,7 @@ from ..data.virtual.exploration import VELOCITY_RATE, Exploration, steady_explor
 from ..data.virtual.surface import VirtualSurface
 from ..evaluation.tables import markdown_table, title
 from ..models.lctg import LCTGModel, same_encoder
-from ..playback import FingerPath, TextureProfile, TextureStream
+from ..playback import FingerPath, GeneratingProcess, TextureProfile, TextureStream, on_time
 from ..playback.stream import REFERENCE_FORCE, SPEED_EXPONENT
 from ..signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass
 from . import benchmark_endless
@@ -32,6 +32,8 @@ SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1)
 #: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
 HAND_HZ = 15.0
 BLOCK = 32
+#: Share of the minutes for which the other columns beside a process of its own are timed.
+COMPARED = 0.2
 #: Reports of the sensor in the timed runs.
 SENSOR_HZ = 125.0
 #: Random motion: it strokes to and fro at most about this often, over about twice this far.
@@ -199,17 +201,18 @@ def clock(profiles, minutes, seed, quiet):
     blocks, place = round(minutes * 60 * DEVICE_RATE / BLOCK), motion(minutes, seed)
     stream, number, times, steps, last = TextureStream(profiles[0], 0.0, rate), 0, np.empty(blocks), 0.0, 0.0
     finite = True
-    for block in tqdm(range(blocks), disable=quiet, desc="clock"):
-        while number / rate <= stream.time:
-            stream.report(number / rate, place[number])
-            number += 1
-        if block % round(0.5 * DEVICE_RATE / BLOCK) == 0:
-            stream.replace(profiles[(block * BLOCK * 2 // DEVICE_RATE) % 2], 0.0)
-        begin = time.perf_counter()
-        force = stream.read(BLOCK)
-        times[block] = time.perf_counter() - begin
-        steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
-        last, finite = force[-1], finite and bool(np.isfinite(force).all())
+    with on_time():
+        for block in tqdm(range(blocks), disable=quiet, desc="clock"):
+            while number / rate <= stream.time:
+                stream.report(number / rate, place[number])
+                number += 1
+            if block % round(0.5 * DEVICE_RATE / BLOCK) == 0:
+                stream.replace(profiles[(block * BLOCK * 2 // DEVICE_RATE) % 2], 0.0)
+            begin = time.perf_counter()
+            force = stream.read(BLOCK)
+            times[block] = time.perf_counter() - begin
+            steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
+            last, finite = force[-1], finite and bool(np.isfinite(force).all())
     fastest = float(np.abs(np.diff(place)).max() * rate)
     own = max(_largest_step(profile, fastest) for profile in profiles)
     return {
@@ -246,23 +249,36 @@ def with_distilled(pipe):
 
 
 def starts(pipe):
-    """Times to the first sample and to other ratings, with each decoder."""
-    return {name: benchmark_endless.starts(one) for name, one in with_distilled(pipe).items()}
+    """Times to the first sample and to other ratings, with each decoder, and the last one in a process of its own."""
+    pipes = with_distilled(pipe)
+    with on_time():
+        found = {name: benchmark_endless.starts(one) for name, one in pipes.items()}
+        with GeneratingProcess(list(pipes.values())[-1]) as process:
+            found[f"{list(pipes)[-1]}, in a process"] = benchmark_endless.starts(process)
+    return found
 
 
 def endless(pipe, minutes, seed, quiet):
-    """Real time, with the quickest decoder that there is; and the largest step that the profiles have of their own."""
-    import torch
+    """Real time, with the quickest decoder that there is, generating in a thread, in a process; and the machine alone.
 
-    pipe, place, threads = list(with_distilled(pipe).values())[-1], motion(minutes, seed), torch.get_num_threads()
-    torch.set_num_threads(1)  # generating on one core leaves the others to the stream
-    try:
-        found = benchmark_endless.clock(pipe, place, SENSOR_HZ, BLOCK, minutes, quiet)
-    finally:
-        torch.set_num_threads(threads)
+    The largest step of the profiles stands beside.
+    """
+    pipe, place = list(with_distilled(pipe).values())[-1], motion(minutes, seed)
+    with on_time():
+        found = {"in a thread": benchmark_endless.clock(pipe, place, SENSOR_HZ, BLOCK, minutes * COMPARED, quiet)}
+        with GeneratingProcess(pipe) as process:
+            found["in a process"] = benchmark_endless.clock(process, place, SENSOR_HZ, BLOCK, minutes, quiet)
+    found["waking, of the machine"] = benchmark_endless.wakes(BLOCK, minutes * COMPARED, quiet)
     fastest = float(np.abs(np.diff(place)).max() * SENSOR_HZ)
-    found["profiles' own mN"] = 1e3 * max(_largest_step(one, fastest) for one in benchmark_endless.profiles(pipe))
+    own = 1e3 * max(_largest_step(one, fastest) for one in benchmark_endless.profiles(pipe))
+    for name in ("in a thread", "in a process"):
+        found[name]["profiles' own mN"] = own
     return found
+
+
+def _transposed(rows):
+    names = dict.fromkeys(name for row in rows.values() for name in row)
+    return {name: {column: row.get(name) for column, row in rows.items()} for name in names}
 
 
 def _largest_step(profile, fastest):
@@ -312,9 +328,10 @@ def markdown(report):
         + markdown_table(report["starts"], 1)
     )
     parts.append(
-        f"In real time for {report['minutes']:g} minutes of random motion, ratings changed every "
-        f"{benchmark_endless.CHANGE_SECONDS:g} s, blocks of {BLOCK} samples, generated on one thread; an underrun is a "
-        "block that comes more than one block late:\n\n"
-        + markdown_table({name: {"": value} for name, value in report["endless"].items()}, 3)
+        f"In real time, under random motion, ratings changed every {benchmark_endless.CHANGE_SECONDS:g} s, blocks of "
+        f"{BLOCK} samples, generated on one core by a `GeneratingProcess` ({report['minutes']:g} minutes) or a thread "
+        f"({report['minutes'] * COMPARED:g}); an underrun is a block that comes more than one block late. The last "
+        "column is how late this machine wakes a program that does nothing else, while another one computes:\n\n"
+        + markdown_table(_transposed(report["endless"]), 3)
     )
     return "\n\n".join(parts) + "\n"

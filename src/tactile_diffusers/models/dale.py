@@ -351,7 +351,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
             return_dict (`bool`, *optional*, defaults to `True`): `DALEOutput` or a plain tuple.
         """
         if sample is None:
-            embeddings, tokens = self._conditions(ratings, timestep[:, None], self.dtype)
+            dtype = self.rating_embedder.axis_tokens.dtype  # `self.dtype` searches all weights
+            embeddings, tokens = self._conditions(ratings, timestep[:, None], dtype)
             return [DALEConditions(blocks) for blocks in self.unet.condition(embeddings, tokens=tokens)]
         embedding, tokens, blocks = None, None, None
         if isinstance(ratings, DALEConditions):

@@ -28,7 +28,7 @@ class LCTGConditions(NamedTuple):
     Attributes:
         blocks (`list[BlockConditions]`): of each block of the decoder.
         wave (`torch.Tensor` or `None`): (2,), cosine and sine of the timestep's angle.
-        given (`torch.Tensor` or `None`): (batch, 1, samples), the waveform of the detail layer; `None` = no such layer.
+        given (`torch.Tensor` or `None`): (batch, 1, samples), the waveform of the detail layer; `None` = not given.
     """
 
     blocks: list
@@ -263,7 +263,8 @@ class LCTGModel(ModelMixin, ConfigMixin):
         Returns:
             `list[LCTGConditions]`: for each step, in place of the latents.
         """
-        return self(None, timesteps, latents)
+        base, detail = latents.tensor_split([self.base_channels], dim=1)
+        return self(None, timesteps, latents if detail.any() else base)
 
     def _conditions(self, latents, timesteps):
         context, given = self._layers(latents)
@@ -273,9 +274,9 @@ class LCTGModel(ModelMixin, ConfigMixin):
         return [LCTGConditions(*step, given) for step in zip(blocks, waves, strict=True)]
 
     def _layers(self, latents):
-        """The base layer, and the waveform that the detail layer holds."""
+        """The base layer, and the waveform that the detail layer holds, if it is there."""
         base, given = latents[:, : self.base_channels], None
-        if self.config.detail_channels:
+        if latents.shape[1] > self.base_channels:
             stride = self.config.latent_hop // self.config.detail_channels
             given = synthesize(latents[:, self.base_channels :].transpose(1, 2).flatten(1), stride)
         return base, given
@@ -323,7 +324,8 @@ class LCTGModel(ModelMixin, ConfigMixin):
             wave = None if given is None else self._waves(timestep, sample.dtype)
         options = {"context": context, "checkpoint": checkpoint, "conditions": blocks}
         if given is None:
-            velocity = self.decoder(sample, embedding, **options)
+            states = nn.functional.pad(sample, (0, 0, 0, 1)) if self.config.detail_channels else sample
+            velocity = self.decoder(states, embedding, **options)
             return LCTGOutput(sample=velocity) if return_dict else (velocity,)
         # what is given needs no making: the decoder denoises what is left of the texture without it
         given = given[..., : sample.shape[-1]]

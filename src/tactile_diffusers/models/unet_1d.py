@@ -24,9 +24,8 @@ class ChannelRMSNorm(nn.Module):
 
     def forward(self, hidden_states):
         wide = hidden_states.float()
-        power = (wide * wide).sum(dim=1, keepdim=True)  # product and sum: the fastest form on CPUs
-        gain = torch.rsqrt(power / hidden_states.shape[1] + 1e-6)
-        return hidden_states * gain.to(hidden_states.dtype)
+        power = (wide * wide).mean(dim=1, keepdim=True)  # product and mean: the fastest form on CPUs
+        return hidden_states * power.add_(1e-6).rsqrt_().to(hidden_states.dtype)
 
 
 class Conv1d(nn.Conv1d):

@@ -114,6 +114,15 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         )
 
     @property
+    def _execution_device(self):
+        # diffusers' own searches all modules for hooks, once for each component and more: half a step of DALE
+        models = [model for model in (self.lctg, self.dale, self.rating_estimator) if model is not None]
+        parts = (vars(part) for model in models for part in model.modules())
+        if any("_hf_hook" in part or "_diffusers_hook" in part for part in parts):
+            return super()._execution_device
+        return next(self.lctg.parameters()).device
+
+    @property
     def guidance_scale(self):
         """Guidance scale of the current or last call, as it was given."""
         return self._guidance_scale

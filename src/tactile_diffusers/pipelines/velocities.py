@@ -41,9 +41,9 @@ def rating_velocity(dale, scheduler, ratings, frames, guidance):
 
 
 def texture_velocity(lctg, latents, timesteps):
-    """LCTG's velocity given latents (batch, latent_channels, frames), at timesteps (steps,)."""
+    """LCTG's velocity given latents (batch, latent_channels, frames) of its dtype, at timesteps (steps,)."""
     size = lctg.config.segment_samples // lctg.config.latent_hop
-    windows, dtype = Windows(latents.shape[-1], min(size, latents.shape[-1])), lctg.dtype
+    windows, dtype = Windows(latents.shape[-1], min(size, latents.shape[-1])), latents.dtype
     if len(windows.starts) == 1:
         conditions = lctg.condition(latents, timesteps)
         return lambda waveform, step: lctg(waveform.to(dtype), timesteps[step], conditions[step], return_dict=False)[0]

@@ -6,6 +6,8 @@ from .drive_fit import DriveFit, fit_drive_profile
 from .drive_stream import ClippingReport, DriveStream
 from .endless import EndlessProfile, EndlessStream
 from .finger import FingerPath
+from .generating import GeneratingProcess
+from .on_time import on_time
 from .profile import TextureProfile
 from .scene import TextureScene
 from .stream import TextureStream
@@ -18,9 +20,11 @@ __all__ = [
     "EndlessProfile",
     "EndlessStream",
     "FingerPath",
+    "GeneratingProcess",
     "TextureProfile",
     "TextureScene",
     "TextureStream",
     "fit_drive_profile",
+    "on_time",
     "read_drive_calibration",
 ]

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from ..pipelines.inputs import parse_ratings
+from .generating import GeneratingProcess
 from .profile import TextureProfile
 from .stream import TextureStream
 
@@ -39,7 +40,7 @@ class EndlessProfile:
     until the finger has left its place (`substituted` counts). One thread may generate while another one reads.
 
     Args:
-        pipe (`TactileTexturePipeline`): with a DALE; for one thread at a time.
+        pipe (`TactileTexturePipeline` or `GeneratingProcess`): with a DALE; for one thread at a time.
         ratings: of one texture, as `pipe` takes them.
         seed (`int`, *optional*, defaults to 0): of everything.
         fill (`bool`, *optional*, defaults to `True`): see [`TextureProfile`].
@@ -56,6 +57,7 @@ class EndlessProfile:
     """
 
     def __init__(self, pipe, ratings, seed=0, fill=True, **options):
+        self.source, pipe = pipe, getattr(pipe, "pipe", pipe)
         speed = None if pipe.dale is None else pipe.dale.config.reference_speed
         if speed is None:
             raise ValueError("`pipe` has no `dale`, or it knows no `reference_speed`: nothing to place on a surface.")
@@ -80,6 +82,7 @@ class EndlessProfile:
         self.length = 3 * _AXIS_WINDOWS * self.spacing
         self.level = self.friction_coefficient = self._spectrum = None
         self.substituted = self._reads = 0
+        self._key = self.source.new_key() if isinstance(self.source, GeneratingProcess) else None
         self._takes, self._windows, self._stand_ins, self._recent = {}, {}, {}, {}
 
     # --- what the generating thread does
@@ -93,7 +96,16 @@ class EndlessProfile:
                 is made when it is first read.
         """
         indices = [index for index in dict.fromkeys(indices) if index not in self._windows]
-        if not indices or not self._generate_takes({index + near for index in indices for near in (-1, 0, 1)}):
+        if not indices:
+            return
+        if self._key is not None:
+            surface = (self.ratings.numpy(), self.seed, self.fill, {**self.options, "rating_scale": "z"})
+            made = self.source.generate(self._key, surface, indices, list(self._recent), ready)
+            windows, self.level, self.friction_coefficient = made
+            self._windows.update(windows)
+            self._forget()
+            return
+        if not self._generate_takes({index + near for index in indices for near in (-1, 0, 1)}):
             return
         base = torch.stack([self._joined(index) for index in indices])
         samples = base.shape[-1] * self.pipe.lctg.config.latent_hop
@@ -111,6 +123,12 @@ class EndlessProfile:
                 window.prepare(*_SPEEDS)
             self._windows[index] = window
         self._forget()
+
+    def interrupt(self):
+        """Makes a `generate` of another thread give up at its next step."""
+        if self._key is not None:
+            self.source.interrupt()
+        self.pipe._interrupt = True
 
     def _generate_takes(self, indices):
         """Latents of DALE, all of them with the first one's scalars; whether they came about."""
@@ -231,11 +249,10 @@ class EndlessStream(TextureStream):
     Ratings may change while it plays: `change` takes effect as soon as one window is generated, over 20 ms. Close it,
     or use it in a `with`.
 
-    In Python, threads take turns every 5 ms by default, which is longer than a block of 32 samples lasts: call
-    `sys.setswitchinterval(5e-4)` in a program that must be on time.
+    A program that must be on time reads it within [`on_time`] and lets a [`GeneratingProcess`] generate.
 
     Args:
-        profile (`EndlessProfile`): its pipeline belongs to this stream's thread until it is closed.
+        profile (`EndlessProfile`): its pipeline, or process, belongs to this stream's thread until it is closed.
         sensor_rate (`float`): of the finger's reports, Hz.
         **options: of [`TextureStream`].
 
@@ -263,7 +280,7 @@ class EndlessStream(TextureStream):
     def close(self):
         """Ends the thread; what is there can still be read."""
         self._closed = True
-        self._profile.pipe._interrupt = True
+        self._profile.interrupt()
         self._wake.set()
         self._worker.join()
 
@@ -274,8 +291,8 @@ class EndlessStream(TextureStream):
             ValueError: for impossible ratings; the stream goes on as it was.
         """
         now = self._profile
-        self._changed = EndlessProfile(now.pipe, ratings, now.seed, now.fill, **now.options)
-        now.pipe._interrupt = True  # what is being generated is not needed any more
+        self._changed = EndlessProfile(now.source, ratings, now.seed, now.fill, **now.options)
+        now.interrupt()  # what is being generated is not needed any more
         self._wake.set()
 
     def read(self, samples, *arguments, **options):
@@ -307,7 +324,7 @@ class EndlessStream(TextureStream):
     def _exchange(self, changed):
         """Generates what is under the finger of another surface, and puts it there."""
         needed = list(dict(self._profile._recent)) or [0]
-        changed.generate(*needed)
+        changed.generate(*needed, ready=True)
         if changed.friction_coefficient is None or not changed._windows:
             if self._changed is None:  # interrupted, and by nobody who wants something else
                 self._changed = changed

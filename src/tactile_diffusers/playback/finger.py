@@ -89,19 +89,20 @@ class FingerPath:
             raise ValueError("`time` and `position` must be finite: leave out reports without a finger.")
         if not (np.diff(np.concatenate([self._times[-1:], times])) > 0).all():
             raise ValueError(f"`time` must ascend, report after report, got {times} after {self._times[-1:]}.")
-        for when, place in zip(times, places, strict=True):
-            self._append(when, place)
+        self._append(times, places)
 
-    def _append(self, when, place):
-        if len(self._times):
-            passed, far = when - self._times[-1], np.linalg.norm(place - self._places[-1])
-            if far > FASTEST * passed or (far > 0 and passed > LIFTED_SECONDS):
-                self._landings.append(when)
-                # until then it rests where it was
-                self._times = np.append(self._times, np.nextafter(when, -np.inf))
-                self._places = np.concatenate([self._places, self._places[-1:]])
-        self._times = np.append(self._times, when)
-        self._places = np.concatenate([self._places, place[None]])
+    def _append(self, times, places):
+        known = np.concatenate([self._times[-1:], times])
+        seen = np.concatenate([self._places[-1:], places])
+        passed, far = np.diff(known), np.linalg.norm(np.diff(seen, axis=0), axis=1)
+        before = np.flatnonzero((far > FASTEST * passed) | ((far > 0) & (passed > LIFTED_SECONDS)))
+        landed = before + len(times) - len(passed)  # of the new reports
+        self._landings.extend(times[landed].tolist())
+        # until then it rests where it was
+        times = np.insert(times, landed, np.nextafter(times[landed], -np.inf))
+        places = np.insert(places, landed, seen[before], axis=0)
+        self._times = np.concatenate([self._times, times])
+        self._places = np.concatenate([self._places, places])
 
     def advance(self, samples):
         """Position and velocity of the next block.

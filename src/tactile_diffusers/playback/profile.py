@@ -106,9 +106,11 @@ class TextureProfile:
 
     def _make(self, level):
         """One resolution, with a sample of its end before it and two of its beginning after it."""
-        kept = self._spectrum * _soft_edge(self._frequencies, self.cutoffs[level])
         length, samples = self._lengths[level], 2 * (len(self._frequencies) - 1)
-        made = np.fft.irfft(kept[: length // 2 + 1], n=length) * (length / samples)
+        # beyond the edge there is nothing
+        kept = np.searchsorted(self._frequencies[: length // 2 + 1], self.cutoffs[level] * _BEYOND)
+        spectrum = self._spectrum[:kept] * _soft_edge(self._frequencies[:kept], self.cutoffs[level])
+        made = np.fft.irfft(spectrum, n=length) * (length / samples)
         begin = self._begins[level]
         self._samples[begin : begin + length + _MARGIN] = np.concatenate([made[-1:], made, made[:2]])
         self._made[level] = True

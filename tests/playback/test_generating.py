@@ -1,0 +1,112 @@
+"""Windows from another process: those of this one, as quickly given up, and an error if the process is gone."""
+
+import gc
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_diffusers import TactileTexturePipeline
+from tactile_diffusers.playback import EndlessProfile, EndlessStream, GeneratingProcess, on_time
+
+RATINGS = [0.5, 0.0, -0.5]
+
+
+CHECKPOINT = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
+
+
+def _load():
+    return TactileTexturePipeline.from_pretrained(str(CHECKPOINT))
+
+
+@pytest.fixture(scope="module")
+def process():
+    with GeneratingProcess(_load()) as process:
+        yield process
+
+
+def _read(profile, begin, end):
+    speed = profile.reference_speed
+    return profile.read(np.linspace(begin, end, 400) * profile.spacing, np.full(400, speed))
+
+
+def test_windows_are_those_of_this_process(process):
+    there, here = EndlessProfile(process, RATINGS, 3), EndlessProfile(process.pipe, RATINGS, 3)
+    for profile in (there, here):
+        profile.generate(0, 1, ready=True)
+    assert there.level == pytest.approx(here.level) and there.friction_coefficient == here.friction_coefficient
+    assert sorted(there._windows) == [0, 1] and there._windows[0]._made.sum() == here._windows[0]._made.sum()
+    np.testing.assert_allclose(_read(there, 0.3, 1.9), _read(here, 0.3, 1.9), rtol=0, atol=1e-6)
+
+
+def test_several_profiles_take_turns(process):
+    first, second = (EndlessProfile(process, RATINGS, seed) for seed in (1, 2))
+    for index in range(3):
+        first.generate(index)
+        second.generate(index)
+    assert sorted(first._windows) == sorted(second._windows) == [0, 1, 2]
+    assert first.level != second.level
+    again = EndlessProfile(process, RATINGS, 1)
+    again.generate(2)
+    np.testing.assert_allclose(_read(again, 2.3, 2.9), _read(first, 2.3, 2.9), rtol=0, atol=1e-6)
+
+
+def test_a_stream_changes_its_ratings(process):
+    with EndlessStream(EndlessProfile(process, RATINGS), 125.0) as stream:
+        before, deadline = stream._profile, time.monotonic() + 20
+        stream.change([-1.0, 1.0, 1.0])
+        while stream._profile is before:
+            assert np.isfinite(stream.read(32)).all() and time.monotonic() < deadline
+        assert stream._profile.ratings.tolist() == [[-1.0, 1.0, 1.0]]
+
+
+def test_what_is_interrupted_leaves_nothing_half_made(process, monkeypatch):
+    profile, send = EndlessProfile(process, RATINGS, num_latent_inference_steps=1000), process._connection.send
+
+    def send_and_interrupt(request):
+        send(request)
+        time.sleep(0.3)
+        profile.interrupt()
+
+    monkeypatch.setattr(process, "_connection", SimpleNamespace(send=send_and_interrupt, recv=process._connection.recv))
+    profile.generate(0)
+    assert profile._windows == {}
+
+
+def test_a_failure_there_is_raised_here(process):
+    with pytest.raises(RuntimeError, match="Generating has failed: .*not a number"):
+        process.generate(process.new_key(), ("not a number", 0, True, {}), [0], [], False)
+    profile = EndlessProfile(process, RATINGS)
+    profile.generate(0)
+    assert list(profile._windows) == [0]
+
+
+def test_an_ended_process_says_so():
+    process = GeneratingProcess(_load())
+    profile = EndlessProfile(process, RATINGS)
+    process._process.terminate()
+    process._process.join()
+    with pytest.raises(RuntimeError, match="The generating process has ended"):
+        profile.generate(0)
+    process.close()
+    process.close()
+    with pytest.raises(RuntimeError, match="The generating process has ended"):
+        profile.generate(0)
+
+
+def test_it_needs_a_core():
+    with pytest.raises(ValueError, match="`threads` must be at least 1, got 0"):
+        GeneratingProcess(None, threads=0)
+
+
+def test_on_time_leaves_everything_as_it_was():
+    interval, threads, frozen = sys.getswitchinterval(), torch.get_num_threads(), gc.get_freeze_count()
+    with pytest.raises(KeyError), on_time():
+        assert sys.getswitchinterval() == pytest.approx(5e-4) and gc.get_freeze_count() > frozen
+        assert torch.get_num_threads() == max(1, threads - 1)
+        raise KeyError
+    assert (sys.getswitchinterval(), torch.get_num_threads(), gc.get_freeze_count()) == (interval, threads, frozen)
