@@ -1,17 +1,17 @@
 """What commands that measure share: the machine's name, and how results are written."""
 
 import json
-import platform
 
 import torch
 
 from ..data.files import write_text
+from ..evaluation import report as evaluation
 
 
 def machine(computing=None):
     """The machine in words: processor, what computes (by default torch's threads), version of torch."""
     computing = computing or f"{torch.get_num_threads()} threads"
-    return f"{platform.machine()}, {computing}, torch {torch.__version__}"
+    return f"{evaluation.machine()['processor']}, {computing}, torch {torch.__version__}"
 
 
 def write_results(output, name, report, text, indent=2):
