@@ -119,6 +119,7 @@ def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
     assert pipeline.folder == "bundled"
     with np.load(output / "texture.npz") as file:
         assert (file["seed"], file["sampling_rate"], file["reference_speed"]) == (0, 10000, 80)
+        assert file["checkpoint"] == "bundled"
         np.testing.assert_array_equal(file["ratings"], [1.5, 0, -1])
         rms = np.sqrt(np.mean(file["texture"].astype(np.float64) ** 2))
     printed = capsys.readouterr().out

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_diffusers.export import write_figure, write_npz, write_wav
+from tactile_diffusers.export import FORMATS, write_figure, write_npz, write_wav
 
 GOOD = {"sampling_rate": 10000, "friction_coefficient": 0.6, "ratings": [1.5, 0.0, -1.0]}
 
@@ -20,7 +20,15 @@ def _figure(folder, texture, **options):
     write_figure(folder / "texture.png", texture, **{**GOOD, **options})
 
 
-@pytest.mark.parametrize("write", [_npz, _wav, _figure])
+def _format(name):
+    def write(folder, texture, **options):
+        all_given = {**GOOD, "seed": 0, "reference_speed": 80.0, **options}
+        FORMATS[name].write(folder / "texture", texture, **all_given)
+
+    return pytest.param(write, id=name)
+
+
+@pytest.mark.parametrize("write", [_npz, _wav, _figure, *map(_format, FORMATS)])
 @pytest.mark.parametrize(
     ("change", "message"),
     [

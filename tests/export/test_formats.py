@@ -28,7 +28,9 @@ def test_npz_round_trip(tmp_path, texture):
             "ratings",
             "seed",
             "reference_speed",
+            "checkpoint",
         }
+        assert file["checkpoint"] == ""
         assert file["texture"].dtype == np.float32
         np.testing.assert_array_equal(file["texture"], texture.astype(np.float32))
         np.testing.assert_array_equal(file["ratings"], np.float32([1.5, np.nan, -1.0]))

@@ -93,7 +93,8 @@ def _generate(arguments):
     from ..signal import rms
 
     say = (lambda text: None) if arguments.quiet else print
-    pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint or bundled_checkpoint()))
+    checkpoint = Path(arguments.checkpoint or bundled_checkpoint())
+    pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
     pipe.set_progress_bar_config(disable=arguments.quiet)
 
     # options that were not given keep the pipeline's own defaults
@@ -132,8 +133,9 @@ def _generate(arguments):
             "friction_coefficient": float(friction_coefficient),
             "ratings": ratings,
         }
+        made = {"seed": seed, "reference_speed": out.reference_speed, "checkpoint": checkpoint.resolve().name}
         npz, wav, png = (arguments.output / f"{stem}{suffix}" for suffix in (".npz", ".wav", ".png"))
-        write_npz(npz, texture, seed=seed, reference_speed=out.reference_speed, **common)
-        write_wav(wav, texture, seed=seed, **common)
+        write_npz(npz, texture, **made, **common)
+        write_wav(wav, texture, **made, **common)
         write_figure(png, texture, **common)
         say(f"{npz}, {wav}, {png}: RMS {1e3 * rms(texture):.2f} mN, friction coefficient {friction_coefficient:.2f}")

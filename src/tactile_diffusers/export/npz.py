@@ -1,16 +1,20 @@
 """NumPy archives: a texture with all that is needed to play or to make it again."""
 
+import zipfile
+from pathlib import Path
+
 import numpy as np
 
 from ..data.files import atomic_path
-from .checks import check_positive_or_unknown, check_ratings, check_seed, check_texture
+from .metadata import check_arguments, metadata_from_json
 
 
-def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, seed, reference_speed):
+def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, seed, reference_speed, checkpoint=None):
     """Writes one texture to a compressed `.npz` file.
 
     The file holds `texture` (samples,) float32 in N, `sampling_rate` int64 in Hz, `friction_coefficient` float32,
-    `ratings` (3,) float32, `seed` int64 and `reference_speed` float32 in mm/s; `np.load` reads it without pickle.
+    `ratings` (3,) float32, `seed` int64, `reference_speed` float32 in mm/s and `checkpoint`, a string, empty if
+    unknown; `np.load` reads it without pickle.
 
     Args:
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
@@ -20,18 +24,51 @@ def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, se
         ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
         seed (`int`): the seed of the generator that drew the texture.
         reference_speed (`float`): finger speed for which the texture was made, mm/s; NaN = unknown.
+        checkpoint (`str`, *optional*): name of the checkpoint that made it; `None` = unknown.
 
     Raises:
         ValueError: on a bad argument, before anything is written.
     """
-    texture = check_texture(texture, sampling_rate)
+    texture, metadata = check_arguments(
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
+    )
     arrays = {
         "texture": texture.astype(np.float32),
         "sampling_rate": np.int64(sampling_rate),
-        "friction_coefficient": np.float32(check_positive_or_unknown("friction_coefficient", friction_coefficient)),
-        "ratings": check_ratings(ratings).astype(np.float32),
-        "seed": np.asarray(check_seed(seed)),
-        "reference_speed": np.float32(check_positive_or_unknown("reference_speed", reference_speed)),
+        "friction_coefficient": np.float32(metadata["friction_coefficient"]),
+        "ratings": np.float32(metadata["ratings"]),
+        "seed": np.asarray(metadata["seed"]),
+        "reference_speed": np.float32(metadata["reference_speed"]),
+        "checkpoint": np.asarray(metadata["checkpoint"] or ""),
     }
     with atomic_path(path) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, **arrays)
+
+
+def read_npz(path):
+    """Reads what `write_npz` wrote, now or before it knew of checkpoints.
+
+    Args:
+        path (`str` or `Path`): the file.
+
+    Returns:
+        `tuple[np.ndarray, dict]`: the texture (samples,) float32 in N, and `sampling_rate`, `friction_coefficient`,
+        `ratings`, `seed`, `reference_speed` and `checkpoint`; NaN or `None` = unknown.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: if it is no archive of a texture.
+    """
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"`path` {path} does not exist.")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+    except (zipfile.BadZipFile, EOFError, ValueError, TypeError) as error:
+        raise ValueError(f"{path} is truncated or no NumPy archive ({error}). Write the texture again.") from error
+    found = {name: value.tolist() for name, value in arrays.items() if name != "texture"}
+    metadata = metadata_from_json(found, path)
+    if "texture" not in arrays:
+        raise ValueError(f"{path} lacks texture. Write the texture again.")
+    metadata["checkpoint"] = metadata["checkpoint"] or None
+    return arrays["texture"], metadata

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..data.files import atomic_path
-from .checks import check_positive_or_unknown, check_ratings, check_seed, check_texture
+from .metadata import check_arguments, metadata_from_json, metadata_to_json
 
 #: Counts of full scale in a 16-bit file; the largest positive count is one less.
 FULL_SCALE_COUNTS = 2**15
@@ -18,12 +18,24 @@ def sidecar_path(path):
     return Path(f"{path}.json")
 
 
-def write_wav(path, texture, *, sampling_rate, friction_coefficient, ratings, seed, subtype="PCM_16"):
+def write_wav(
+    path,
+    texture,
+    *,
+    sampling_rate,
+    friction_coefficient,
+    ratings,
+    seed,
+    reference_speed=math.nan,
+    checkpoint=None,
+    subtype="PCM_16",
+):
     """Writes one texture to a mono WAV file, scaled so that its peak is full scale, and the scale to the sidecar.
 
     Any reader that gives samples in [-1, 1] gives newtons when these are multiplied by the sidecar's
     `newtons_per_full_scale`: to half a count, 2^-16 of the scale, for `"PCM_16"`; to float32 rounding for `"FLOAT"`.
-    The sidecar also holds `unit`, `sampling_rate`, `friction_coefficient`, `ratings` and `seed`; null = unknown.
+    The sidecar also holds `unit`, `sampling_rate`, `friction_coefficient`, `reference_speed`, `ratings`, `seed` and
+    `checkpoint`; null = unknown.
 
     Args:
         path (`str` or `Path`): the WAV file; its folder must exist. Existing files are replaced as a whole.
@@ -32,6 +44,8 @@ def write_wav(path, texture, *, sampling_rate, friction_coefficient, ratings, se
         friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
         ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
         seed (`int`): the seed of the generator that drew the texture.
+        reference_speed (`float`, *optional*): finger speed for which the texture was made, mm/s; NaN = unknown.
+        checkpoint (`str`, *optional*): name of the checkpoint that made it; `None` = unknown.
         subtype (`str`, *optional*, defaults to `"PCM_16"`): `"PCM_16"` or `"FLOAT"`, soundfile's names.
 
     Raises:
@@ -39,19 +53,14 @@ def write_wav(path, texture, *, sampling_rate, friction_coefficient, ratings, se
     """
     import soundfile
 
-    texture = check_texture(texture, sampling_rate)
+    texture, metadata = check_arguments(
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
+    )
     if subtype not in ("PCM_16", "FLOAT"):
         raise ValueError(f'`subtype` must be "PCM_16" or "FLOAT", got {subtype!r}.')
     peak = np.abs(texture).max()
     scale = float(peak * FULL_SCALE_COUNTS / (FULL_SCALE_COUNTS - 1)) or 1.0  # silence: any scale will do
-    metadata = {
-        "newtons_per_full_scale": scale,
-        "unit": "N",
-        "sampling_rate": int(sampling_rate),
-        "friction_coefficient": _null_if_nan(check_positive_or_unknown("friction_coefficient", friction_coefficient)),
-        "ratings": [_null_if_nan(value) for value in check_ratings(ratings).tolist()],
-        "seed": check_seed(seed),
-    }
+    sidecar = {"newtons_per_full_scale": scale, "unit": "N", **metadata_to_json(metadata)}
     if subtype == "PCM_16":
         # quantised here: libsndfile multiplies by 32767 when writing and divides by 32768 when reading
         samples = np.round(texture / scale * FULL_SCALE_COUNTS).astype(np.int16)
@@ -59,7 +68,7 @@ def write_wav(path, texture, *, sampling_rate, friction_coefficient, ratings, se
         samples = (texture / scale).astype(np.float32)
     with atomic_path(sidecar_path(path)) as temporary_json, atomic_path(path) as temporary_wav:
         soundfile.write(temporary_wav, samples, int(sampling_rate), subtype=subtype, format="WAV")
-        temporary_json.write_text(json.dumps(metadata, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        temporary_json.write_text(json.dumps(sidecar, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def read_wav(path):
@@ -81,24 +90,12 @@ def read_wav(path):
         raise FileNotFoundError(f"`path` {path} does not exist.")
     if not sidecar_path(path).is_file():
         raise FileNotFoundError(f"{sidecar_path(path)}, which holds the scale of {path} in newtons, does not exist.")
-    metadata = json.loads(sidecar_path(path).read_text(encoding="utf-8"))
-    missing = {"newtons_per_full_scale", "sampling_rate", "friction_coefficient", "ratings"} - metadata.keys()
-    if missing:
-        raise ValueError(f"{sidecar_path(path)} lacks {', '.join(sorted(missing))}. Write the texture again.")
+    sidecar = json.loads(sidecar_path(path).read_text(encoding="utf-8"))
+    metadata = metadata_from_json(sidecar, sidecar_path(path), ("newtons_per_full_scale",))
     samples, sampling_rate = soundfile.read(path, dtype="float64")
     if sampling_rate != metadata["sampling_rate"]:
         raise ValueError(
             f"{path} has {sampling_rate} Hz, but its sidecar says {metadata['sampling_rate']} Hz: "
             "they do not belong together. Write the texture again."
         )
-    metadata["friction_coefficient"] = _nan_if_null(metadata["friction_coefficient"])
-    metadata["ratings"] = [_nan_if_null(value) for value in metadata["ratings"]]
     return (samples * metadata["newtons_per_full_scale"]).astype(np.float32), metadata
-
-
-def _null_if_nan(value):
-    return None if math.isnan(value) else value
-
-
-def _nan_if_null(value):
-    return math.nan if value is None else value

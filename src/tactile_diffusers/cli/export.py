@@ -1,0 +1,190 @@
+"""`python examples/export.py`: textures that this package wrote, as files for devices and other programs."""
+
+import argparse
+import json
+import math
+import sys
+import warnings
+from pathlib import Path
+
+from ..export.formats import FORMATS
+from ..export.generated import MANIFEST, read_generated
+from ..export.png import HEIGHT, PIXEL_PITCH
+from ..export.round_trip import round_trip, round_trip_markdown
+from ..playback.stream import REFERENCE_FORCE
+from . import readme
+
+#: Readers of the files that the command takes, by their last suffix.
+READERS = {".npz": FORMATS["npz"].read, ".h5": FORMATS["hdf5"].read, ".wav": FORMATS["wav"].read}
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command.
+
+    Raises:
+        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+    """
+    width = max(map(len, FORMATS))
+    parser = argparse.ArgumentParser(
+        prog="export.py",
+        description="Write textures in the formats of devices and other programs.",
+        epilog="formats:\n"
+        + "\n".join(f"  {name:{width}}  {form.kind:8}  {form.description}" for name, form in FORMATS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--input", type=Path, required=True, metavar="PATH", help="an .npz, .h5 or .wav file (with its .wav.json) of "
+        "this package, or a folder of generate_dataset.py, or one of .npz files")  # fmt: skip
+    add("--output", type=Path, required=True, metavar="FOLDER", help="where the files go")
+    add("--formats", nargs="+", choices=FORMATS, default=list(FORMATS), metavar="FORMAT", help="default: all")
+    add("--pixel_pitch", type=float, default=PIXEL_PITCH, metavar="MM", help=f"of the display, png; default: "
+        f"{PIXEL_PITCH}")  # fmt: skip
+    add("--height", type=int, default=HEIGHT, metavar="ROWS", help=f"of the picture, png; default: {HEIGHT}")
+    add("--normal_force", type=float, default=REFERENCE_FORCE, metavar="N", help="at which the texture was recorded, "
+        f"png and hjif-friction; default: {REFERENCE_FORCE}")  # fmt: skip
+    add("--round_trip", action="store_true", help="read every file back and print what was lost")
+    add("--json", action="store_true", help="print JSON; null = unknown, or exact in `snr_db`")
+    readme.add_arguments(parser, "export")
+    arguments = parser.parse_args(argv)
+    for name in ("pixel_pitch", "height", "normal_force"):
+        value = getattr(arguments, name)
+        if not (value > 0 and math.isfinite(value)):
+            parser.error(f"argument --{name}: must be above zero, got {value}")
+    if not arguments.input.exists():
+        parser.error(f"argument --input: {arguments.input} does not exist")
+    source = arguments.input if arguments.input.is_dir() else arguments.input.parent
+    if arguments.output.resolve() == source.resolve():
+        parser.error(f"argument --output: {arguments.output} is where --input lies; give another folder")
+    if arguments.output.exists() and not arguments.output.is_dir():
+        parser.error(f"argument --output: {arguments.output} is not a folder")
+    if arguments.readme is not None and not arguments.round_trip:
+        parser.error("argument --readme: give --round_trip too, whose table it is that goes there")
+    readme.check_arguments(parser, arguments)
+    return arguments
+
+
+def main(argv=None):
+    """Runs the command.
+
+    Args:
+        argv (`list[str]`, *optional*): arguments; the process's own by default.
+
+    Returns:
+        `int`: 0, or 2 if a texture could not be read or written (one line on stderr).
+    """
+    arguments = parse_arguments(argv)
+    rows = []
+    try:
+        for name, texture, metadata in read_textures(arguments.input):
+            rows += _write(name, texture, metadata, arguments)
+    except (ValueError, OSError) as error:
+        print(f"export.py: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    if arguments.json:
+        print(json.dumps([{key: _finite(value) for key, value in row.items()} for row in rows], indent=1))
+    if arguments.round_trip:
+        table = round_trip_markdown(rows)
+        if not arguments.json:
+            print(f"\n{table}")
+        if arguments.readme is not None:
+            readme.write_between(arguments.readme, arguments.readme_name, f"{_measured(rows)}\n\n{table}")
+    return 0
+
+
+def read_textures(path):
+    """Textures of a file or a folder, one after the other.
+
+    Args:
+        path (`Path`): as `--input`.
+
+    Yields:
+        `tuple[str, np.ndarray, dict]`: a name for files, the texture (samples,) float32 in N, and the keywords of the
+        writers.
+
+    Raises:
+        ValueError: if the file is of another kind, or the folder holds none.
+    """
+    if path.is_file():
+        if path.suffix not in READERS:
+            raise ValueError(
+                f"{path} must end in {', '.join(READERS)}, which hold newtons and all that belongs to them."
+            )
+        texture, metadata = READERS[path.suffix](path)
+        yield _stem(path), texture, metadata
+    elif (path / MANIFEST).is_file():
+        yield from _read_generated(path)
+    else:
+        files = sorted(path.glob("*.npz"))
+        if not files:
+            raise ValueError(f"The folder {path} holds neither {MANIFEST} nor .npz files. Give one with textures.")
+        for file in files:
+            yield (_stem(file), *FORMATS["npz"].read(file))
+
+
+def _read_generated(folder):
+    data = read_generated(folder)
+    friction, ratings, seeds = (data.column(name) for name in ("friction_coefficient", "ratings", "seed"))
+    speed = data.settings.get("reference_speed")
+    for row in range(len(data)):
+        yield (
+            f"texture-{row:05d}",
+            data[row],
+            {
+                "sampling_rate": data.sampling_rate,
+                "friction_coefficient": float(friction[row]),
+                "reference_speed": math.nan if speed is None else speed,
+                "ratings": ratings[row].tolist(),
+                "seed": int(seeds[row]),
+                "checkpoint": data.about.get("checkpoint"),
+            },
+        )
+
+
+def _stem(path):
+    """The name without the suffix of its format: `a.16bit.wav` is of `a`."""
+    suffixes = sorted((form.suffix for form in FORMATS.values()), key=len, reverse=True)
+    return path.name.removesuffix(next((suffix for suffix in suffixes if path.name.endswith(suffix)), path.suffix))
+
+
+def _write(name, texture, metadata, arguments):
+    """Writes one texture in every format: a row for each file."""
+    keywords = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
+    common = {key: metadata[key] for key in keywords}
+    _check_speed(metadata, arguments.formats, arguments.input)
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for chosen in arguments.formats:
+        form = FORMATS[chosen]
+        path = arguments.output / f"{name}{form.suffix}"
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)
+            form.write(path, texture, **common, **{option: getattr(arguments, option) for option in form.options})
+        for warning in caught:
+            print(f"export.py: warning: {path.name}: {warning.message}", file=sys.stderr)
+        row = {"texture": name, "seconds": len(texture) / common["sampling_rate"], "format": chosen, "file": str(path)}
+        row |= round_trip(path, chosen, texture, common["sampling_rate"]) if arguments.round_trip else {}
+        rows.append({**row, "kind": form.kind})
+        if not arguments.json:
+            print(f"{path}: {form.kind}, {form.description}")
+    return rows
+
+
+def _check_speed(metadata, chosen, source):
+    """Refuses what would fail, before any file of this texture is written."""
+    spatial = [name for name in chosen if FORMATS[name].spatial]
+    if spatial and math.isnan(metadata["reference_speed"]):
+        raise ValueError(
+            f"{source} knows no reference speed, so {', '.join(spatial)} cannot be written over position. Leave them "
+            "out of --formats."
+        )
+
+
+def _finite(value):
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _measured(rows):
+    """A line that says on what the table was measured."""
+    textures = {row["texture"]: row["seconds"] for row in rows}
+    held = f"{len(textures)} texture{'s' if len(textures) > 1 else ''} of {sum(textures.values()):.2f} s in all"
+    return f"Measured on {held}, each file read back with `FORMATS[name].read`:"

@@ -1,0 +1,127 @@
+"""Apple's AHAP (Core Haptics, "Representing haptic patterns in AHAP files"): a lossy preview."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from ..data.files import write_text
+from .envelopes import LOSSY, envelopes, from_unit, play, to_unit
+from .metadata import METADATA_KEY, check_arguments, metadata_from_json, metadata_to_json
+
+#: Hz at sharpness 0 and 1, as the MPEG reference encoder reads AHAP (`AhapEncoder.cpp`); Apple gives none.
+FREQUENCY_HZ = (65.0, 300.0)
+#: A continuous event lasts 30 s at most (CHHapticEvent.duration) ...
+LONGEST_EVENT = 30.0
+#: ... and a curve has 16 points at most (the SDK of `.haptic` keeps to that, `ahap.rs`).
+MOST_POINTS = 16
+DECIMALS = 5
+_INTENSITY, _SHARPNESS = "HapticIntensityControl", "HapticSharpnessControl"
+
+
+def write_ahap(path, texture, *, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint=None):
+    """Writes a lossy preview: continuous events whose intensity and sharpness follow the texture every 20 ms.
+
+    The intensity curve is the square root of the amplitude of a sine of the texture's power, because phones play
+    intensity squared (`ahap.rs` of facebook/meta-haptics-sdk); 1 = the largest (`newtons_per_full_scale`). The
+    sharpness curve is the mean of the power spectrum, 0 = 65 Hz and 1 = 300 Hz, cut beyond. Spectrum and waveform are
+    lost. `Metadata.Description` says so; what belongs to the texture is in `Metadata.tactile_diffusers`. Core Haptics
+    ignores keys that it does not know.
+
+    Args:
+        path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`.
+
+    Raises:
+        ValueError: on a bad argument, before anything is written.
+    """
+    texture, metadata = check_arguments(
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
+    )
+    times, amplitude, frequency = envelopes(texture, sampling_rate)
+    scale = float(amplitude.max()) or 1.0  # silence: any scale will do
+    metadata |= {"newtons_per_full_scale": scale, "samples": len(texture)}
+    pattern = [
+        *_curves(_INTENSITY, times, np.sqrt(amplitude / scale)),
+        *_curves(_SHARPNESS, times, to_unit(frequency, FREQUENCY_HZ)),
+        *_events(float(times[-1])),
+    ]
+    description = {"Description": LOSSY, METADATA_KEY: metadata_to_json(metadata)}
+    contents = {"Version": 1.0, "Metadata": description, "Pattern": pattern}
+    write_text(path, json.dumps(contents, indent=1, allow_nan=False) + "\n")
+
+
+def _curves(parameter, times, values):
+    """Curves of at most 16 points, each from the last point of the one before; times count from the curve's own."""
+    curves = []
+    for first in range(0, len(times) - 1, MOST_POINTS - 1):
+        part = slice(first, first + MOST_POINTS)
+        start = round(float(times[first]), DECIMALS)
+        points = [
+            {"Time": round(time - start, DECIMALS), "ParameterValue": round(value, DECIMALS)}
+            for time, value in zip(times[part].tolist(), values[part].tolist(), strict=True)
+        ]
+        curve = {"ParameterID": parameter, "Time": start, "ParameterCurveControlPoints": points}
+        curves.append({"ParameterCurve": curve})
+    return curves
+
+
+def _events(duration):
+    """Events of intensity 1 and sharpness 0: curves multiply the one and add to the other."""
+    parameters = [
+        {"ParameterID": "HapticIntensity", "ParameterValue": 1.0},
+        {"ParameterID": "HapticSharpness", "ParameterValue": 0.0},
+    ]
+    starts = LONGEST_EVENT * np.arange(math.ceil(duration / LONGEST_EVENT))
+    return [
+        {
+            "Event": {
+                "Time": start,
+                "EventType": "HapticContinuous",
+                "EventDuration": round(min(LONGEST_EVENT, duration - start), DECIMALS),
+                "EventParameters": parameters,
+            }
+        }
+        for start in starts.tolist()
+    ]
+
+
+def read_ahap(path):
+    """Reads what `write_ahap` wrote and plays it: a sine of changing amplitude and frequency.
+
+    Args:
+        path (`str` or `Path`): the file.
+
+    Returns:
+        `tuple[np.ndarray, dict]`: the preview (samples,) float32 in N at the sampling rate of the texture, and what
+        belongs to it as in `read_npz`; also `newtons_per_full_scale` and `samples`.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: if this package did not write it.
+    """
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"`path` {path} does not exist.")
+    try:
+        contents = json.loads(Path(path).read_text(encoding="utf-8"))
+        found = contents["Metadata"][METADATA_KEY]
+        times, intensity = _joined(contents["Pattern"], _INTENSITY)
+        _, sharpness = _joined(contents["Pattern"], _SHARPNESS)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is no AHAP file that this package wrote ({error!r}).") from error
+    metadata = metadata_from_json(found, path, ("newtons_per_full_scale", "samples"))
+    amplitude = np.square(intensity) * metadata["newtons_per_full_scale"]
+    frequency = from_unit(sharpness, FREQUENCY_HZ)
+    return play(times, amplitude, frequency, metadata["sampling_rate"], metadata["samples"]), metadata
+
+
+def _joined(pattern, parameter):
+    curves = [entry["ParameterCurve"] for entry in pattern if "ParameterCurve" in entry]
+    points = [
+        (curve["Time"] + point["Time"], point["ParameterValue"])
+        for curve in curves
+        if curve["ParameterID"] == parameter
+        for point in curve["ParameterCurveControlPoints"]
+    ]
+    return np.array(points).T

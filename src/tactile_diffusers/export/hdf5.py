@@ -1,0 +1,61 @@
+"""HDF5: one texture and all that belongs to it in one file that most laboratories can read."""
+
+import numpy as np
+
+from ..data.files import open_whole, whole_file
+from ..signal import RATING_AXES
+from .metadata import check_arguments, metadata_from_json
+
+FORMAT, VERSION = "tactile-texture", 1
+
+
+def write_hdf5(path, texture, *, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint=None):
+    """Writes one texture to an HDF5 file.
+
+    The file holds the dataset `texture` (samples,) float32 with the attributes `rate` (Hz) and `unit` ("N"). Attributes
+    of the file: `format`, `version`, `friction_coefficient`, `reference_speed` (mm/s), `ratings` (3,), `rating_axes`,
+    `seed` and, if known, `checkpoint`.
+
+    Args:
+        path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`.
+
+    Raises:
+        FileNotFoundError: if the folder does not exist.
+        ValueError: on a bad argument, before anything is written.
+    """
+    texture, metadata = check_arguments(
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
+    )
+    rate = metadata.pop("sampling_rate")
+    with whole_file(path) as file:
+        file.attrs.update({"format": FORMAT, "version": VERSION, "rating_axes": ", ".join(RATING_AXES)})
+        file.attrs.update({name: value for name, value in metadata.items() if value is not None})
+        file.create_dataset("texture", data=texture.astype(np.float32), compression="gzip", shuffle=True)
+        file["texture"].attrs.update({"rate": rate, "unit": "N"})
+
+
+def read_hdf5(path):
+    """Reads what `write_hdf5` wrote.
+
+    Args:
+        path (`str` or `Path`): the file.
+
+    Returns:
+        `tuple[np.ndarray, dict]`: the texture (samples,) float32 in N, and what belongs to it as in `read_npz`.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: if it is not of this format.
+    """
+    with open_whole(path) as file:
+        if file.attrs.get("format") != FORMAT or "texture" not in file:
+            raise ValueError(
+                f"{path} is not a file of format {FORMAT}. Of a folder that examples/generate_dataset.py wrote, give "
+                "the folder."
+            )
+        found = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in file.attrs.items()}
+        for name in ("format", "version", "rating_axes"):
+            found.pop(name, None)
+        found["sampling_rate"] = int(file["texture"].attrs["rate"])
+        return file["texture"][()], metadata_from_json(found, path)

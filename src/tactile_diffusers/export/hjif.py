@@ -1,0 +1,178 @@
+"""MPEG haptics (ISO/IEC 23090-31) in its JSON interchange format, `.hjif`.
+
+One perception, one channel, one Curve band with one effect: a key frame for every sample. The JSON schemas of
+MPEGGroup/HapticJSONSchemas take it, and the reference software plays it. Of its modalities, Force is over time;
+Friction and Vibrotactile Texture are over position (reference software, `IOStream.cpp`).
+"""
+
+import json
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from ..data.files import write_text
+from ..playback.stream import REFERENCE_FORCE
+from ..signal import BAND_HZ
+from .metadata import check_arguments, check_known_speed, metadata_from_json, metadata_to_json
+from .resampling import resample_freely
+
+#: Key frames per s; over position at least as many at the reference speed.
+KEY_FRAME_RATE = 8000
+#: Decimals of a key frame's amplitude, in [-1, 1].
+DECIMALS = 5
+TEMPORAL, SPATIAL = ("Force",), ("Friction", "Vibrotactile Texture")
+#: Powers of ten of the unit of the independent variable: ms, the schemas' default, and micrometres.
+_MILLI, _MICRO = -3, -6
+_UM_PER_MM = 1000
+
+
+def write_hjif(
+    path,
+    texture,
+    *,
+    sampling_rate,
+    friction_coefficient,
+    reference_speed,
+    ratings,
+    seed,
+    checkpoint=None,
+    modality="Force",
+    normal_force=REFERENCE_FORCE,
+):
+    """Writes one texture as a haptic experience of one perception.
+
+    Key frames lie in [-1, 1]; times the channel's `gain` they are newtons (Force, Vibrotactile Texture), or the
+    friction coefficient `friction_coefficient` + texture / `normal_force` (Friction; about 0 if the mean is unknown).
+    Force: 8000 key frames per s. Over position: a whole number of micrometres apart, `unit_exponent` -6, and
+    `timescale` is the reference speed in um/s, so that a player which takes position for time plays what is felt at
+    that speed. All that belongs to the texture is JSON in the `description`.
+
+    Args:
+        path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`.
+        modality (`str`, *optional*, defaults to `"Force"`): `"Force"`, over time, or `"Friction"` or `"Vibrotactile
+            Texture"`, over position; these need a reference speed of at least 8 mm/s.
+        normal_force (`float`, *optional*, defaults to 0.5): N at which the texture was recorded; for Friction.
+
+    Raises:
+        ValueError: on a bad argument, before anything is written.
+    """
+    texture, metadata = check_arguments(
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
+    )
+    if modality not in TEMPORAL + SPATIAL:
+        raise ValueError(f"`modality` must be one of {', '.join(TEMPORAL + SPATIAL)}, got {modality!r}.")
+    if not (math.isfinite(normal_force) and normal_force > 0):
+        raise ValueError(f"`normal_force` must be above zero, got {normal_force}.")
+    timescale, step = (KEY_FRAME_RATE, 1) if modality in TEMPORAL else _micrometres(check_known_speed(metadata))
+
+    values = resample_freely(texture, sampling_rate, timescale / step)
+    if modality == "Friction":
+        values = _mean(metadata) + values / normal_force
+        metadata["normal_force"] = float(normal_force)
+    gain = float(np.abs(values).max()) or 1.0  # silence: any scale will do
+    experience = _experience(modality, timescale, step, np.round(values / gain, DECIMALS), gain)
+    experience["description"] = json.dumps(metadata_to_json({**metadata, "samples": len(texture)}), allow_nan=False)
+    write_text(path, json.dumps(experience, separators=(",", ":"), allow_nan=False) + "\n")
+
+
+def _micrometres(speed):
+    """Ticks per s, of which each is a micrometre at this speed (mm/s), and ticks between key frames."""
+    step = int(speed * _UM_PER_MM / KEY_FRAME_RATE)
+    if step < 1:
+        raise ValueError(
+            f"`reference_speed` must be at least {KEY_FRAME_RATE / _UM_PER_MM:g} mm/s for key frames a micrometre or "
+            f"more apart, got {speed:g}. Choose the modality Force."
+        )
+    return round(speed * _UM_PER_MM), step
+
+
+def _mean(metadata):
+    return 0.0 if math.isnan(metadata["friction_coefficient"]) else metadata["friction_coefficient"]
+
+
+def _experience(modality, timescale, step, amplitudes, gain):
+    """All but the description; ids and optional members as the reference encoder and its loader want them."""
+    frames = [
+        {"relative_position": place * step, "amplitude_modulation": amplitude}
+        for place, amplitude in enumerate(amplitudes.tolist())
+    ]
+    band = {
+        "band_type": "Curve",
+        "curve_type": "Linear",
+        "lower_frequency_limit": 0,
+        "upper_frequency_limit": BAND_HZ[1],
+        "effects": [{"effect_type": "Basis", "position": 0, "phase": 0, "base_signal": "Sine", "keyframes": frames}],
+    }
+    unit = "friction coefficient" if modality == "Friction" else "N"
+    channel = {
+        "id": 0,
+        "description": f"{unit} = gain x amplitude",
+        "gain": gain,
+        "mixing_coefficient": 1,
+        "frequency_sampling": round(timescale / step),
+        "sample_count": len(frames),
+        "bands": [band],
+    }
+    perception = {
+        "id": 0,
+        "perception_modality": modality,
+        "description": "friction of a sliding finger",
+        "avatar_id": 0,
+        "unit_exponent": _MILLI if modality in TEMPORAL else _MICRO,
+        "perception_unit_exponent": 0,
+        "effect_library": [],
+        "channels": [channel],
+    }
+    return {
+        "version": "2023",
+        "profile": "Main",
+        "level": 1,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "description": "",
+        "timescale": timescale,
+        "avatars": [],
+        "perceptions": [perception],
+        "syncs": [],
+    }
+
+
+def read_hjif(path):
+    """Reads what `write_hjif` wrote.
+
+    Between key frames the texture is continued as the band-limited signal they sample. A player that draws straight
+    lines, as the format says, gives the same at the key frames alone: let it run at their rate.
+
+    Args:
+        path (`str` or `Path`): the file.
+
+    Returns:
+        `tuple[np.ndarray, dict]`: the texture (samples,) float32 in N at the sampling rate it had, and what belongs to
+        it as in `read_npz`; also `modality`, `gain`, `key_frame_rate` (Hz, at the reference speed) and `samples`.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: if this package did not write it.
+    """
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"`path` {path} does not exist.")
+    try:
+        experience = json.loads(Path(path).read_text(encoding="utf-8"))
+        found = json.loads(experience["description"])
+        (perception,) = experience["perceptions"]
+        (channel,) = perception["channels"]
+        frames = channel["bands"][0]["effects"][0]["keyframes"]
+        amplitudes = np.array([frame["amplitude_modulation"] for frame in frames])
+        rate = experience["timescale"] / (frames[1]["relative_position"] if len(frames) > 1 else 1)
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        raise ValueError(f"{path} is no .hjif file that this package wrote ({error!r}).") from error
+    modality = perception["perception_modality"]
+    metadata = metadata_from_json(found, path, ("samples", *(("normal_force",) if modality == "Friction" else ())))
+    values = amplitudes * channel["gain"]
+    if modality == "Friction":
+        values = (values - _mean(metadata)) * metadata["normal_force"]
+    metadata |= {"modality": modality, "gain": channel["gain"], "key_frame_rate": rate}
+    texture = resample_freely(values, rate, metadata["sampling_rate"], metadata["samples"])
+    return texture.astype(np.float32), metadata

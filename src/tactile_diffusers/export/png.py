@@ -1,0 +1,142 @@
+"""Friction maps: a texture over position as an 8-bit grey picture, as displays with electroadhesion take it."""
+
+import json
+import math
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from ..data.files import atomic_path
+from ..playback.stream import REFERENCE_FORCE
+from ..signal import BAND_HZ, rms
+from .metadata import METADATA_KEY, check_arguments, check_known_speed, metadata_from_json, metadata_to_json
+from .resampling import KEPT_SHARE, resample_freely
+
+#: mm between pixels of a common electroadhesive display (Tanvas; FIELD section 4).
+PIXEL_PITCH = 0.15
+#: Rows of the picture, all alike: enough to see it.
+HEIGHT = 64
+COUNTS = 255
+_MM_PER_INCH = 25.4
+
+
+def write_png(
+    path,
+    texture,
+    *,
+    sampling_rate,
+    friction_coefficient,
+    reference_speed,
+    ratings,
+    seed,
+    checkpoint=None,
+    pixel_pitch=PIXEL_PITCH,
+    height=HEIGHT,
+    normal_force=REFERENCE_FORCE,
+):
+    """Writes one texture as a friction map: grey = friction coefficient, columns = position, rows all alike.
+
+    The coefficient at a position is `friction_coefficient` + texture / `normal_force`; 0 is the lowest of the map and
+    255 the highest, so a display that adds friction plays it on top of what its glass has by itself. Coefficient =
+    `friction_at_zero` + grey value x `friction_per_count`, with these numbers, all that belongs to the texture and
+    `normal_force` as JSON in the text chunk `tactile_diffusers`. If the friction coefficient is unknown, the map is of
+    what varies alone, about 0.
+
+    Pixels hold what is coarser than two pitches: at the reference speed v, frequencies below v / (2 pitch). The rest
+    is filtered out, with a warning that says what is lost.
+
+    Args:
+        path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`;
+            the reference speed must be known.
+        pixel_pitch (`float`, *optional*, defaults to 0.15): mm between pixels of the display.
+        height (`int`, *optional*, defaults to 64): rows.
+        normal_force (`float`, *optional*, defaults to 0.5): N at which the texture was recorded.
+
+    Raises:
+        ValueError: on a bad argument, before anything is written.
+    """
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    texture, metadata = check_arguments(
+        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
+    )
+    speed = check_known_speed(metadata)
+    for name, value in (("pixel_pitch", pixel_pitch), ("normal_force", normal_force)):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"`{name}` must be above zero, got {value}.")
+    if int(height) != height or height < 1:
+        raise ValueError(f"`height` must be a whole number of rows, at least 1, got {height}.")
+
+    pixels = resample_freely(texture, sampling_rate, speed / pixel_pitch)
+    _warn_of_loss(texture, pixels, speed, pixel_pitch)
+    mean = 0.0 if math.isnan(metadata["friction_coefficient"]) else metadata["friction_coefficient"]
+    friction = mean + pixels / normal_force
+    lowest = float(friction.min())
+    per_count = float(np.ptp(friction)) / COUNTS or 1.0  # no friction anywhere but the mean: any scale will do
+    row = np.round((friction - lowest) / per_count).astype(np.uint8)
+
+    metadata |= {"friction_at_zero": lowest, "friction_per_count": per_count, "normal_force": float(normal_force)}
+    metadata |= {"pixel_pitch": float(pixel_pitch), "samples": len(texture)}
+    chunks = PngInfo()
+    chunks.add_text(METADATA_KEY, json.dumps(metadata_to_json(metadata), allow_nan=False))
+    with atomic_path(path) as temporary:
+        picture = Image.fromarray(np.tile(row, (int(height), 1)))
+        picture.save(temporary, format="PNG", pnginfo=chunks, dpi=(_MM_PER_INCH / pixel_pitch,) * 2, optimize=True)
+
+
+def highest_frequency(reference_speed, pixel_pitch):
+    """What pixels of this pitch (mm) hold in full at this speed (mm/s): a frequency in Hz, at most that of the band."""
+    return min(KEPT_SHARE * reference_speed / (2 * pixel_pitch), BAND_HZ[1])
+
+
+def _warn_of_loss(texture, pixels, speed, pitch):
+    held = highest_frequency(speed, pitch)
+    if held < BAND_HZ[1] and rms(texture) > 0:
+        kept = min(1.0, float(rms(pixels) / rms(texture)) ** 2)
+        warnings.warn(
+            f"Pixels {pitch:g} mm apart hold what is felt below {held:.0f} Hz at {speed:g} mm/s: {held:.0f}-"
+            f"{BAND_HZ[1]:.0f} Hz is lost, {100 * (1 - kept):.1f} % of the texture's power. A `pixel_pitch` of "
+            f"{KEPT_SHARE * speed / (2 * BAND_HZ[1]):.3g} mm holds all.",
+            UserWarning,
+            stacklevel=3,
+        )
+
+
+def read_png(path):
+    """Reads what `write_png` wrote: its first row.
+
+    Args:
+        path (`str` or `Path`): the file.
+
+    Returns:
+        `tuple[np.ndarray, dict]`: the texture (samples,) float32 in N at the sampling rate it had, as felt at the
+        reference speed, and what belongs to it as in `read_npz`; also `friction_at_zero`, `friction_per_count`,
+        `normal_force` (N), `pixel_pitch` (mm), `samples` and `highest_frequency`, what the pixels hold in full, Hz.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: if it is no friction map of this package.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"`path` {path} does not exist.")
+    try:
+        with Image.open(path) as picture:
+            row, text = np.asarray(picture), picture.info.get(METADATA_KEY)
+    except (UnidentifiedImageError, OSError) as error:
+        raise ValueError(f"{path} is truncated or no picture ({error}). Write the texture again.") from error
+    if text is None or row.ndim != 2:
+        raise ValueError(f"{path} is no friction map that this package wrote: its scale in newtons is unknown.")
+    needed = ("friction_at_zero", "friction_per_count", "normal_force", "pixel_pitch", "samples", "reference_speed")
+    metadata = metadata_from_json(json.loads(text), path, needed)
+    mean = 0.0 if math.isnan(metadata["friction_coefficient"]) else metadata["friction_coefficient"]
+    friction = metadata["friction_at_zero"] + row[0] * metadata["friction_per_count"]
+    speed, pitch = metadata["reference_speed"], metadata["pixel_pitch"]
+    metadata["highest_frequency"] = highest_frequency(speed, pitch)
+    newtons = (friction - mean) * metadata["normal_force"]
+    texture = resample_freely(newtons, speed / pitch, metadata["sampling_rate"], metadata["samples"])
+    return texture.astype(np.float32), metadata

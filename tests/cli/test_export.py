@@ -1,0 +1,154 @@
+"""The export command: what it takes, what it writes and what it prints."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tactile_diffusers.cli.export import main
+from tactile_diffusers.cli.readme import markers
+from tactile_diffusers.export import FORMATS, read_npz, write_hdf5, write_npz, write_wav
+from tactile_diffusers.export.generated import open_folder, write_shard
+
+COMMON = {
+    "sampling_rate": 10000,
+    "friction_coefficient": 0.5,
+    "reference_speed": 80.0,
+    "ratings": [1.5, 0.0, -1.0],
+    "seed": 3,
+    "checkpoint": "virtual-surfaces",
+}
+
+
+@pytest.fixture
+def texture(pink_noise):
+    return pink_noise(4000, 10000)[0].astype(np.float32)
+
+
+@pytest.fixture
+def source(tmp_path, texture):
+    (tmp_path / "in").mkdir()
+    write_npz(tmp_path / "in" / "texture.npz", texture, **COMMON)
+    return tmp_path / "in" / "texture.npz"
+
+
+def _run(source, output, *more):
+    return main(["--input", str(source), "--output", str(output), *more])
+
+
+def test_every_format_is_written(source, tmp_path, capsys):
+    assert _run(source, tmp_path / "out") == 0
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {f"texture{form.suffix}" for form in FORMATS.values()} | {
+        "texture.wav.json",
+        "texture.16bit.wav.json",
+    }
+    printed = capsys.readouterr()
+    assert all(f"texture{form.suffix}: {form.kind}" in printed.out for form in FORMATS.values())
+    assert printed.err.startswith("export.py: warning: texture.friction.png: Pixels 0.15 mm apart")
+
+
+@pytest.mark.parametrize(("write", "suffix"), [(write_hdf5, ".h5"), (write_wav, ".wav"), (write_wav, ".16bit.wav")])
+def test_other_files_are_taken(tmp_path, texture, write, suffix):
+    (tmp_path / "in").mkdir()
+    write(tmp_path / "in" / f"a{suffix}", texture, **COMMON)
+    assert _run(tmp_path / "in" / f"a{suffix}", tmp_path / "out", "--formats", "npz") == 0
+    found, metadata = read_npz(tmp_path / "out" / "a.npz")
+    assert metadata["checkpoint"] == "virtual-surfaces" and metadata["reference_speed"] == 80
+    np.testing.assert_allclose(found, texture, atol=np.abs(texture).max() * 2**-15)  # 16 bits
+
+
+def test_folders_are_taken(source, tmp_path, texture, capsys):
+    write_npz(source.with_name("more.npz"), texture, **COMMON)
+    assert _run(source.parent, tmp_path / "out", "--formats", "haptic") == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"texture.haptic", "more.haptic"}
+
+
+@pytest.mark.parametrize("speed", [80.0, None])
+def test_generated_sets_are_taken(tmp_path, texture, speed, capsys):
+    settings = {"num_textures": 2, "textures_per_shard": 2, "sampling_rate": 10000, "reference_speed": speed}
+    columns = {
+        "textures": np.stack([texture, -texture]),
+        "friction_coefficient": np.float32([0.5, np.nan]),
+        "ratings": np.float32([[1, 2, 3], [np.nan, 0, 1]]),
+        "seed": np.array([10, 11]),
+    }
+    (shard,) = open_folder(tmp_path / "in", settings, {"checkpoint": "virtual-surfaces"})
+    write_shard(tmp_path / "in" / shard["file"], 2, settings, [columns])
+    assert _run(tmp_path / "in", tmp_path / "out", "--formats", "npz") == 0
+    found, metadata = read_npz(tmp_path / "out" / "texture-00001.npz")
+    np.testing.assert_array_equal(found, -texture)
+    np.testing.assert_array_equal(metadata["ratings"], [np.nan, 0, 1])
+    assert metadata["seed"] == 11 and metadata["checkpoint"] == "virtual-surfaces"
+    assert np.isnan(metadata["reference_speed"]) == (speed is None)
+    assert (_run(tmp_path / "in", tmp_path / "out2", "--formats", "npz", "hjif-friction") == 0) == (speed is not None)
+    if speed is None:
+        assert "knows no reference speed, so hjif-friction cannot be written" in capsys.readouterr().err
+        assert not (tmp_path / "out2").exists()
+
+
+def test_options_reach_the_writer(source, tmp_path, capsys):
+    options = ["--formats", "png", "--pixel_pitch", "0.036", "--height", "3", "--normal_force", "0.4"]
+    assert _run(source, tmp_path / "out", *options) == 0
+    _, metadata = FORMATS["png"].read(tmp_path / "out" / "texture.friction.png")
+    assert metadata["pixel_pitch"] == 0.036 and metadata["normal_force"] == 0.4
+    assert capsys.readouterr().err == ""  # nothing is lost
+
+
+def test_json_is_json_alone(source, tmp_path, capsys):
+    assert _run(source, tmp_path / "out", "--formats", "npz", "hjif", "--round_trip", "--json") == 0
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    rows = json.loads(capsys.readouterr().out, parse_constant=refuse)
+    assert [row["format"] for row in rows] == ["npz", "hjif"]
+    assert rows[0]["snr_db"] is None and rows[0]["nine_band_error_db"] == 0  # exact
+    assert rows[1]["snr_db"] > 70 and rows[1]["bytes"] == (tmp_path / "out" / "texture.hjif").stat().st_size
+
+
+def test_round_trip_table_goes_to_the_readme(source, tmp_path, capsys):
+    file = tmp_path / "README.md"
+    file.write_text("before\n{}\n{}\nafter\n".format(*markers("export")))
+    assert _run(source, tmp_path / "out", "--formats", "npz", "wav16", "--round_trip", "--readme", str(file)) == 0
+    text = file.read_text()
+    assert text.startswith("before\n") and text.endswith("\nafter\n")
+    assert "Measured on 1 texture of 0.40 s in all" in text
+    table = capsys.readouterr().out.split("\n\n")[1].strip()
+    assert table in text and table.count("\n| `") == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--formats", "tiff"], "invalid choice: 'tiff'"),
+        (["--pixel_pitch", "0"], "argument --pixel_pitch: must be above zero, got 0.0"),
+        (["--normal_force", "nan"], "argument --normal_force: must be above zero, got nan"),
+        (["--input", "nowhere.npz"], "argument --input: nowhere.npz does not exist"),
+        (["--readme", "README.md"], "argument --readme: give --round_trip too"),
+    ],
+)
+def test_bad_arguments_are_refused_with_one_line(source, tmp_path, capsys, arguments, message):
+    with pytest.raises(SystemExit) as stop:
+        _run(source, tmp_path / "out", *arguments)
+    assert stop.value.code == 2 and message in capsys.readouterr().err.splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_read_is_never_replaced(source, capsys):
+    before = source.read_bytes()
+    for given in (source, source.parent):
+        with pytest.raises(SystemExit):
+            _run(given, source.parent)
+        assert "is where --input lies; give another folder" in capsys.readouterr().err
+    assert source.read_bytes() == before and len(list(source.parent.iterdir())) == 1
+
+
+@pytest.mark.parametrize("name", ["a.txt", "empty", "a.npz"])
+def test_what_holds_no_texture_is_refused(tmp_path, capsys, name):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "a.txt").write_text("x")
+    (tmp_path / "a.npz").write_text("x")
+    assert _run(tmp_path / name, tmp_path / "out") == 2
+    assert capsys.readouterr().err.startswith("export.py: error: ")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,177 @@
+"""Every format of the table: what is written can be read again, with all that belongs to it."""
+
+import json
+import math
+
+import h5py
+import numpy as np
+import pytest
+
+from tactile_diffusers.cli.readme import markers
+from tactile_diffusers.export import FORMATS, read_hdf5, read_npz, read_wav, write_hdf5, write_npz, write_wav
+from tactile_diffusers.export.round_trip import round_trip, round_trip_markdown
+from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES
+
+COMMON = {
+    "sampling_rate": DEVICE_RATE,
+    "friction_coefficient": 0.62,
+    "reference_speed": 80.5,
+    "ratings": [1.5, float("nan"), -1.0],
+    "seed": 7,
+    "checkpoint": "virtual-surfaces",
+}
+UNKNOWN = {**COMMON, "friction_coefficient": float("nan"), "reference_speed": float("nan"), "checkpoint": None}
+#: Pixels so fine that they hold 1 kHz at 80.5 mm/s (0.9 of their Nyquist frequency).
+FINE = {"pixel_pitch": 0.03}
+
+
+@pytest.fixture
+def texture(pink_noise):
+    return pink_noise(SEGMENT_SAMPLES, DEVICE_RATE)[0]
+
+
+def _write(folder, name, texture, common=COMMON, **changes):
+    form = FORMATS[name]
+    path = folder / f"a{form.suffix}"
+    options = {key: value for key, value in FINE.items() if key in form.options}
+    form.write(path, texture, **common, **{**options, **changes})
+    return path
+
+
+def test_no_two_formats_share_a_suffix():
+    assert len({form.suffix for form in FORMATS.values()}) == len(FORMATS)
+    assert {form.kind for form in FORMATS.values()} == {"lossless", "lossy", "preview"}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_all_that_belongs_to_a_texture_comes_back(tmp_path, texture, name):
+    read, metadata = FORMATS[name].read(_write(tmp_path, name, texture))
+    assert read.shape == texture.shape and read.dtype == np.float32
+    # npz holds float32
+    assert metadata["friction_coefficient"] == pytest.approx(0.62, rel=1e-6)
+    assert metadata["reference_speed"] == pytest.approx(80.5, rel=1e-6)
+    np.testing.assert_array_equal(metadata["ratings"], COMMON["ratings"])
+    for key in ("sampling_rate", "seed", "checkpoint"):
+        assert metadata[key] == COMMON[key] and type(metadata[key]) is type(COMMON[key])
+
+
+@pytest.mark.parametrize("name", [name for name, form in FORMATS.items() if not form.spatial])
+def test_what_is_unknown_stays_unknown(tmp_path, texture, name):
+    _, metadata = FORMATS[name].read(_write(tmp_path, name, texture, {**UNKNOWN, "seed": 2**64 - 1}))
+    assert math.isnan(metadata["friction_coefficient"]) and math.isnan(metadata["reference_speed"])
+    assert metadata["checkpoint"] is None and metadata["seed"] == 2**64 - 1
+
+
+@pytest.mark.parametrize(
+    ("name", "snr_db", "band_db"),
+    [
+        ("npz", 140, 1e-5),  # float32: 24 bits
+        ("hdf5", 140, 1e-5),
+        ("wav", 140, 1e-5),
+        ("wav16", 80, 0.01),  # 16 bits: 98 dB below the peak, which is some 12 dB above the RMS
+        ("png", 30, 0.3),  # 8 bits: 48 dB less of the same; thin bands stand less above the noise
+        ("hjif", 80, 0.01),  # 5 decimals: 111 dB below the peak; key frames and cubic: 90 dB
+        ("hjif-friction", 60, 0.05),  # 5 decimals of the mean friction, which is much larger than the texture
+        ("hjif-texture", 80, 0.01),
+    ],
+)
+def test_newtons_come_back(tmp_path, texture, name, snr_db, band_db):
+    row = round_trip(_write(tmp_path, name, texture), name, texture, DEVICE_RATE)
+    assert row["snr_db"] > snr_db and row["nine_band_error_db"] < band_db and row["bands"] == 9
+
+
+def test_float32_comes_back_bit_for_bit(tmp_path, texture):
+    texture = texture.astype(np.float32)
+    for name in ("npz", "hdf5"):
+        row = round_trip(_write(tmp_path, name, texture), name, texture, DEVICE_RATE)
+        assert row["snr_db"] == np.inf and row["nine_band_error_db"] == 0
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_silence_and_other_rates_survive(tmp_path, name):
+    common = {**COMMON, "sampling_rate": 48000}
+    read, _ = FORMATS[name].read(_write(tmp_path, name, np.zeros(4801), common))
+    assert read.shape == (4801,) and np.abs(read).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_failed_write_leaves_what_was_there(tmp_path, texture, name):
+    path = _write(tmp_path, name, texture)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="`seed` must be a whole number"):
+        _write(tmp_path, name, texture, {**COMMON, "seed": 0.5})
+    with pytest.raises(ValueError, match="`checkpoint` must be a name"):
+        _write(tmp_path, name, texture, {**COMMON, "checkpoint": 3})
+    assert path.read_bytes() == before and not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_what_is_no_such_file_is_refused(tmp_path, name):
+    path = tmp_path / f"a{FORMATS[name].suffix}"
+    with pytest.raises(FileNotFoundError, match=f"a{FORMATS[name].suffix}"):
+        FORMATS[name].read(path)
+    if not name.startswith("wav"):  # without its sidecar it is missing too: test_formats.py
+        for contents in (b"", b"{}", b"nothing of the sort"):
+            path.write_bytes(contents)
+            with pytest.raises(ValueError, match=f"a{FORMATS[name].suffix}"):
+                FORMATS[name].read(path)
+
+
+@pytest.mark.parametrize("name", [name for name, form in FORMATS.items() if form.spatial])
+def test_position_needs_a_speed(tmp_path, texture, name):
+    with pytest.raises(ValueError, match=r"`reference_speed` is unknown \(NaN\).*choose a format over time"):
+        _write(tmp_path, name, texture, UNKNOWN)
+    assert not list(tmp_path.iterdir())
+
+
+def test_old_files_are_read(tmp_path, texture):
+    """Before checkpoints were stored, an npz lacked them, and a sidecar the speed too."""
+    write_npz(tmp_path / "a.npz", texture, **COMMON)
+    with np.load(tmp_path / "a.npz") as file:
+        np.savez(tmp_path / "old.npz", **{key: file[key] for key in file if key != "checkpoint"})
+    assert read_npz(tmp_path / "old.npz")[1]["checkpoint"] is None
+    write_wav(tmp_path / "a.wav", texture, **COMMON)
+    sidecar = json.loads((tmp_path / "a.wav.json").read_text())
+    del sidecar["checkpoint"], sidecar["reference_speed"]
+    (tmp_path / "a.wav.json").write_text(json.dumps(sidecar))
+    metadata = read_wav(tmp_path / "a.wav")[1]
+    assert metadata["checkpoint"] is None and math.isnan(metadata["reference_speed"])
+
+
+def test_an_npz_without_a_texture_is_refused(tmp_path, texture):
+    write_npz(tmp_path / "a.npz", texture, **COMMON)
+    with np.load(tmp_path / "a.npz") as file:
+        np.savez(tmp_path / "b.npz", **{key: file[key] for key in file if key != "texture"})
+        np.savez(tmp_path / "c.npz", texture=file["texture"])
+    with pytest.raises(ValueError, match="lacks texture"):
+        read_npz(tmp_path / "b.npz")
+    with pytest.raises(ValueError, match="lacks sampling_rate, friction_coefficient, ratings, seed"):
+        read_npz(tmp_path / "c.npz")
+
+
+def test_hdf5_says_what_it_holds(tmp_path, texture):
+    write_hdf5(tmp_path / "a.h5", texture, **COMMON)
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert (file.attrs["format"], file.attrs["version"]) == ("tactile-texture", 1)
+        assert (file["texture"].attrs["rate"], file["texture"].attrs["unit"]) == (DEVICE_RATE, "N")
+        assert file.attrs["rating_axes"] == "roughness, bumpiness, slipperiness"
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["textures"] = texture
+    with pytest.raises(ValueError, match="not a file of format tactile-texture.*give the folder"):
+        read_hdf5(tmp_path / "b.h5")
+
+
+def test_table_has_a_line_for_each_format_and_says_what_is_exact(tmp_path, texture):
+    texture = texture.astype(np.float32)
+    rows = [
+        {"format": name, **round_trip(_write(tmp_path, name, texture), name, texture, DEVICE_RATE)} for name in FORMATS
+    ]
+    lines = round_trip_markdown(rows).splitlines()
+    assert [line.split("`")[1] for line in lines[2:]] == list(FORMATS)
+    assert lines[2].count("exact") == 2 and "nan" not in "".join(lines) and markers("export")[0] not in lines
+
+
+def test_short_textures_have_no_bands(tmp_path):
+    texture = 0.01 * np.random.default_rng(0).normal(size=300)
+    row = {"format": "npz", **round_trip(_write(tmp_path, "npz", texture), "npz", texture, DEVICE_RATE)}
+    assert math.isnan(row["nine_band_error_db"]) and "| – |" in round_trip_markdown([row])
