@@ -2,11 +2,11 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 
 from ..data.files import write_text
+from .checks import check_file
 from .envelopes import LOSSY, envelopes, from_unit, play, to_unit
 from .metadata import METADATA_KEY, check_arguments, metadata_from_json, metadata_to_json
 
@@ -101,10 +101,9 @@ def read_ahap(path):
         FileNotFoundError: if there is no file.
         ValueError: if this package did not write it.
     """
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"`path` {path} does not exist.")
+    path = check_file(path)
     try:
-        contents = json.loads(Path(path).read_text(encoding="utf-8"))
+        contents = json.loads(path.read_text(encoding="utf-8"))
         found = contents["Metadata"][METADATA_KEY]
         times, intensity = _joined(contents["Pattern"], _INTENSITY)
         _, sharpness = _joined(contents["Pattern"], _SHARPNESS)

@@ -1,6 +1,7 @@
 """What every writer asks of its arguments before it touches the disk."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -78,3 +79,27 @@ def check_seed(seed):
     if isinstance(seed, bool) or int(seed) != seed or not -(2**63) <= seed < 2**64:
         raise ValueError(f"`seed` must be a whole number of at most 64 bits, got {seed}.")
     return int(seed)
+
+
+def check_above_zero(name, value):
+    """A float above zero.
+
+    Raises:
+        ValueError: if `value` is not finite, zero or negative; the message calls it `name`.
+    """
+    value = float(value)
+    if not (value > 0 and math.isfinite(value)):
+        raise ValueError(f"`{name}` must be above zero, got {value}.")
+    return value
+
+
+def check_file(path):
+    """A path as `Path`, once it is known that there is a file.
+
+    Raises:
+        FileNotFoundError: if there is none.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"`path` {path} does not exist.")
+    return path

@@ -1,12 +1,12 @@
 """Meta's `.haptic` 1.0 (facebook/meta-haptics-sdk, `resources/haptic-file-spec.md`): a lossy preview."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 
 from ..data.files import write_text
 from ..version import __version__
+from .checks import check_file
 from .envelopes import LOSSY, envelopes, from_unit, play, to_unit
 from .metadata import METADATA_KEY, check_arguments, metadata_from_json, metadata_to_json
 
@@ -75,10 +75,9 @@ def read_haptic(path):
         FileNotFoundError: if there is no file.
         ValueError: if this package did not write it.
     """
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"`path` {path} does not exist.")
+    path = check_file(path)
     try:
-        contents = json.loads(Path(path).read_text(encoding="utf-8"))
+        contents = json.loads(path.read_text(encoding="utf-8"))
         found = contents["metadata"][METADATA_KEY]
         points = contents["signals"]["continuous"]["envelopes"]
         times, amplitude = (np.array([point[name] for point in points["amplitude"]]) for name in ("time", "amplitude"))

@@ -6,16 +6,15 @@ Friction and Vibrotactile Texture are over position (reference software, `IOStre
 """
 
 import json
-import math
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 
 from ..data.files import write_text
 from ..playback.stream import REFERENCE_FORCE
 from ..signal import BAND_HZ
-from .metadata import check_arguments, check_known_speed, metadata_from_json, metadata_to_json
+from .checks import check_above_zero, check_file
+from .metadata import check_arguments, check_known_speed, mean_friction, metadata_from_json, metadata_to_json
 from .resampling import resample_freely
 
 #: Key frames per s; over position at least as many at the reference speed.
@@ -64,14 +63,13 @@ def write_hjif(
     )
     if modality not in TEMPORAL + SPATIAL:
         raise ValueError(f"`modality` must be one of {', '.join(TEMPORAL + SPATIAL)}, got {modality!r}.")
-    if not (math.isfinite(normal_force) and normal_force > 0):
-        raise ValueError(f"`normal_force` must be above zero, got {normal_force}.")
+    normal_force = check_above_zero("normal_force", normal_force)
     timescale, step = (KEY_FRAME_RATE, 1) if modality in TEMPORAL else _micrometres(check_known_speed(metadata))
 
     values = resample_freely(texture, sampling_rate, timescale / step)
     if modality == "Friction":
-        values = _mean(metadata) + values / normal_force
-        metadata["normal_force"] = float(normal_force)
+        values = mean_friction(metadata) + values / normal_force
+        metadata["normal_force"] = normal_force
     gain = float(np.abs(values).max()) or 1.0  # silence: any scale will do
     experience = _experience(modality, timescale, step, np.round(values / gain, DECIMALS), gain)
     experience["description"] = json.dumps(metadata_to_json({**metadata, "samples": len(texture)}), allow_nan=False)
@@ -87,10 +85,6 @@ def _micrometres(speed):
             f"more apart, got {speed:g}. Choose the modality Force."
         )
     return round(speed * _UM_PER_MM), step
-
-
-def _mean(metadata):
-    return 0.0 if math.isnan(metadata["friction_coefficient"]) else metadata["friction_coefficient"]
 
 
 def _experience(modality, timescale, step, amplitudes, gain):
@@ -156,10 +150,9 @@ def read_hjif(path):
         FileNotFoundError: if there is no file.
         ValueError: if this package did not write it.
     """
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"`path` {path} does not exist.")
+    path = check_file(path)
     try:
-        experience = json.loads(Path(path).read_text(encoding="utf-8"))
+        experience = json.loads(path.read_text(encoding="utf-8"))
         found = json.loads(experience["description"])
         (perception,) = experience["perceptions"]
         (channel,) = perception["channels"]
@@ -172,7 +165,7 @@ def read_hjif(path):
     metadata = metadata_from_json(found, path, ("samples", *(("normal_force",) if modality == "Friction" else ())))
     values = amplitudes * channel["gain"]
     if modality == "Friction":
-        values = (values - _mean(metadata)) * metadata["normal_force"]
+        values = (values - mean_friction(metadata)) * metadata["normal_force"]
     metadata |= {"modality": modality, "gain": channel["gain"], "key_frame_rate": rate}
     texture = resample_freely(values, rate, metadata["sampling_rate"], metadata["samples"])
     return texture.astype(np.float32), metadata

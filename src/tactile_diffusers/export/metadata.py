@@ -57,6 +57,11 @@ def check_known_speed(metadata):
     return metadata["reference_speed"]
 
 
+def mean_friction(metadata):
+    """The friction coefficient about which a map varies: 0 if it is unknown."""
+    return 0.0 if math.isnan(metadata["friction_coefficient"]) else metadata["friction_coefficient"]
+
+
 def metadata_to_json(metadata):
     """The same with null for NaN, which JSON does not know."""
     return {name: _null_if_nan(value) for name, value in metadata.items()}

@@ -1,11 +1,11 @@
 """NumPy archives: a texture with all that is needed to play or to make it again."""
 
 import zipfile
-from pathlib import Path
 
 import numpy as np
 
 from ..data.files import atomic_path
+from .checks import check_file
 from .metadata import check_arguments, metadata_from_json
 
 
@@ -59,8 +59,7 @@ def read_npz(path):
         FileNotFoundError: if there is no file.
         ValueError: if it is no archive of a texture.
     """
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"`path` {path} does not exist.")
+    path = check_file(path)
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)

@@ -1,16 +1,22 @@
 """Friction maps: a texture over position as an 8-bit grey picture, as displays with electroadhesion take it."""
 
 import json
-import math
 import warnings
-from pathlib import Path
 
 import numpy as np
 
 from ..data.files import atomic_path
 from ..playback.stream import REFERENCE_FORCE
 from ..signal import BAND_HZ, rms
-from .metadata import METADATA_KEY, check_arguments, check_known_speed, metadata_from_json, metadata_to_json
+from .checks import check_above_zero, check_file
+from .metadata import (
+    METADATA_KEY,
+    check_arguments,
+    check_known_speed,
+    mean_friction,
+    metadata_from_json,
+    metadata_to_json,
+)
 from .resampling import KEPT_SHARE, resample_freely
 
 #: mm between pixels of a common electroadhesive display (Tanvas; FIELD section 4).
@@ -64,22 +70,20 @@ def write_png(
         texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
     )
     speed = check_known_speed(metadata)
-    for name, value in (("pixel_pitch", pixel_pitch), ("normal_force", normal_force)):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"`{name}` must be above zero, got {value}.")
+    pixel_pitch = check_above_zero("pixel_pitch", pixel_pitch)
+    normal_force = check_above_zero("normal_force", normal_force)
     if int(height) != height or height < 1:
         raise ValueError(f"`height` must be a whole number of rows, at least 1, got {height}.")
 
     pixels = resample_freely(texture, sampling_rate, speed / pixel_pitch)
     _warn_of_loss(texture, pixels, speed, pixel_pitch)
-    mean = 0.0 if math.isnan(metadata["friction_coefficient"]) else metadata["friction_coefficient"]
-    friction = mean + pixels / normal_force
+    friction = mean_friction(metadata) + pixels / normal_force
     lowest = float(friction.min())
     per_count = float(np.ptp(friction)) / COUNTS or 1.0  # no friction anywhere but the mean: any scale will do
     row = np.round((friction - lowest) / per_count).astype(np.uint8)
 
-    metadata |= {"friction_at_zero": lowest, "friction_per_count": per_count, "normal_force": float(normal_force)}
-    metadata |= {"pixel_pitch": float(pixel_pitch), "samples": len(texture)}
+    metadata |= {"friction_at_zero": lowest, "friction_per_count": per_count, "normal_force": normal_force}
+    metadata |= {"pixel_pitch": pixel_pitch, "samples": len(texture)}
     chunks = PngInfo()
     chunks.add_text(METADATA_KEY, json.dumps(metadata_to_json(metadata), allow_nan=False))
     with atomic_path(path) as temporary:
@@ -122,8 +126,7 @@ def read_png(path):
     """
     from PIL import Image, UnidentifiedImageError
 
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"`path` {path} does not exist.")
+    path = check_file(path)
     try:
         with Image.open(path) as picture:
             row, text = np.asarray(picture), picture.info.get(METADATA_KEY)
@@ -133,10 +136,9 @@ def read_png(path):
         raise ValueError(f"{path} is no friction map that this package wrote: its scale in newtons is unknown.")
     needed = ("friction_at_zero", "friction_per_count", "normal_force", "pixel_pitch", "samples", "reference_speed")
     metadata = metadata_from_json(json.loads(text), path, needed)
-    mean = 0.0 if math.isnan(metadata["friction_coefficient"]) else metadata["friction_coefficient"]
     friction = metadata["friction_at_zero"] + row[0] * metadata["friction_per_count"]
     speed, pitch = metadata["reference_speed"], metadata["pixel_pitch"]
     metadata["highest_frequency"] = highest_frequency(speed, pitch)
-    newtons = (friction - mean) * metadata["normal_force"]
+    newtons = (friction - mean_friction(metadata)) * metadata["normal_force"]
     texture = resample_freely(newtons, speed / pitch, metadata["sampling_rate"], metadata["samples"])
     return texture.astype(np.float32), metadata

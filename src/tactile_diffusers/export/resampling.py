@@ -14,8 +14,8 @@ _FINER = 8
 def resample_freely(texture, rate_in, rate_out, samples=None):
     """Changes the sampling rate by any ratio; `signal.resample` takes whole numbers of Hz alone.
 
-    What lies above 0.9 of the new Nyquist frequency fades out. The texture is continued by its mirror image, so that
-    there is no step at its ends.
+    What lies above 0.9 of the new Nyquist frequency fades out. The straight line from the first sample to the last is
+    set aside, and the rest is continued by its image turned about its ends: value and slope go on without a step.
 
     Args:
         texture (`np.ndarray`): (samples,), any unit.
@@ -33,11 +33,13 @@ def resample_freely(texture, rate_in, rate_out, samples=None):
     texture = np.asarray(texture, dtype=np.float64)
     if samples is None:
         samples = num_samples(len(texture), rate_in, rate_out)
-    mirrored = np.concatenate([texture, texture[::-1]])
-    finer = signal.resample(mirrored, _FINER * len(mirrored), window=kept if rate_out < rate_in else None)
-    places = np.arange(samples) * (_FINER * rate_in / rate_out)
-    used = min(len(finer), max(int(places[-1]) + _FINER, 4))
-    return CubicSpline(np.arange(used), finer[:used])(places)
+    line = np.linspace(texture[0], texture[-1], len(texture))
+    turned = np.concatenate([texture - line, (line - texture)[-2:0:-1]])
+    finer = signal.resample(turned, _FINER * len(turned), window=kept if rate_out < rate_in else None)
+    places = np.arange(samples) * (rate_in / rate_out)
+    used = min(len(finer), int(_FINER * places[-1]) + _FINER)
+    slope = (texture[-1] - texture[0]) / max(1, len(texture) - 1)
+    return CubicSpline(np.arange(used), finer[:used])(_FINER * places) + texture[0] + slope * places
 
 
 def num_samples(samples, rate_in, rate_out):

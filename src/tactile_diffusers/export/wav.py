@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..data.files import atomic_path
+from .checks import check_file
 from .metadata import check_arguments, metadata_from_json, metadata_to_json
 
 #: Counts of full scale in a 16-bit file; the largest positive count is one less.
@@ -86,8 +87,7 @@ def read_wav(path):
     """
     import soundfile
 
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"`path` {path} does not exist.")
+    path = check_file(path)
     if not sidecar_path(path).is_file():
         raise FileNotFoundError(f"{sidecar_path(path)}, which holds the scale of {path} in newtons, does not exist.")
     sidecar = json.loads(sidecar_path(path).read_text(encoding="utf-8"))
