@@ -11,6 +11,7 @@ from tqdm.auto import tqdm
 from ..data.files import write_text
 from ..data.splits import SPLITS
 from . import readme
+from .program import program
 
 #: Folder of the row files, beside the training scripts.
 ROWS = Path("configs") / "ablation"
@@ -23,7 +24,7 @@ def parse_arguments(scripts, argv=None):
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
     parser = argparse.ArgumentParser(
-        prog="ablate.py",
+        prog=program("ablate.py"),
         description="Train and measure the rows of an ablation, each a JSON file that says what it asks. What is done "
         "is kept under OUTPUT/ROW: the same command goes on where it was cut off. A row is done again when its file "
         "changes; after a change of the code delete its folder, or only its result.json to measure it again.",
@@ -91,7 +92,7 @@ def main(scripts, argv=None):
 
 
 def _complain(error):
-    print(f"ablate.py: error: {error}", file=sys.stderr)
+    print(f"{program('ablate.py')}: error: {error}", file=sys.stderr)
 
 
 def _chosen(rows, only):

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from . import readme
+from .program import program
 
 
 def parse_arguments(argv=None):
@@ -15,7 +16,7 @@ def parse_arguments(argv=None):
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
     parser = argparse.ArgumentParser(
-        prog="compare.py",
+        prog=program("compare.py"),
         description="Put reports of evaluate.py side by side: what ratings do, on the same held-out surfaces.",
     )
     parser.add_argument(
@@ -53,7 +54,7 @@ def main(argv=None):
     try:
         text = comparison_markdown(arguments.report)
     except ValueError as error:
-        print(f"compare.py: error: {error}", file=sys.stderr)
+        print(f"{program('compare.py')}: error: {error}", file=sys.stderr)
         return 2
     plot_axis_spectra(arguments.report, arguments.output / "axes.png")
     plot_data(arguments.report, arguments.output / "data.png")

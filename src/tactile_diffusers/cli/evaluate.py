@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..data.splits import SPLITS
 from . import readme
+from .program import program
 
 _SECTIONS = (
     "reconstruction",
@@ -30,7 +31,7 @@ def parse_arguments(argv=None):
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
     parser = argparse.ArgumentParser(
-        prog="evaluate.py",
+        prog=program("evaluate.py"),
         description="Evaluate a checkpoint on held-out surfaces. What is done is kept under OUTPUT/sections: the same "
         "command goes on where it was cut off.",
     )
@@ -163,7 +164,7 @@ def main(argv=None):
     try:
         context = make_context(arguments)
     except (ValueError, OSError) as error:
-        print(f"evaluate.py: error: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{program('evaluate.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     report = run_sections(context, arguments.sections, arguments.checkpoint, arguments.training)
     write_text(arguments.output / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")

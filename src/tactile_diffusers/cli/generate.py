@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 from ..signal.constants import RATING_AXES
+from .program import program
 
 
 def parse_arguments(argv=None):
@@ -15,7 +16,7 @@ def parse_arguments(argv=None):
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
     parser = argparse.ArgumentParser(
-        prog="generate.py",
+        prog=program("generate.py"),
         description="Generate a tactile texture from perceptual ratings and write it as .npz, .wav and .png.",
         epilog="Ratings are z-scores, about -2 to 2, unless --rating-scale says otherwise: larger is rougher, bumpier, "
         "more slippery. The files hold z-scores.",
@@ -77,7 +78,7 @@ def main(argv=None):
     try:
         _generate(arguments)
     except (ValueError, OSError) as error:
-        print(f"generate.py: error: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{program('generate.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     return 0
 

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .program import program
+
 EPILOG = """\
 Run it again after it was stopped: whole shards are kept, the others are made. All machines must see OUTPUT, and one
 call at a time may write there. Textures depend on the checkpoint, the ratings, the options above and --seed. Files are
@@ -30,7 +32,7 @@ def parse_arguments(argv=None):
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
     parser = argparse.ArgumentParser(
-        prog="generate_dataset.py",
+        prog=program("generate_dataset.py"),
         description="Generate many textures into shards (HDF5), in as many processes as accelerate or torchrun starts.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -81,7 +83,7 @@ def main(argv=None):
         job = _prepare(arguments, state)
     except (ValueError, OSError) as error:
         if state.is_local_main_process:
-            print(f"generate_dataset.py: error: {' '.join(str(error).split())}", file=sys.stderr)
+            print(f"{program('generate_dataset.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
         state.destroy_process_group()
         return 2
     with _one_thread(state.device), _novelty_said_once():

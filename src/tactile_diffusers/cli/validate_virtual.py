@@ -10,13 +10,14 @@ from ..data.files import atomic_path
 from ..data.virtual import RECIPE_VERSION
 from ..data.virtual.validation import LAWS
 from . import readme
+from .program import program
 from .suite import write_results
 
 
 def parse_arguments(argv=None):
     """Arguments of the command."""
     parser = argparse.ArgumentParser(
-        prog="validate_virtual.py",
+        prog=program("validate_virtual.py"),
         description="Measure every law of the virtual surfaces and compare it with what is intended. Exit code 1 if a "
         "law is off.",
     )

@@ -1,0 +1,97 @@
+"""`tactile-diffusers reconstruct`: a recording through LCTG's encoder and decoder, and how near it comes."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from .program import program
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command.
+
+    Raises:
+        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+    """
+    parser = argparse.ArgumentParser(
+        prog=program("reconstruct.py"),
+        description="Encode and decode a recording: what is left of it in the latents. It is band-passed to 20-1000 Hz "
+        "first. Writes reconstruction.npz, .wav and .png.",
+    )
+    parser.add_argument(
+        "recording", type=Path, help="csv, xlsx, npy, npz, mat, hdf5, parquet or wav; lateral force in N"
+    )
+    parser.add_argument(
+        "--column", metavar="NAME", help="of the force, by name or number from 0; where there are several"
+    )
+    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, where the file does not say it")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="where the files go")
+    parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
+    parser.add_argument("--steps", type=int, metavar="N", help="diffusion steps; default: the checkpoint's")
+    parser.add_argument("--seed", type=int, default=0, help="of the decoder's noise; default: 0")
+    parser.add_argument("--json", action="store_true", help="print figures and files as JSON, and nothing else")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    arguments = parser.parse_args(argv)
+    if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
+        parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder")
+    if arguments.output.exists() and not arguments.output.is_dir():
+        parser.error(f"argument --output: {arguments.output} is not a folder")
+    return arguments
+
+
+def main(argv=None):
+    """Runs the command.
+
+    Args:
+        argv (`list[str]`, *optional*): arguments; the process's own by default.
+
+    Returns:
+        `int`: 0, or 2 if the recording or an option was refused (one line on stderr, nothing written).
+    """
+    arguments = parse_arguments(argv)
+    try:
+        report = _reconstruct(arguments)
+    except (ValueError, OSError) as error:
+        print(f"{program('reconstruct.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    if arguments.json:
+        print(json.dumps(report, indent=2))
+    elif not arguments.quiet:
+        print(
+            f"{report['seconds']:.2f} s: nine-band error {report['nine_band_error_db']:.2f} dB, "
+            f"SNR {report['snr_db']:.1f} dB, RMS {report['rms_mn']:.2f} mN\nwrote {', '.join(report['files'])}"
+        )
+    return 0
+
+
+def _reconstruct(arguments):
+    import torch
+
+    from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+
+    from ..evaluation.reconstruction import snr_db
+    from ..export import write_figure, write_npz, write_wav
+    from ..signal import nine_band_error_db, resample, rms
+    from .recording import read_recording
+
+    texture, rate = read_recording(arguments.recording, arguments.column, arguments.rate)
+    pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint or bundled_checkpoint()))
+    pipe.set_progress_bar_config(disable=arguments.quiet or arguments.json)
+    generator = torch.Generator("cpu").manual_seed(arguments.seed)
+    out = pipe.reconstruct(texture, rate, arguments.steps, generator)
+    made = out.textures[0]
+    reference = resample(texture, rate, out.sampling_rate)[: len(made)]
+    common = {"sampling_rate": out.sampling_rate, "friction_coefficient": float("nan"), "ratings": [float("nan")] * 3}
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    files = [arguments.output / f"reconstruction{suffix}" for suffix in (".npz", ".wav", ".png")]
+    write_npz(files[0], made, seed=arguments.seed, reference_speed=out.reference_speed, **common)
+    write_wav(files[1], made, seed=arguments.seed, **common)
+    write_figure(files[2], made, **common)
+    return {
+        "seconds": len(made) / out.sampling_rate,
+        "nine_band_error_db": float(nine_band_error_db(made[None], reference[None], out.sampling_rate)[0]),
+        "snr_db": float(snr_db(made[None], reference[None])[0]),
+        "rms_mn": 1e3 * float(rms(made)),
+        "files": [str(path) for path in files],
+    }
