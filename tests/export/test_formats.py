@@ -130,3 +130,18 @@ def test_existing_file_survives_a_failed_write(tmp_path):
         assert path.read_text() == "old"
     assert path.read_text() == "new"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_wav_files_that_belong_together_share_a_scale(tmp_path, texture):
+    """Players that ignore sidecars then keep the levels; what would be clipped is refused."""
+    full_scale = 2 * np.abs(texture).max()
+    for name, gain in (("loud", 1.0), ("quiet", 0.5)):
+        write_wav(tmp_path / f"{name}.wav", gain * texture, seed=0, full_scale=full_scale, **COMMON)
+    loud, quiet = (soundfile.read(tmp_path / f"{name}.wav")[0] for name in ("loud", "quiet"))
+    np.testing.assert_allclose(quiet, 0.5 * loud, atol=2**-15)  # half a count of 16 bits each
+    np.testing.assert_allclose(read_wav(tmp_path / "quiet.wav")[0], 0.5 * texture, atol=1.01 * 2**-16 * full_scale)
+    with pytest.raises(ValueError, match="would be clipped"):
+        write_wav(tmp_path / "a.wav", 3 * texture, seed=0, full_scale=full_scale, **COMMON)
+    with pytest.raises(ValueError, match="`full_scale` must be above zero"):
+        write_wav(tmp_path / "a.wav", texture, seed=0, full_scale=0.0, **COMMON)
+    assert not (tmp_path / "a.wav").exists()

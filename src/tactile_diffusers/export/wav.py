@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from ..data.files import atomic_path
-from .checks import check_file
+from .checks import check_above_zero, check_file
 from .metadata import check_arguments, metadata_from_json, metadata_to_json
 
 #: Counts of full scale in a 16-bit file; the largest positive count is one less.
 FULL_SCALE_COUNTS = 2**15
+# of float64: a texture that was scaled to full scale may be above it by this much, far less than half a count
+_ROUNDING = 1e-9
 
 
 def sidecar_path(path):
@@ -30,8 +32,9 @@ def write_wav(
     reference_speed=math.nan,
     checkpoint=None,
     subtype="PCM_16",
+    full_scale=None,
 ):
-    """Writes one texture to a mono WAV file, scaled so that its peak is full scale, and the scale to the sidecar.
+    """Writes one texture to a mono WAV file, by default so that its peak is full scale, and the scale to the sidecar.
 
     Any reader that gives samples in [-1, 1] gives newtons when these are multiplied by the sidecar's
     `newtons_per_full_scale`: to half a count, 2^-16 of the scale, for `"PCM_16"`; to float32 rounding for `"FLOAT"`.
@@ -48,9 +51,11 @@ def write_wav(
         reference_speed (`float`, *optional*): finger speed for which the texture was made, mm/s; NaN = unknown.
         checkpoint (`str`, *optional*): name of the checkpoint that made it; `None` = unknown.
         subtype (`str`, *optional*, defaults to `"PCM_16"`): `"PCM_16"` or `"FLOAT"`, soundfile's names.
+        full_scale (`float`, *optional*): N that are full scale, one for files that belong together; by default the
+            texture's peak.
 
     Raises:
-        ValueError: on a bad argument, before anything is written.
+        ValueError: on a bad argument, or a texture that peaks above `full_scale`, before anything is written.
     """
     import soundfile
 
@@ -60,7 +65,15 @@ def write_wav(
     if subtype not in ("PCM_16", "FLOAT"):
         raise ValueError(f'`subtype` must be "PCM_16" or "FLOAT", got {subtype!r}.')
     peak = np.abs(texture).max()
-    scale = float(peak * FULL_SCALE_COUNTS / (FULL_SCALE_COUNTS - 1)) or 1.0  # silence: any scale will do
+    if full_scale is None:
+        full_scale = peak or 1.0  # silence: any scale will do
+    check_above_zero("full_scale", full_scale)
+    if not peak <= full_scale * (1 + _ROUNDING):
+        raise ValueError(
+            f"`texture` peaks at {peak:g} N, above `full_scale` of {full_scale:g} N, and would be clipped. Attenuate "
+            "all textures that belong together, or give a larger full scale."
+        )
+    scale = float(full_scale * FULL_SCALE_COUNTS / (FULL_SCALE_COUNTS - 1))
     sidecar = {"newtons_per_full_scale": scale, "unit": "N", **metadata_to_json(metadata)}
     if subtype == "PCM_16":
         # quantised here: libsndfile multiplies by 32767 when writing and divides by 32768 when reading
