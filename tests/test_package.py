@@ -23,6 +23,7 @@ ROOMS = (
     "evaluation",
     "playback",
     "export",
+    "study",
     "cli",
 )
 #: The public names of the package are those of its rooms up to here.

@@ -146,7 +146,7 @@ def _code_digest():
     digest = hashlib.sha256()
     root = Path(__file__).parents[1]
     for path in sorted(root.rglob("*.py")):
-        if path.parent.name in ("cli", "export") or path.name in _TELLING:
+        if path.parent.name in ("cli", "export", "study") or path.name in _TELLING:
             continue
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return digest.hexdigest()

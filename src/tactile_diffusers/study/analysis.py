@@ -1,0 +1,254 @@
+"""From answers to numbers with intervals: what participants told apart, found alike and felt.
+
+Each participant gives one number per measure and condition; a group's number is the mean over participants, and its
+95 % interval a bootstrap over participants: bias-corrected and accelerated (Efron 1987), with percentiles as far out as
+Student's t needs for so few participants, because a plain bootstrap is too narrow for them (Hesterberg 2015, "What
+teachers should know about the bootstrap", expanded percentiles). It says how the number would vary with other
+participants and the same surfaces, not with other surfaces.
+"""
+
+import numpy as np
+import pandas
+from scipy import stats
+
+from ..data import RaterScores, rating_reliability
+from ..evaluation.statistics import number
+from ..signal import RATING_AXES
+from .responses import SIMULATED
+from .sensitivity import abx_dprime
+from .stimuli import OTHER_TAKE, REFERENCE
+from .trials import ABX, OTHER_SURFACE, RATING, SIMILARITY
+
+FORMAT, VERSION = "tactile-study-report", 1
+RESAMPLES = 4000
+#: A bootstrap over fewer has nothing to draw from.
+LEAST_PARTICIPANTS = 3
+#: A slope over fewer surfaces says nothing.
+_LEAST_SURFACES = 3
+
+
+def analyse(key, answers, missing=0, seed=0):
+    """The report of a study.
+
+    Args:
+        key (`pandas.DataFrame`): of the study.
+        answers (`pandas.DataFrame`): of `check_responses`.
+        missing (`int`): trials that were not answered.
+        seed (`int`): of the bootstrap.
+
+    Returns:
+        `dict`: JSON; a leaf {"mean", "n", "min", "max", "median", "interval"} is over participants.
+        "abx": condition -> leaves "proportion_correct", "dprime" (of the mean proportion) and "difference" (of the
+        proportion, to another take); "abx_participants": participant -> condition -> numbers; "similarity": condition
+        -> leaves "similarity" and "difference"; "ratings": condition -> axis -> leaves "slope" (answer units per
+        z-score asked for), "difference" (of the slope, to the reference take), "correlation" and the number "spread";
+        "reliability": axis -> numbers. A task that nobody did is None.
+
+    Raises:
+        ValueError: if there are no answers.
+    """
+    if answers.empty:
+        raise ValueError("`answers` must hold one answer or more, got none.")
+    answers = describe(key, answers)
+    participants = sorted(answers["participant"].unique())
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "simulated": bool(participants[0].startswith(SIMULATED)),
+        "participants": len(participants),
+        "answers": {task: int(count) for task, count in answers["task"].value_counts().sort_index().items()},
+        "missing": int(missing),
+        "seed": seed,
+        "abx": _abx(answers, seed),
+        "abx_participants": _abx_participants(answers),
+        "similarity": _compared(similarity_scores(answers), "similarity", seed),
+        "ratings": _ratings(answers, seed),
+        "reliability": _reliability(answers),
+    }
+
+
+def describe(key, answers):
+    """Answers with what was played: columns `condition`, `surface`, `correct` (ABX) and `asked` (ratings) added.
+
+    The condition of a pair is that of the texture beside the reference; of two references it is "other_surface".
+    """
+    known = key.set_index("id")
+    a, b = (answers[name].map(known["condition"]) for name in ("stimulus_a", "stimulus_b"))
+    beside = a.where(a != REFERENCE, b)
+    condition = beside.where((beside != REFERENCE) | (answers["task"] == RATING), OTHER_SURFACE)
+    condition = condition.where(answers["task"] != RATING, a)
+    x_is_a = answers["stimulus_x"].map(known["copy_of"]) == answers["stimulus_a"]
+    correct = ((answers["response"] == "A") == x_is_a).astype(float).where(answers["task"] == ABX)
+    asked = known[[f"asked_{axis}" for axis in RATING_AXES]].to_numpy()
+    rows, columns = (
+        known.index.get_indexer(answers["stimulus_a"]),
+        pandas.Index(RATING_AXES).get_indexer(answers["axis"]),
+    )
+    values = np.where(columns >= 0, asked[rows, columns], np.nan)
+    surface = answers["stimulus_a"].map(known["surface"])
+    return answers.assign(condition=condition, surface=surface, correct=correct, asked=values)
+
+
+def abx_scores(described):
+    """Proportion correct: (participants, conditions)."""
+    return _pivot(described[described["task"] == ABX], "correct")
+
+
+def similarity_scores(described):
+    """Mean similarity to the reference: (participants, conditions)."""
+    return _pivot(described[described["task"] == SIMILARITY], "value")
+
+
+def _pivot(answers, values):
+    return answers.pivot_table(index="participant", columns="condition", values=values, aggfunc="mean", sort=False)
+
+
+def rating_scores(described):
+    """How answers follow what was asked for, over surfaces: (participants, (measure, condition, axis)).
+
+    Measures are "slope", in answer units per z-score, and "correlation" (Pearson); NaN where fewer than three surfaces
+    were rated, or, for the correlation, all were rated alike.
+    """
+    rated = described[described["task"] == RATING]
+    scores = {}
+    for (participant, condition, axis), rows in rated.groupby(["participant", "condition", "axis"], sort=False):
+        asked, felt = rows["asked"].to_numpy(), rows["value"].to_numpy()
+        slope = correlation = np.nan
+        if len(rows) >= _LEAST_SURFACES and np.ptp(asked) > 0:
+            slope = np.cov(asked, felt)[0, 1] / np.var(asked, ddof=1)
+            correlation = np.corrcoef(asked, felt)[0, 1] if np.ptp(felt) > 0 else np.nan
+        scores.setdefault(participant, {}).update(
+            {("slope", condition, axis): slope, ("correlation", condition, axis): correlation}
+        )
+    return pandas.DataFrame(scores).T
+
+
+def bootstrap(values, seed=0):
+    """Leaf of the mean of one number per participant.
+
+    Args:
+        values (`np.ndarray`): (participants,); NaN is left out.
+        seed (`int`): of the resamples.
+
+    Returns:
+        `dict`: as `evaluation.statistics.number`; "interval" is the 95 % interval of the mean, None for fewer than
+        three participants.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return number()
+    interval = None
+    if len(values) >= LEAST_PARTICIPANTS:
+        interval = (values[0], values[0])  # all alike: nothing to resample
+        if np.ptp(values) > 0:
+            count = len(values)
+            reach = np.sqrt(count / (count - 1)) * stats.t.ppf(0.975, count - 1)
+            drawn = {"n_resamples": RESAMPLES, "random_state": np.random.default_rng(seed), "method": "BCa"}
+            found = stats.bootstrap((values,), np.mean, confidence_level=2 * stats.norm.cdf(reach) - 1, **drawn)
+            interval = found.confidence_interval
+    return number(values.mean(), len(values), interval, values.min(), values.max(), np.median(values))
+
+
+def _compared(scores, name, seed):
+    """Leaves of each condition, and of its difference to another take of the surface, participant by participant."""
+    if scores.empty:
+        return None
+    made = {}
+    for condition in scores:
+        made[condition] = {name: bootstrap(scores[condition], seed), "difference": number()}
+        if OTHER_TAKE in scores and condition != OTHER_TAKE:
+            made[condition]["difference"] = bootstrap(scores[condition] - scores[OTHER_TAKE], seed)
+    return made
+
+
+def _abx(answers, seed):
+    made = _compared(abx_scores(answers), "proportion_correct", seed)
+    if made is None:
+        return None
+    trials = answers[answers["task"] == ABX].groupby("condition").size()
+    for condition, entry in made.items():
+        entry["trials"] = int(trials[condition])
+        entry["dprime"] = dprime_leaf(entry["proportion_correct"], entry["trials"])
+    return made
+
+
+def dprime_leaf(proportion, trials):
+    """Leaf of d' from that of the proportion correct of a group, limited as one of `trials` trials is.
+
+    It is the sensitivity of one observer with the group's proportion correct. The mean of single participants' d'
+    would depend on how many trials each did: d' bends, and steeply so near chance.
+    """
+    bounds = proportion["interval"]
+    interval = bounds and [_dprime(bound, trials) for bound in bounds]
+    return number(_dprime(proportion["mean"], trials), proportion["n"], interval)
+
+
+def _dprime(proportion, trials):
+    return None if proportion is None else abx_dprime(min(max(proportion, 0.0), 1.0), trials)
+
+
+def _abx_participants(answers):
+    done = answers[answers["task"] == ABX]
+    if done.empty:
+        return None
+    made = {}
+    for (participant, condition), correct in done.groupby(["participant", "condition"], sort=False)["correct"]:
+        made.setdefault(participant, {})[condition] = {
+            "trials": len(correct),
+            "proportion_correct": float(correct.mean()),
+            "dprime": abx_dprime(correct.mean(), len(correct)),
+        }
+    return made
+
+
+def _ratings(answers, seed):
+    scores = rating_scores(answers)
+    if scores.empty:
+        return None
+    felt = _felt(answers)
+    made = {}
+    for condition in scores.columns.get_level_values(1).unique():
+        made[condition] = {}
+        for axis in RATING_AXES:
+            if ("slope", condition, axis) not in scores:
+                continue
+            entry = {name: bootstrap(scores[name, condition, axis], seed) for name in ("slope", "correlation")}
+            entry["difference"] = number()
+            if condition != REFERENCE and ("slope", REFERENCE, axis) in scores:
+                excess = scores["slope", condition, axis] - scores["slope", REFERENCE, axis]
+                entry["difference"] = bootstrap(excess, seed)
+            # of participants about one texture, averaged over textures
+            spread = felt.loc[(condition, axis)].std(axis=1).mean()
+            made[condition][axis] = entry | {"spread": None if np.isnan(spread) else float(spread)}
+    return made
+
+
+def _felt(answers):
+    """Answers by (condition, axis, texture) and participant."""
+    rated = answers[answers["task"] == RATING]
+    return rated.pivot_table(index=["condition", "axis", "stimulus_a"], columns="participant", values="value")
+
+
+def _reliability(answers):
+    """Agreement of participants over all textures: mean correlation of pairs and Cronbach's alpha of each axis."""
+    rated = answers[answers["task"] == RATING]
+    if rated.empty:
+        return None
+    participants, textures = sorted(rated["participant"].unique()), sorted(rated["stimulus_a"].unique())
+    tables = [
+        rated[rated["axis"] == axis]
+        .pivot_table(index="participant", columns="stimulus_a", values="value")
+        .reindex(index=participants, columns=textures)
+        for axis in RATING_AXES
+    ]
+    found = rating_reliability(RaterScores(np.stack(tables, -1), tuple(participants), tuple(textures), RATING_AXES))
+    columns = (found.mean_correlation, found.alpha, found.pairs)
+    return {
+        axis: {"mean_correlation": _plain(r), "alpha": _plain(alpha), "pairs": int(pairs)}
+        for axis, r, alpha, pairs in zip(RATING_AXES, *columns, strict=True)
+    }
+
+
+def _plain(value):
+    return float(value) if np.isfinite(value) else None

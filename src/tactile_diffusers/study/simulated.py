@@ -1,0 +1,205 @@
+"""Participants of known sensitivity, played by a program: to try the analysis and the power of a design.
+
+Nothing here is a result about people. Every spread is an assumption; those of ratings are those of the virtual raters
+(`data/virtual/raters.py`).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas
+from tqdm.auto import tqdm
+
+from ..data.virtual.raters import DISAGREEMENT, GAIN_SPREAD, OFFSET_SPREAD, TYPICAL_GAIN
+from ..signal import RATING_AXES
+from .analysis import abx_scores, bootstrap, describe, rating_scores, similarity_scores
+from .responses import SIMULATED, check_responses
+from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE
+from .trials import ABX, OTHER_SURFACE, RATING, SCALES, SIMILARITY, TASKS, participant_trials
+
+#: d' from the reference take, assumed for a rehearsal; a baseline has that of `BASELINE_DPRIME`.
+DPRIME = {OTHER_TAKE: 0.5, RECONSTRUCTED: 0.8, GENERATED: 1.5, OTHER_SURFACE: 4.0}
+BASELINE_DPRIME = 2.0
+#: Share of the surface's rating that is felt; a baseline has that of `BASELINE_OBEDIENCE`.
+OBEDIENCE = {REFERENCE: 1.0, OTHER_TAKE: 1.0, RECONSTRUCTED: 0.9, GENERATED: 0.6}
+BASELINE_OBEDIENCE = 0.2
+#: Points of similarity that each unit of d' costs, from the top of the scale, before noise.
+SIMILARITY_PER_DPRIME = 18.0
+
+
+@dataclass(frozen=True)
+class Population:
+    """Whom the participants are drawn from.
+
+    Attributes:
+        dprime (`dict[str, float]`): condition -> sensitivity to its difference from the reference, 0 or more.
+        obedience (`dict[str, float]`): condition -> share of the asked rating that is felt.
+        dprime_spread (`float`): standard deviation over participants of the logarithm of a factor on every d'.
+        similarity_noise (`float`): of each answer, points.
+        rating_gain (`float`): answer units per z-score of a participant with the typical gain.
+        rating_gain_spread, rating_offset (`float`): over participants and axes: of the log gain, of the offset.
+        rating_noise (`float`): factor on the virtual raters' disagreement about a texture.
+    """
+
+    dprime: dict = field(default_factory=dict)
+    obedience: dict = field(default_factory=dict)
+    dprime_spread: float = 0.25
+    similarity_noise: float = 12.0
+    rating_gain: float = TYPICAL_GAIN
+    rating_gain_spread: float = GAIN_SPREAD
+    rating_offset: float = OFFSET_SPREAD
+    rating_noise: float = 1.0
+
+    def __post_init__(self):
+        bad = {condition: value for condition, value in self.dprime.items() if not 0 <= value < np.inf}
+        if bad:
+            raise ValueError(f"`dprime` must be finite and at least 0, got {bad}.")
+        bad = {condition: value for condition, value in self.obedience.items() if not np.isfinite(value)}
+        if bad:
+            raise ValueError(f"`obedience` must be finite, got {bad}.")
+
+    def check(self, conditions):
+        """Refuses names that no texture of a study has.
+
+        Raises:
+            ValueError: naming the first one.
+        """
+        compared = {*conditions, OTHER_SURFACE} - {REFERENCE}
+        for name, known in (("dprime", compared), ("obedience", set(conditions))):
+            unknown = sorted(set(getattr(self, name)) - known)
+            if unknown:
+                raise ValueError(f"`{name}` names {unknown[0]!r}, it must be one of {sorted(known)}.")
+
+    def dprime_of(self, condition):
+        return {**DPRIME, **self.dprime}.get(condition, BASELINE_DPRIME)
+
+    def obedience_of(self, condition):
+        return {**OBEDIENCE, **self.obedience}.get(condition, BASELINE_OBEDIENCE)
+
+
+def simulate(key, trials, population, rng):
+    """Fills in the responses of simulated participants.
+
+    ABX: A, B and X are drawn anew in each trial from Gaussians of unit variance, 0 and d' for the two textures, and
+    decided by the differencing model (`sensitivity.py`), so that the proportion correct is a result of the model and
+    not put in. Similarity falls by `SIMILARITY_PER_DPRIME` points a d', with noise, clipped to the scale. Ratings are
+    the surface's rating times obedience, plus noise, times the gain, plus the offset, rounded and clipped.
+
+    Args:
+        key (`pandas.DataFrame`): of the study.
+        trials (`pandas.DataFrame`): lists of one participant or more.
+        population (`Population`): whom the participants are drawn from.
+        rng (`np.random.Generator`): draws everything.
+
+    Returns:
+        `pandas.DataFrame`: the trial lists with `response`, strings.
+    """
+    described = describe(key, trials.assign(value=np.nan))
+    person, names = pandas.factorize(trials["participant"])
+    noise = rng.standard_normal((len(trials), 3))
+    sensitivity = np.exp(population.dprime_spread * rng.standard_normal(len(names)))[person]
+    dprime = sensitivity * described["condition"].map(population.dprime_of).to_numpy()
+    likeness = SCALES[SIMILARITY][1] - SIMILARITY_PER_DPRIME * dprime
+    answers = {
+        ABX: _abx(key, trials, dprime, noise),
+        SIMILARITY: _whole(likeness + population.similarity_noise * noise[:, 0], SIMILARITY),
+        RATING: _whole(_felt(described, population, person, noise[:, 0], rng), RATING),
+    }
+    tasks = [(trials["task"] == task).to_numpy() for task in answers]
+    return trials.assign(response=np.select(tasks, list(answers.values()), default=""))
+
+
+def _abx(key, trials, dprime, noise):
+    """A or B by the differencing model, for every row; what is not ABX gets an answer that is not used."""
+    conditions, originals = (key.set_index("id")[name] for name in ("condition", "copy_of"))
+    played = (trials["stimulus_a"], trials["stimulus_b"], trials["stimulus_x"].map(originals))
+    changed = np.stack([stimulus.map(conditions) != REFERENCE for stimulus in played], axis=-1)
+    a, b, x = (dprime[:, None] * changed + noise).T
+    return np.where((x - (a + b) / 2) * (a - b) > 0, "A", "B")
+
+
+def _felt(described, population, person, noise, rng):
+    """Ratings before rounding, for every row; NaN where nothing is rated."""
+    shape = (person.max() + 1, len(RATING_AXES))
+    gains = population.rating_gain * np.exp(population.rating_gain_spread * rng.standard_normal(shape))
+    offsets = population.rating_offset * rng.standard_normal(shape)
+    axis = pandas.Index(RATING_AXES).get_indexer(described["axis"])  # -1 where nothing is rated
+    obedience = described["condition"].map(population.obedience_of).to_numpy()
+    felt = obedience * described["asked"].to_numpy() + population.rating_noise * DISAGREEMENT[axis] * noise
+    return np.mean(SCALES[RATING]) + offsets[person, axis] + gains[person, axis] * felt
+
+
+def _whole(values, task):
+    """Rounded and clipped to the task's scale, as strings."""
+    return np.array([f"{value:.0f}" for value in np.clip(np.round(values), *SCALES[task])])
+
+
+def simulated_trials(key, participants, seed, tasks=TASKS):
+    """Trial lists of simulated participants: those of participants 1, 2, ... under names that say what they are."""
+    names = {number: f"{SIMULATED}{number:03d}" for number in range(1, participants + 1)}
+    lists = [participant_trials(key, number, seed, tasks, name) for number, name in names.items()]
+    return pandas.concat(lists, ignore_index=True)
+
+
+def simulate_participants(key, participants, seed, population, tasks=TASKS):
+    """Trial lists of simulated participants with their responses: columns `TRIAL_COLUMNS`.
+
+    Args:
+        key (`pandas.DataFrame`): of the study.
+        participants (`int`): how many.
+        seed (`int`): of the study; it decides the lists and the answers.
+        population (`Population`): whom they are drawn from.
+        tasks (`Sequence[str]`): of `TASKS`.
+
+    Raises:
+        ValueError: if the population names conditions that the study has not.
+    """
+    population.check(set(key["condition"]))
+    trials = simulated_trials(key, participants, seed, tasks)
+    return simulate(key, trials, population, np.random.default_rng([seed, 5]))
+
+
+def power(key, participants, seed, population, tasks=TASKS, repeats=100, quiet=True):
+    """How often a design would find what the population has.
+
+    Args:
+        key, participants, seed, population, tasks: as in `simulate_participants`.
+        repeats (`int`): simulated studies, with other participants each.
+        quiet (`bool`): no progress bar.
+
+    Returns:
+        `dict[str, dict]`: measure -> condition (for slopes: "condition: axis") -> share of the studies whose 95 %
+        interval leaves out what there is if there is nothing to find: "abx_above_chance", "abx_unlike_other_take",
+        "similarity_unlike_other_take" and "slope_unlike_zero".
+
+    Raises:
+        ValueError: if `repeats` is below 1 or the population names conditions that the study has not.
+    """
+    if repeats < 1:
+        raise ValueError(f"`repeats` must be at least 1, got {repeats}.")
+    population.check(set(key["condition"]))
+    trials, found = simulated_trials(key, participants, seed, tasks), {}
+    for repeat in tqdm(range(1, repeats + 1), desc="simulated studies", disable=quiet):
+        done = simulate(key, trials, population, np.random.default_rng([seed, 5, repeat]))
+        answers, _ = check_responses(trials, done)
+        for place, excess in _excesses(describe(key, answers)).items():
+            interval = bootstrap(excess, repeat)["interval"]
+            found.setdefault(place, []).append(interval is not None and not interval[0] <= 0 <= interval[1])
+    made = {}
+    for (measure, *condition), hits in found.items():
+        made.setdefault(measure, {})[": ".join(condition)] = float(np.mean(hits))
+    return made
+
+
+def _excesses(described):
+    """What is zero if there is nothing to find, one number per participant: (measure, condition[, axis]) -> values."""
+    abx, similarity, ratings = abx_scores(described), similarity_scores(described), rating_scores(described)
+    made = {("abx_above_chance", name): abx[name] - 0.5 for name in abx}
+    for measure, scores in (("abx", abx), ("similarity", similarity)):
+        for name in scores:
+            if name != OTHER_TAKE and OTHER_TAKE in scores:
+                made[f"{measure}_unlike_other_take", name] = scores[name] - scores[OTHER_TAKE]
+    for measure, condition, axis in ratings:
+        if measure == "slope":
+            made["slope_unlike_zero", condition, axis] = ratings[measure, condition, axis]
+    return made

@@ -1,0 +1,250 @@
+"""A report of a study as people read it: Markdown and pictures."""
+
+import json
+
+import numpy as np
+
+from ..data.files import write_text
+from ..evaluation.figures import figure_panels
+from ..evaluation.labels import NAMES
+from ..evaluation.tables import markdown_table, title
+from ..signal import RATING_AXES
+from .analysis import LEAST_PARTICIPANTS, RESAMPLES, abx_scores, describe, similarity_scores
+from .sensitivity import abx_proportion_correct
+from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE
+from .trials import ENDS, OTHER_SURFACE, RATING, SCALES
+
+SIMULATED_WORDS = "SIMULATED participants: no person felt anything. This shows what the design can find, no result."
+LABELS = {
+    REFERENCE: "reference take",
+    OTHER_TAKE: "another take",
+    RECONSTRUCTED: "reconstructed",
+    GENERATED: "generated from ratings",
+    OTHER_SURFACE: "reference of another surface",
+}
+_FILES = {"abx": "abx.png", "similarity": "similarity.png", "ratings": "ratings.png"}
+
+
+def label(condition):
+    """What people call a condition."""
+    return LABELS.get(condition) or NAMES.get(condition, condition)
+
+
+def _ordered(conditions):
+    """Real textures first, then ours, then baselines, then the low end."""
+    order = [REFERENCE, OTHER_TAKE, RECONSTRUCTED, GENERATED, *NAMES, OTHER_SURFACE]
+    return sorted(conditions, key=lambda condition: order.index(condition) if condition in order else len(order))
+
+
+def write_report(folder, report, key, answers):
+    """Writes report.json, report.md and the pictures of the tasks that were done.
+
+    Args:
+        folder (`Path`): made if absent.
+        report (`dict`): of `analyse`.
+        key (`pandas.DataFrame`): of the study.
+        answers (`pandas.DataFrame`): of `check_responses`.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
+    plots = {"abx": _plot_abx, "similarity": _plot_similarity, "ratings": _plot_ratings}
+    for name, plot in plots.items():
+        if report[name] is not None:
+            plot(report, describe(key, answers), folder / _FILES[name])
+    write_text(folder / "report.md", report_markdown(report))
+
+
+def report_markdown(report):
+    """The report as Markdown with tables and links to the pictures."""
+    parts = [f"{title('Study', 1)}{_head(report)}"]
+    if report["abx"]:
+        parts.append(title("ABX", 2) + _ABX_NOTE + "\n\n" + _table(report["abx"], _ABX_COLUMNS) + _picture("abx"))
+    if report["similarity"]:
+        table = _table(report["similarity"], _SIMILARITY_COLUMNS)
+        parts.append(title("Similarity", 2) + _SIMILARITY_NOTE + "\n\n" + table + _picture("similarity"))
+    if report["ratings"]:
+        rows = {
+            f"{label(condition)}: {axis}": report["ratings"][condition][axis]
+            for axis in RATING_AXES
+            for condition in _ordered(report["ratings"])
+            if axis in report["ratings"][condition]
+        }
+        table = markdown_table(rows, labels=_RATING_COLUMNS, interval=True)
+        agreement = markdown_table(report["reliability"], labels=_RELIABILITY_COLUMNS)
+        parts.append(title("Ratings", 2) + _RATING_NOTE + "\n\n" + table + _picture("ratings"))
+        parts.append(title("Agreement of participants", 2) + _RELIABILITY_NOTE + "\n\n" + agreement)
+    return "\n\n".join(parts) + "\n"
+
+
+_ABX_COLUMNS = {
+    "proportion_correct": "proportion correct",
+    "dprime": "d′",
+    "difference": "proportion minus that of another take",
+}
+_ABX_NOTE = (
+    "Against the reference take of the same surface; 0.5 is guessing. d′ is that of the mean proportion (differencing "
+    "model, Macmillan and Creelman). Another take of a surface is not the same waveform and may be told apart as well: "
+    "it is the yardstick. A difference whose interval lies above 0 is told apart more easily than that. A negative d′ "
+    "is a result below guessing."
+)
+_SIMILARITY_COLUMNS = {"similarity": ("similarity, 0–100", 1), "difference": ("minus that of another take", 1)}
+_SIMILARITY_NOTE = (
+    "To the reference take. Another take is the highest that can be expected, another surface the low end of the scale."
+)
+_RATING_COLUMNS = {
+    "slope": "slope",
+    "difference": "slope minus that of the reference take",
+    "correlation": "correlation",
+    "spread": "spread over participants",
+}
+_RATING_NOTE = (
+    "What was felt (0–8) against what was asked for (z-scores of the surface), over surfaces. The slope of real takes "
+    "is what can be expected of this device and these participants. Where levels are matched, every texture has the "
+    "level of its surface, so that a baseline that knows no ratings has the slope that levels alone give."
+)
+_RELIABILITY_COLUMNS = {"mean_correlation": "mean correlation of pairs", "alpha": "Cronbach's alpha", "pairs": "pairs"}
+_RELIABILITY_NOTE = "Over all textures that were rated."
+
+
+def _head(report):
+    counts = ", ".join(f"{count} {task}" for task, count in report["answers"].items())
+    lines = [f"**{SIMULATED_WORDS}**\n"] if report["simulated"] else []
+    lines.append(
+        f"{report['participants']} participants; answers: {counts}; {report['missing']} trials not answered. Brackets: "
+        f"95 % intervals by bootstrap over participants ({RESAMPLES} resamples, bias-corrected and accelerated, "
+        f"widened for few participants), from {LEAST_PARTICIPANTS} participants on. They hold for these surfaces: "
+        "other surfaces are not part of them. No correction for many comparisons."
+    )
+    return "\n".join(lines)
+
+
+def _table(entries, columns):
+    rows = {label(condition): entries[condition] for condition in _ordered(entries)}
+    return markdown_table(rows, labels=columns, interval=True)
+
+
+def _picture(name):
+    return f"\n\n![{name}]({_FILES[name]})"
+
+
+def _heading(report, text):
+    return f"{text}\nsimulated participants, no human result" if report["simulated"] else text
+
+
+def _plot_conditions(panel, leaves, scores):
+    """A mean with its interval for each condition, and the participants as dots beside it."""
+    names = _ordered(leaves)
+    for place, name in enumerate(names):
+        own = scores[name].dropna().to_numpy()
+        beside = place - 0.15 + 0.1 * np.linspace(-1, 1, len(own)) * (len(own) > 1)
+        panel.plot(beside, own, ".", color="grey", alpha=0.6, markersize=5)
+        leaf = leaves[name]
+        bounds = leaf["interval"] or [leaf["mean"]] * 2
+        reach = np.abs(np.array(bounds) - leaf["mean"])[:, None]
+        panel.errorbar([place + 0.12], [leaf["mean"]], reach, fmt="o", color="C0", capsize=4)
+    panel.set_xticks(range(len(names)), [label(name).replace(" (", "\n(") for name in names], rotation=20, ha="right")
+    panel.grid(alpha=0.3, axis="y")
+
+
+def _plot_abx(report, described, path):
+    leaves = {condition: entry["proportion_correct"] for condition, entry in report["abx"].items()}
+    with figure_panels(path, 1, 1, (1.6 + 1.5 * len(leaves), 4.6)) as panels:
+        panel = panels[0, 0]
+        scores = abx_scores(described)
+        _plot_conditions(panel, leaves, scores)
+        panel.axhline(0.5, color="black", linestyle="--", linewidth=1)
+        panel.set(
+            ylim=(min(0.4, scores.min(axis=None)) - 0.03, 1.03),
+            ylabel="proportion correct",
+            title=_heading(report, "ABX against the reference take"),
+        )
+        right = panel.twinx()
+        ticks = [0, 1, 2, 3, 4]
+        right.set(ylim=panel.get_ylim(), ylabel="d′")
+        right.set_yticks(abx_proportion_correct(ticks), ticks)
+
+
+def _plot_similarity(report, described, path):
+    leaves = {condition: entry["similarity"] for condition, entry in report["similarity"].items()}
+    low, high = SCALES["similarity"]
+    with figure_panels(path, 1, 1, (1.6 + 1.5 * len(leaves), 4.6)) as panels:
+        _plot_conditions(panels[0, 0], leaves, similarity_scores(described))
+        words = _heading(report, "similarity to the reference take")
+        panels[0, 0].set(ylim=(low - 3, high + 3), ylabel="similarity", title=words)
+
+
+def _plot_ratings(report, described, path):
+    """Mean answer of the participants to each texture against what was asked for, and the line through them."""
+    rated = described[described["task"] == RATING]
+    means = rated.groupby(["axis", "condition", "stimulus_a"])[["asked", "value"]].mean()
+    low, high = SCALES[RATING]
+    with figure_panels(path, 1, len(RATING_AXES), (14, 5.2)) as panels:
+        for panel, axis in zip(panels[0], RATING_AXES, strict=True):
+            for name in _ordered(report["ratings"]):
+                if axis not in report["ratings"][name]:
+                    continue
+                asked, felt = means.loc[(axis, name)].to_numpy().T
+                [dots] = panel.plot(asked, felt, "o", markersize=4, label=label(name))
+                if np.ptp(asked) > 0:
+                    ends = np.array([asked.min(), asked.max()])
+                    panel.plot(ends, np.polyval(np.polyfit(asked, felt, 1), ends), color=dots.get_color(), linewidth=1)
+            zero, full = ENDS[axis]
+            panel.set(
+                ylim=(low - 0.2, high + 0.2),
+                xlabel=f"{axis} asked for, z",
+                ylabel=f"felt: {low:g} {zero}, {high:g} {full}",
+            )
+            panel.grid(alpha=0.3)
+        panels[0, 0].figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
+        panels[0, 1].set_title(_heading(report, "ratings: mean over participants"))
+
+
+_POWER_NOTE = (
+    "Share of simulated studies in which the 95 % interval over participants leaves out what there would be if there "
+    "were nothing to find: guessing, no difference from another take, no slope. For a condition that is assumed to "
+    "equal another take it is the rate of false alarms, about 0.05 from eight participants on. The assumptions are "
+    "below; yours go in by `--dprime` and `--obedience`."
+)
+_POWER_COLUMNS = {
+    "abx_above_chance": "ABX above guessing",
+    "abx_unlike_other_take": "ABX unlike another take",
+    "similarity_unlike_other_take": "similarity unlike another take",
+}
+
+
+def power_markdown(facts, population, conditions):
+    """Power of a design as Markdown.
+
+    Args:
+        facts (`dict`): "participants", "repeats" and "power" (of `simulated.power`).
+        population (`Population`): what was assumed.
+        conditions (`Sequence[str]`): of the study.
+
+    Returns:
+        `str`
+    """
+    shares = facts["power"]
+    counts = f"{facts['participants']} participants, {facts['repeats']} simulated studies."
+    parts = [f"{title('Power of the design', 1)}**{SIMULATED_WORDS}**\n\n{counts} {_POWER_NOTE}"]
+    rows = {}
+    compared = {condition for measure in _POWER_COLUMNS for condition in shares.get(measure, {})}
+    for name in _ordered(compared):
+        rows[label(name)] = {measure: shares.get(measure, {}).get(name) for measure in _POWER_COLUMNS}
+    if rows:
+        parts.append(markdown_table(rows, labels=_POWER_COLUMNS))
+    slopes = {}
+    found = {tuple(place.split(": ")): share for place, share in shares.get("slope_unlike_zero", {}).items()}
+    for name in _ordered({condition for condition, _ in found}):
+        slopes[label(name)] = {axis: found[name, axis] for axis in RATING_AXES}
+    if slopes:
+        labels = {axis: f"slope of {axis} unlike 0" for axis in RATING_AXES}
+        parts.append(markdown_table(slopes, labels=labels))
+    assumed = {
+        label(condition): {"dprime": population.dprime_of(condition), "obedience": population.obedience_of(condition)}
+        for condition in _ordered({*conditions, OTHER_SURFACE} - {REFERENCE})
+    }
+    assumed[label(REFERENCE)] = {"obedience": population.obedience_of(REFERENCE)}
+    assumed[label(OTHER_SURFACE)].pop("obedience")
+    labels = {"dprime": "d′ from the reference", "obedience": "share of the rating that is felt"}
+    parts.append(title("Assumptions", 2) + markdown_table(assumed, labels=labels))
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,110 @@
+"""Answers that cannot be right are refused by file, participant and trial."""
+
+import pytest
+
+from tactile_diffusers.study import Population, check_responses, participant_trials, read_tables, simulate_participants
+from tactile_diffusers.study.folder import write_csv
+
+
+@pytest.fixture
+def trials(make_key):
+    return participant_trials(make_key(surfaces=3), 1, seed=0)
+
+
+@pytest.fixture
+def filled(trials):
+    """The list with an answer that fits each task."""
+    fitting = {"abx": "A", "similarity": "70", "rating": "3"}
+    return trials.assign(response=trials["task"].map(fitting), trial=trials["trial"].astype(str))
+
+
+def _first(filled, task):
+    return filled.index[filled["task"] == task][0]
+
+
+def test_complete_answers_are_taken(trials, filled):
+    filled.loc[_first(filled, "abx"), "response"] = "b"  # small letters are fine
+    answers, missing = check_responses(trials, filled)
+    assert missing == 0 and len(answers) == len(trials)
+    assert set(answers.loc[answers["task"] == "abx", "response"]) == {"A", "B"}
+    assert answers.loc[answers["task"] == "abx", "value"].isna().all()
+    assert set(answers["value"].dropna()) == {70.0, 3.0}
+
+
+def test_the_order_of_rows_and_missing_columns_do_not_matter(trials, filled):
+    few = filled[["participant", "trial", "response"]].sample(frac=1, random_state=0)
+    answers, _ = check_responses(trials, few)
+    assert answers.sort_values("trial")["stimulus_a"].tolist() == trials["stimulus_a"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("task", "response", "message"),
+    [
+        ("abx", "X", "ABX that is not A or B"),
+        ("similarity", "101", "similarity that is no number from 0 to 100"),
+        ("similarity", "alike", "similarity that is no number"),
+        ("rating", "-1", "rating that is no number from 0 to 8"),
+        ("rating", "8.5", "rating that is no number from 0 to 8"),
+        ("rating", "nan", "rating that is no number"),
+        ("rating", "", "1 trials are not answered, first p001"),
+    ],
+)
+def test_answers_off_the_scale_are_refused(trials, filled, task, response, message):
+    filled.loc[_first(filled, task), "response"] = response
+    with pytest.raises(ValueError, match=message):
+        check_responses(trials, filled)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("participant", "p999", "participants without a trial list: table, participant p999"),
+        ("trial", "100000", "trials that are not in the participant's list"),
+        ("trial", "one", "trials that are not in the participant's list"),
+        ("trial", "2", "trials that are answered twice"),
+        ("stimulus_a", "unknwn", "another `stimulus_a` than in the trial list"),
+        ("task", "taste", "another `task`"),
+        ("participant", "simulated001", "are simulated, others are not"),
+    ],
+)
+def test_rows_that_belong_nowhere_are_refused(trials, filled, column, value, message):
+    filled.loc[0, column] = value
+    with pytest.raises(ValueError, match=message):
+        check_responses(trials, filled)
+
+
+def test_missing_answers_may_be_left_out(trials, filled):
+    filled.loc[3, "response"] = ""
+    answers, missing = check_responses(trials, filled.drop(index=5), allow_missing=True)
+    assert missing == 2 and len(answers) == len(trials) - 2
+
+
+def test_participants_still_to_come_are_not_missing(make_key):
+    key = make_key(surfaces=2)
+    both = simulate_participants(key, 2, 0, Population())
+    answers, missing = check_responses(both, both[both["participant"] == "simulated001"])
+    assert missing == 0 and answers["participant"].unique().tolist() == ["simulated001"]
+
+
+def test_tables_of_spreadsheets_are_read(filled, tmp_path):
+    (tmp_path / "one.csv").write_text("\ufeff" + filled.to_csv(index=False), encoding="utf-8")
+    read = read_tables(tmp_path)
+    assert read["participant"].unique().tolist() == ["p001"] and set(read["file"]) == {"one.csv"}
+    assert (read["axis"] == filled["axis"]).all()
+
+
+def test_bad_tables_are_named(filled, tmp_path):
+    with pytest.raises(FileNotFoundError, match="no .csv file"):
+        read_tables(tmp_path)
+    filled.to_csv(tmp_path / "semicolons.csv", index=False, sep=";")
+    with pytest.raises(ValueError, match=r"semicolons.csv lacks the columns .*export it with commas"):
+        read_tables(tmp_path)
+    (tmp_path / "semicolons.csv").write_bytes(b"")
+    with pytest.raises(ValueError, match="semicolons.csv is no table"):
+        read_tables(tmp_path)
+
+
+def test_nothing_is_left_behind_by_a_failed_write(tmp_path, filled):
+    with pytest.raises(OSError):
+        write_csv(tmp_path / "absent" / "x.csv", filled)
+    assert not list(tmp_path.iterdir())
