@@ -1,0 +1,184 @@
+"""`python examples/make_study.py`: stimuli and trial lists for a study with people, and the analysis of its answers."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+DESCRIPTION = """\
+Prepares a study in which people feel real, generated and baseline textures, and analyses what they answered.
+
+  make      stimuli under blind ids, trial lists, key and protocol.md from a checkpoint and a prepared data set
+  rehearse  answers of simulated participants: tries the analysis and shows the power of the design
+  analyse   report.json, report.md and pictures from filled-in trial lists
+
+No human result comes with this package.
+"""
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command.
+
+    Raises:
+        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+    """
+    parser = argparse.ArgumentParser(
+        prog="make_study.py", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    _add_make(commands.add_parser("make", help="stimuli, trial lists, key and protocol"))
+    _add_rehearse(commands.add_parser("rehearse", help="simulated participants"))
+    _add_analyse(commands.add_parser("analyse", help="the report of filled-in trial lists"))
+    for command in commands.choices.values():
+        command.add_argument("--quiet", action="store_true", help="print nothing but errors, no progress bars")
+    arguments = parser.parse_args(argv)
+    if arguments.command == "make":
+        if not arguments.data.is_file():
+            parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
+        if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
+            parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder; give a local checkpoint")
+    if getattr(arguments, "participants", None) is not None and arguments.participants < 1:
+        parser.error(f"argument --participants: must be at least 1, got {arguments.participants}")
+    return arguments
+
+
+def _add_make(parser):
+    from ..study.stimuli import BASELINES, LEVELS, StimulusSettings
+    from ..study.trials import TASKS
+
+    parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="its test surfaces are used")
+    parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="new or empty")
+    parser.add_argument("--surfaces", type=int, default=StimulusSettings.surfaces, metavar="N", help="default: 6")
+    parser.add_argument("--participants", type=int, default=12, metavar="N", help="trial lists; default: 12")
+    parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS), help="default: all")
+    parser.add_argument("--baselines", nargs="*", choices=BASELINES, default=list(StimulusSettings.baselines))
+    parser.add_argument(
+        "--level",
+        choices=LEVELS,
+        default=StimulusSettings.level,
+        help="matched (default): all textures of a surface have the RMS of its reference take; natural: as they are",
+    )
+    parser.add_argument(
+        "--full-scale", type=float, metavar="N", help="largest force of the device; all are attenuated alike to fit"
+    )
+    parser.add_argument("--seed", type=int, default=StimulusSettings.seed, help="of all choices; default: 0")
+
+
+def _add_rehearse(parser):
+    parser.add_argument("--study", type=Path, required=True, metavar="FOLDER", help="of `make`")
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: rehearsal/ in the study")
+    parser.add_argument("--participants", type=int, metavar="N", help="default: as many as there are trial lists")
+    parser.add_argument("--repeats", type=int, default=100, metavar="N", help="simulated studies; default: 100")
+    for name, what in (("dprime", "sensitivity to a condition"), ("obedience", "share of the rating that is felt")):
+        parser.add_argument(
+            f"--{name}", nargs="+", type=_condition, default=[], metavar="CONDITION=VALUE", help=f"assumed {what}"
+        )
+
+
+def _condition(item):
+    condition, _, value = item.partition("=")
+    return condition, float(value)  # argparse turns a ValueError into its message
+
+
+def _add_analyse(parser):
+    parser.add_argument("--study", type=Path, required=True, metavar="FOLDER", help="of `make`")
+    parser.add_argument("--responses", type=Path, required=True, metavar="FOLDER", help="trial lists, filled in")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="report.json, report.md, pictures")
+    parser.add_argument("--allow-missing", action="store_true", help="leave unanswered trials out, and count them")
+    parser.add_argument("--seed", type=int, default=0, help="of the bootstrap; default: 0")
+
+
+def main(argv=None):
+    """Runs the command.
+
+    Args:
+        argv (`list[str]`, *optional*): defaults to the command line.
+
+    Returns:
+        `int`: 0, or 2 on bad input (one line on stderr).
+    """
+    arguments = parse_arguments(argv)
+    try:
+        {"make": _make, "rehearse": _rehearse, "analyse": _analyse}[arguments.command](arguments)
+    except (ValueError, OSError) as error:
+        print(f"make_study.py: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _make(arguments):
+    from diffusers.utils.logging import disable_progress_bar
+
+    from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+
+    from ..study import StimulusSettings, make_study
+
+    settings = StimulusSettings(
+        surfaces=arguments.surfaces,
+        baselines=tuple(arguments.baselines),
+        level=arguments.level,
+        full_scale=arguments.full_scale,
+        seed=arguments.seed,
+    )
+    checkpoint = Path(arguments.checkpoint or bundled_checkpoint())
+    if arguments.quiet:
+        disable_progress_bar()  # of loading
+    pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
+    pipe.set_progress_bar_config(disable=True)
+    study = make_study(
+        pipe,
+        arguments.data,
+        arguments.output,
+        settings,
+        arguments.participants,
+        arguments.tasks,
+        checkpoint.name,
+        arguments.quiet,
+    )
+    if not arguments.quiet:
+        facts = study.settings
+        print(
+            f"{len(study.key)} files of {len(facts['surfaces'])} surfaces, {facts['participants']} trial lists of "
+            f"{facts['trials']} answers; read {study.folder / 'protocol.md'}, hide {study.folder / 'experimenter'}"
+        )
+
+
+def _rehearse(arguments):
+    from ..data.files import write_text
+    from ..study import Population, analyse, check_responses, power, read_study, simulate_participants, write_report
+    from ..study.folder import write_csv
+    from ..study.telling import power_markdown
+
+    study = read_study(arguments.study)
+    output = arguments.output or study.folder / "rehearsal"
+    count = arguments.participants or study.settings["participants"]
+    seed = study.settings["seed"]
+    population, tasks = Population(dict(arguments.dprime), dict(arguments.obedience)), study.settings["tasks"]
+    shares = power(study.key, count, seed, population, tasks, arguments.repeats, arguments.quiet)
+    done = simulate_participants(study.key, count, seed, population, tasks)
+    answers, missing = check_responses(done.assign(response=""), done)
+    write_report(output, analyse(study.key, answers, missing, seed), study.key, answers)
+    (output / "responses").mkdir(exist_ok=True)
+    for name, rows in done.groupby("participant"):
+        write_csv(output / "responses" / f"{name}.csv", rows)
+    facts = {"simulated": True, "participants": count, "repeats": arguments.repeats, "seed": seed, "power": shares}
+    write_text(output / "power.json", json.dumps(facts, indent=1, allow_nan=False) + "\n")
+    text = power_markdown(facts, population, study.settings["conditions"])
+    write_text(output / "power.md", text)
+    if not arguments.quiet:
+        print(f"{text}\nwrote {output / 'power.md'} and {output / 'report.md'}")
+
+
+def _analyse(arguments):
+    from ..study import analyse, read_answers, report_markdown, write_report
+
+    study, answers, missing = read_answers(arguments.study, arguments.responses, arguments.allow_missing)
+    report = analyse(study.key, answers, missing, arguments.seed)
+    write_report(arguments.output, report, study.key, answers)
+    if not arguments.quiet:
+        print(f"{report_markdown(report)}\nwrote {arguments.output / 'report.md'}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
