@@ -1,7 +1,8 @@
 """What is known of an LCTG's training, from the folders that the training scripts leave behind."""
 
-import json
 from pathlib import Path
+
+from ..training.record import phases, read_losses, read_record
 
 #: A loss has flattened where its mean changes by less than this share from the fourth to the last fifth of a run.
 FLAT = 0.01
@@ -22,9 +23,9 @@ def training_facts(folders):
         of its steps. None is what is not known, sums of which a phase is not known among them.
     """
     folders = [Path(folder) for folder in folders]
-    phases = _phases(folders[0]) if len(folders) == 1 else [(folder, _record(folder)) for folder in folders]
-    known = [(folder, record) for folder, record in phases if not _is_dale(record)]
-    logs = [_losses(folder) for folder, _ in known]
+    of_training = phases(folders[0]) if len(folders) == 1 else [(folder, read_record(folder)) for folder in folders]
+    known = [(folder, record) for folder, record in of_training if not _is_dale(record)]
+    logs = [read_losses(folder) for folder, _ in known]
     steps = [log[-1]["step"] if log else record.get("steps") for log, (_, record) in zip(logs, known, strict=True)]
     seconds = [log[-1].get("seconds") if log else None for log in logs]
     last = logs[-1] if logs else []
@@ -58,49 +59,8 @@ def flattening(log):
     return after / before - 1 if before else None
 
 
-def _phases(folder):
-    """A training and those that it went on from, the first one first: pairs of folder and record.
-
-    The record of a phase that is named but not found is empty.
-    """
-    found, seen = [], set()
-    while folder.resolve() not in seen:
-        seen.add(folder.resolve())
-        record = _record(folder)
-        found.append((folder, record))
-        before = record.get("arguments", {}).get("pretrained_model_name_or_path")
-        if before is None:
-            break
-        # runs are moved together: where it is no more, it may lie beside
-        folder = Path(before) if Path(before).is_dir() else folder.parent / Path(before).name
-    return found[::-1]
-
-
-def _record(folder):
-    """`training.json` of a folder, empty if there is none."""
-    try:
-        return json.loads((folder / "training.json").read_text())
-    except (OSError, json.JSONDecodeError):
-        return {}
-
-
 def _is_dale(record):
     return _DALE_ARGUMENT in record.get("arguments", {})
-
-
-def _losses(folder):
-    """Entries of `log.jsonl` that hold the training loss; a line that a kill cut off is left out."""
-    entries = []
-    try:
-        lines = (folder / "log.jsonl").read_text().splitlines()
-    except OSError:
-        return entries
-    for line in lines:
-        try:
-            entries.append(json.loads(line))
-        except json.JSONDecodeError:
-            continue
-    return [entry for entry in entries if "train/loss" in entry]
 
 
 def _sum(values):

@@ -44,6 +44,24 @@ def add_training_arguments(parser):
     return parser
 
 
+def parse_training_arguments(parser, argv=None):
+    """Parses the command line and refuses impossible values.
+
+    `args.defaults` holds what each argument is if it is not given: `training.json` tells what was changed.
+
+    Args:
+        parser (`argparse.ArgumentParser`): with what `add_training_arguments` adds, and the script's own.
+        argv (`list[str]`, *optional*): defaults to the command line.
+
+    Raises:
+        ValueError: naming the argument, the value and what is allowed.
+    """
+    args = parser.parse_args(argv)
+    check_training_arguments(args)
+    args.defaults = {name: parser.get_default(name) for name in vars(args)}
+    return args
+
+
 def check_training_arguments(args):
     """Refuses impossible values before any work starts.
 

@@ -253,17 +253,19 @@ class Trainer:
 
     def _describe(self):
         """Writes `training.json`: the command, the data, the machine and the versions, for the model card."""
-        script = Path(sys.argv[0])
+        script, defaults = Path(sys.argv[0]), getattr(self.args, "defaults", {})
+        arguments = {k: v for k, v in vars(self.args).items() if v is not None and k != "defaults"}
         record = {
             "script": f"{script.parent.name}/{script.name}",
-            "arguments": {k: v for k, v in vars(self.args).items() if v is not None},
+            "arguments": arguments,
+            "changed": {k: v for k, v in arguments.items() if k not in defaults or v != defaults[k]},
             "segments": len(self.dataset),
             "steps": self.total_steps,
             "processes": self.accelerator.num_processes,  # the global batch is that of each, times these
             "machine": f"{platform.machine()}, {torch.get_num_threads()} thread(s), {self.accelerator.device}",
             "versions": {"torch": torch.__version__, "diffusers": diffusers.__version__},
         }
-        (self.output / "training.json").write_text(json.dumps(record, indent=2) + "\n")
+        write_text(self.output / "training.json", json.dumps(record, indent=2) + "\n")
 
     def _log(self, values):
         self.accelerator.log(values, step=self.step)

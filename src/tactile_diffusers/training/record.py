@@ -1,0 +1,54 @@
+"""What the training scripts leave behind: `training.json` (command, data, machine) and `log.jsonl` (losses)."""
+
+import json
+from pathlib import Path
+
+
+def read_record(folder):
+    """`training.json` of a folder: a dict, empty if there is none."""
+    try:
+        return json.loads((Path(folder) / "training.json").read_text())
+    except (OSError, json.JSONDecodeError):
+        return {}
+
+
+def read_log(folder):
+    """Entries of `log.jsonl`: a list of dicts, empty if there is none; a line that a kill cut off is left out."""
+    entries = []
+    try:
+        lines = (Path(folder) / "log.jsonl").read_text().splitlines()
+    except OSError:
+        return entries
+    for line in lines:
+        try:
+            entries.append(json.loads(line))
+        except json.JSONDecodeError:
+            continue
+    return entries
+
+
+def read_losses(folder):
+    """Entries of `log.jsonl` that hold the training loss."""
+    return [entry for entry in read_log(folder) if "train/loss" in entry]
+
+
+def phases(folder):
+    """A training and those that it went on from, the first one first.
+
+    Args:
+        folder (`str` or `Path`): output folder of the last one.
+
+    Returns:
+        `list[tuple[Path, dict]]`: folder and record; that of a phase that is named but not found is empty.
+    """
+    found, seen, folder = [], set(), Path(folder)
+    while folder.resolve() not in seen:
+        seen.add(folder.resolve())
+        record = read_record(folder)
+        found.append((folder, record))
+        before = record.get("arguments", {}).get("pretrained_model_name_or_path")
+        if before is None:
+            break
+        # runs are moved together: where it is no more, it may lie beside
+        folder = Path(before) if Path(before).is_dir() else folder.parent / Path(before).name
+    return found[::-1]
