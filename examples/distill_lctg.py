@@ -37,9 +37,10 @@ from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import (
     add_training_arguments,
     check_not_negative,
-    check_training_arguments,
+    parse_training_arguments,
 )
 from tactile_diffusers.training.batches import make_collate
+from tactile_diffusers.training.card import write_card
 from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_losses
@@ -60,8 +61,7 @@ def parse_args(argv=None):
     parser.add_argument("--detail_dropout", type=float, default=0.5, help="share of textures without detail layer")
     parser.add_argument("--octave_exponent", type=float, default=1.0, help="weights frequency ** -exponent; 0 = flat")
     parser.add_argument("--spectral_loss_weight", type=float, default=0.0, help="of the spectra of both ends; 0 = off")
-    args = parser.parse_args(argv)
-    check_training_arguments(args)
+    args = parse_training_arguments(parser, argv)
     check_not_negative(args, "octave_exponent", "spectral_loss_weight")
     if not 0 <= args.detail_dropout <= 1:
         raise ValueError(f"--detail_dropout must lie in [0, 1], got {args.detail_dropout}.")
@@ -221,13 +221,14 @@ def main(argv=None):
     )
     model = trainer.run()
     if accelerator.is_main_process:
+        pipe.register_modules(lctg=model)
         if pipe.dale is not None:  # told no details, this decoder has another modulation than its teacher's
-            pipe.register_modules(lctg=model)
             rows = dataset.non_overlapping(1)[:CONTRAST_TEXTURES]
             fit_level_contrast(pipe, pipe.dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
         model.save_pretrained(str(Path(args.output_dir) / DISTILLED))
         pipe.scheduler.save_pretrained(str(Path(args.output_dir) / "scheduler"))
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
+        write_card(args.output_dir, pipe, dataset, [args.output_dir], teacher=args.pretrained_model_name_or_path)
 
 
 if __name__ == "__main__":

@@ -23,15 +23,17 @@ from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.arguments import (
     add_training_arguments,
     check_not_negative,
-    check_training_arguments,
+    parse_training_arguments,
     read_model_config,
 )
+from tactile_diffusers.training.card import write_card
 from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss
 from tactile_diffusers.training.rating_head import fit_rating_estimator
+from tactile_diffusers.training.record import phases
 
 
 def parse_args(argv=None):
@@ -59,8 +61,7 @@ def parse_args(argv=None):
     parser.add_argument(
         "--rating_head_steps", type=int, default=600, help="updates of the rating estimator, saved and auxiliary loss"
     )
-    args = parser.parse_args(argv)
-    check_training_arguments(args)
+    args = parse_training_arguments(parser, argv)
     for name in ("rating_head_steps", "validation_samples", "max_train_surfaces"):
         if getattr(args, name) is not None and getattr(args, name) < 1:
             raise ValueError(f"--{name} must be at least 1, got {getattr(args, name)}.")
@@ -319,6 +320,8 @@ def main(argv=None):
         )
         whole.save_pretrained(str(args.output_dir))
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
+        runs = [folder for folder, record in phases(args.output_dir) if record]
+        write_card(args.output_dir, whole, dataset, runs)
 
 
 if __name__ == "__main__":

@@ -26,14 +26,16 @@ from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import (
     add_training_arguments,
     check_not_negative,
-    check_training_arguments,
+    parse_training_arguments,
     read_model_config,
 )
 from tactile_diffusers.training.batches import make_collate
+from tactile_diffusers.training.card import write_card
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
+from tactile_diffusers.training.record import phases
 
 #: What the bundled checkpoint was trained with (the rows of examples/configs/ablation led to it).
 CONFIG = Path(__file__).parent / "configs" / "lctg.json"
@@ -70,8 +72,7 @@ def parse_args(argv=None):
     )
     parser.add_argument("--detail_dropout", type=float, default=0.5, help="share of textures without detail layer")
     parser.add_argument("--preemphasis_clip_db", type=float, default=30.0, help="largest whitening gain; 0 = none")
-    args = parser.parse_args(argv)
-    check_training_arguments(args)
+    args = parse_training_arguments(parser, argv)
     weights = ("spectral_loss_weight", "preemphasis_clip_db", "octave_exponent", "phi_exponent", "latent_penalty")
     check_not_negative(args, *weights)
     if not 0 <= args.detail_dropout <= 1:
@@ -240,6 +241,8 @@ def main(argv=None):
         pipe = TactileTexturePipeline(lctg=model, scheduler=scheduler, feature_extractor=extractor)
         pipe.save_pretrained(str(args.output_dir))
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
+        runs = [folder for folder, record in phases(args.output_dir) if record]
+        write_card(args.output_dir, pipe, dataset, runs)
 
 
 if __name__ == "__main__":

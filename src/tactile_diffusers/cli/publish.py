@@ -3,67 +3,24 @@
 import argparse
 import json
 import os
+import re
 import shutil
+import sys
 from pathlib import Path
 
-import numpy as np
-
 from ..checkpoints import DISTILLED
+from . import readme
 
-CARD = """---
-library_name: diffusers
-license: apache-2.0
-pipeline_tag: other
-tags: [tactile, haptics, texture, friction, diffusion]
----
-
-# {name}
-
-Force that a finger feels while it slides, from perceptual ratings: LCTG and DALE of tactile_diffusers {version}.
-
-    from tactile_diffusers import TactileTexturePipeline
-    pipe = TactileTexturePipeline.from_pretrained(folder)
-    out = pipe(ratings=[[1.5, 0.0, -1.0]])  # five steps of the second-order sampler
-
-{distilled}It is loaded by this package's class, not by `DiffusionPipeline`. Weights are stored in half precision
-and load as float32.
-
-## What it was trained on
-
-{source}: {surfaces}. Virtual surfaces are simulated: they show what the method
-can do, not how real surfaces feel. Normal force {normal_force}, {speed}; textures are
-band-passed to {low:g}-{high:g} Hz. Prepared by examples/prepare_data.py.
-
-## How it was trained
-
-{runs}
-## Limits
-
-- Ratings beyond the training surfaces' range are extrapolated: {ranges}.
-- A texture is what one finger feels at the reference speed; other speeds are for playback to derive.
-- No person has felt these textures yet: figures judge signals, not perception.
-"""
-
-DISTILLED_CARD = f"""A decoder for two steps, or one, in place of five lies beside it:
-
-    lctg = LCTGModel.from_pretrained(folder, subfolder="{DISTILLED}")
-    pipe = TactileTexturePipeline.from_pretrained(folder, lctg=lctg)
-
-"""
-
-RUN = """### {title}
-
-    accelerate launch {script} {arguments}
-
-{segments} segments, {steps} optimiser steps, {minutes:.0f} minutes on {machine}; torch {torch}, diffusers {diffusers}.
-Last training loss {loss:.4f}; last validation: {validation}.
-
-![{title}]({picture})
-"""
+#: Folder of a checkpoint with the pictures of its report.
+REPORT = "report"
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command."""
+    """Arguments of the command.
+
+    Raises:
+        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+    """
     parser = argparse.ArgumentParser(prog="publish.py", description="Store a trained pipeline small and documented.")
     parser.add_argument("--checkpoint", type=Path, required=True, metavar="FOLDER", help="trained pipeline")
     parser.add_argument(
@@ -79,46 +36,28 @@ def parse_arguments(argv=None):
     parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="what it was trained on")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--note", default="", help="a sentence on how the trainings were run, for the card")
+    parser.add_argument(
+        "--report",
+        type=Path,
+        metavar="FOLDER",
+        help="output folder of evaluate.py: its tables and figures, for the card",
+    )
+    parser.add_argument(
+        "--data_card", type=Path, metavar="FOLDER", help="output folder of inspect_data.py: its warnings, for the card"
+    )
+    parser.add_argument("--licence", help="of the weights, as the Hub names it; default: that of the data")
+    parser.add_argument("--push_to_hub", metavar="USER/NAME", help="send the folder there; log in with `hf auth login`")
     arguments = parser.parse_args(argv)
     for run in [*arguments.runs, *([arguments.distilled] if arguments.distilled else [])]:
         if not (run / "training.json").is_file():
             parser.error(f"argument --runs: {run} has no training.json; it is written by the training scripts")
+    for name, file, command in (("report", "report.json", "evaluate"), ("data_card", "card.json", "inspect_data")):
+        folder = getattr(arguments, name)
+        if folder is not None and not (folder / file).is_file():
+            parser.error(f"argument --{name}: {folder} has no {file}; it is written by examples/{command}.py")
+    if arguments.push_to_hub is not None and not re.fullmatch(r"[\w.-]+/[\w.-]+", arguments.push_to_hub):
+        parser.error(f"argument --push_to_hub: must be USER/NAME, got {arguments.push_to_hub!r}")
     return arguments
-
-
-def _command(record):
-    """The arguments of a run, without those that say nothing about the result."""
-    left_out = {"quiet", "resume_from_checkpoint", "report_to", "logging_dir", "tracker_project_name"}
-    words = []
-    for name, value in record["arguments"].items():
-        if name in left_out or value is False:
-            continue
-        words.append(f"--{name}" if value is True else f"--{name} {Path(value).name if '/' in str(value) else value}")
-    return " ".join(words)
-
-
-def describe_run(run, picture):
-    """One training as Markdown, from `training.json` and `log.jsonl`."""
-    record = json.loads((run / "training.json").read_text())
-    entries = [json.loads(line) for line in (run / "log.jsonl").read_text().splitlines()]
-    last = [entry for entry in entries if "train/loss" in entry][-1]
-    validations = [entry for entry in entries if any(key.startswith("validation/") for key in entry)]
-    found = (
-        {k.split("/")[1]: v for k, v in validations[-1].items() if k.startswith("validation/")} if validations else {}
-    )
-    return RUN.format(
-        title=run.name,
-        script=record["script"],
-        arguments=_command(record),
-        segments=record["segments"],
-        steps=record["steps"],
-        minutes=last["seconds"] / 60,
-        machine=record["machine"],
-        loss=last["train/loss"],
-        validation=", ".join(f"{name} {value:.3f}" for name, value in found.items()) or "none",
-        picture=picture,
-        **record["versions"],
-    )
 
 
 def _replace_lctg(pipe, folder):
@@ -154,63 +93,123 @@ def _add_distilled(pipe, folder, output):
     lctg.save_pretrained(str(output / DISTILLED))
 
 
-def _normal_force(data):
-    """The limits of normal force that the segments were cut within, in words."""
-    if np.isnan(data.friction_coefficients).all():
-        return "not measured"  # limits of a channel that the source lacks are skipped
-    limits = data.attributes["limits"]["normal_force"]
-    return "not limited" if limits is None else f"{limits[0]:g}-{limits[1]:g} N"
+def _warnings(folder, data):
+    """The warnings of a data card as Markdown.
+
+    Raises:
+        ValueError: if the card is of other data.
+    """
+    from ..data.card.markdown import warnings_in_words
+
+    card = json.loads((folder / "card.json").read_text(encoding="utf-8"))
+    described, given = card["recordings"]["attributes"].get("source"), data.source
+    surfaces = (card["recordings"]["surfaces"], len(data.surfaces))
+    if described != given or surfaces[0] != surfaces[1]:
+        raise ValueError(
+            f"--data_card {folder} describes {surfaces[0]} surfaces of {described!r}, --data holds {surfaces[1]} of "
+            f"{given!r}: write the card of these data with examples/inspect_data.py."
+        )
+    return warnings_in_words(card)
 
 
-def main(argv=None):
-    """Runs the command: writes the folder under a temporary name, then renames it."""
-    arguments = parse_arguments(argv)
+def _report(folder, digests, output):
+    """The results of an evaluation as Markdown; its pictures are copied into `output`.
+
+    Args:
+        folder (`Path`): output folder of evaluate.py.
+        digests (`set[str]`): of the checkpoints, either of which may have been evaluated.
+        output (`Path`): the folder of the model card.
+
+    Raises:
+        ValueError: if another checkpoint was evaluated, or a picture is missing.
+    """
+    from ..evaluation.summary import readme_markdown
+
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    if report["checkpoint"]["sha256"] not in digests:
+        raise ValueError(
+            f"--report {folder} is of another checkpoint ({report['checkpoint']['name']}): evaluate this one with "
+            "examples/evaluate.py."
+        )
+    markdown = readme_markdown(report, REPORT)
+    pictures = re.findall(rf"\]\({REPORT}/([^)]+)\)", markdown)
+    missing = [name for name in pictures if not (folder / name).is_file()]
+    if missing:
+        raise ValueError(f"--report {folder} lacks {missing}: run examples/evaluate.py again, it goes on where it was.")
+    readme.copy_results(folder, output / REPORT, pictures)
+    return markdown
+
+
+def _fill(arguments, temporary):
+    """Writes the whole checkpoint into a new folder.
+
+    Raises:
+        ValueError: if what was given does not belong together.
+    """
     import torch
 
-    from tactile_diffusers import TactileTexturePipeline, __version__
+    from tactile_diffusers import TactileTexturePipeline
 
     from ..data import PreparedDataset
+    from ..evaluation.report import folder_digest
+    from ..pipelines.hub import forget_folders
+    from ..training.card import write_card
 
     pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint), dtype=torch.float16)
     if arguments.lctg is not None:
         _replace_lctg(pipe, arguments.lctg)
     data = PreparedDataset(arguments.data, "train")
-    temporary = arguments.output.with_name(f".{arguments.output.name}.unfinished")
-    shutil.rmtree(temporary, ignore_errors=True)
+    warnings = None if arguments.data_card is None else _warnings(arguments.data_card, data)
     pipe.save_pretrained(str(temporary))
+    forget_folders(temporary)
+    digests = {folder_digest(arguments.checkpoint), folder_digest(temporary)}
     if arguments.distilled is not None:
         _add_distilled(pipe, arguments.distilled, temporary)
-    for path in temporary.rglob("*.json"):  # where it was on this machine is nobody's business
-        config = json.loads(path.read_text())
-        if config.pop("_name_or_path", None) is not None:
-            path.write_text(json.dumps(config, indent=2, sort_keys=True) + "\n")
-    runs = []
-    for run in [*arguments.runs, *([arguments.distilled] if arguments.distilled else [])]:
-        picture = f"loss_{run.name}.png"
-        shutil.copyfile(run / "loss.png", temporary / picture)
-        runs.append(describe_run(run, picture))
-    config, extractor = pipe.dale.config, pipe.feature_extractor
-    seconds = data.segment_samples / data.sampling_rate
-    ranges = ", ".join(
-        f"{axis} {low:.1f} to {high:.1f}"
-        for axis, (low, high) in zip(config.rating_axes, config.ratings_range or [], strict=False)
+        forget_folders(temporary)
+        digests.add(folder_digest(temporary))
+    report = None if arguments.report is None else _report(arguments.report, digests, temporary)
+    write_card(
+        temporary,
+        pipe,
+        data,
+        [*arguments.runs, *([arguments.distilled] if arguments.distilled else [])],
+        place=arguments.push_to_hub or arguments.output.resolve().name,
+        licence=arguments.licence,
+        warnings=warnings,
+        report=report,
+        note=arguments.note,
     )
-    card = CARD.format(
-        name=arguments.output.name,
-        distilled="" if arguments.distilled is None else DISTILLED_CARD,
-        version=__version__,
-        source=data.source,
-        surfaces=f"{len(set(data.surface_ids))} training surfaces, {len(data)} segments of {seconds:.2f} s",
-        normal_force=_normal_force(data),
-        speed="speed unknown" if config.reference_speed is None else f"speed about {config.reference_speed:.0f} mm/s",
-        low=extractor.band[0],
-        high=extractor.band[1],
-        runs="\n".join([*runs, f"{arguments.note}\n" if arguments.note else ""]),
-        ranges=ranges or "not recorded",
-    )
-    (temporary / "README.md").write_text(card)
-    shutil.rmtree(arguments.output, ignore_errors=True)
-    os.replace(temporary, arguments.output)
-    size = sum(path.stat().st_size for path in arguments.output.rglob("*") if path.is_file())
-    print(f"{arguments.output}: {size / 1e6:.1f} MB")
+
+
+def main(argv=None):
+    """Runs the command: writes the folder under a temporary name, renames it, and sends it if asked.
+
+    Returns:
+        `int`: the exit code, 1 if the Hub refused.
+
+    Raises:
+        ValueError: if what was given does not belong together.
+    """
+    arguments = parse_arguments(argv)
+    output = arguments.output
+    temporary = output.with_name(f".{output.name}.unfinished")
+    shutil.rmtree(temporary, ignore_errors=True)
+    try:
+        _fill(arguments, temporary)
+        shutil.rmtree(output, ignore_errors=True)
+        os.replace(temporary, output)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    size = sum(path.stat().st_size for path in output.rglob("*") if path.is_file())
+    print(f"{output}: {size / 1e6:.1f} MB")
+    if arguments.push_to_hub is None:
+        return 0
+    from ..pipelines.hub import upload_checkpoint
+
+    try:
+        upload_checkpoint(output, arguments.push_to_hub)
+    except OSError as error:
+        print(f"publish.py: error: {output} is written, but the Hub refused it: {error}", file=sys.stderr)
+        return 1
+    print(f"sent to https://huggingface.co/{arguments.push_to_hub}")
     return 0

@@ -2,7 +2,6 @@
 
 import math
 
-import huggingface_hub
 import torch
 from diffusers import DiffusionPipeline
 from diffusers.utils import replace_example_docstring
@@ -12,6 +11,7 @@ from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
 from ..schedulers import VDDIMScheduler
 from .guidance import Guidance
+from .hub import HubMixin
 from .inputs import (
     check_callback_inputs,
     check_components,
@@ -42,7 +42,7 @@ EXAMPLE_DOC_STRING = """
 """
 
 
-class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
+class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline):
     r"""
     Textures from perceptual ratings: DALE makes latents, level and friction coefficient; LCTG decodes them to force.
 
@@ -92,26 +92,10 @@ class TactileTexturePipeline(RecordedTexturesMixin, DiffusionPipeline):
         """Loads a checkpoint, see [`DiffusionPipeline.from_pretrained`].
 
         Raises:
-            OSError: if a local folder lacks a component, naming it.
+            OSError: if a local folder lacks a component, naming it, or the Hub has no such repository or revision.
         """
         check_folder(pretrained_model_name_or_path, kwargs)
         return super().from_pretrained(pretrained_model_name_or_path, **kwargs)
-
-    @classmethod
-    def download(cls, pretrained_model_name, **kwargs):
-        """Fetches a checkpoint from the Hub and returns its local folder; `from_pretrained` calls it.
-
-        diffusers' own version refuses components from outside diffusers (it looks for their source in the
-        repository). Only configs and safetensors are fetched, never code or pickles.
-        """
-        variant = kwargs.get("variant")
-        weights = f"*.{variant}*.safetensors" if variant else "*.safetensors"
-        passed = ("revision", "token", "cache_dir", "local_files_only", "force_download")
-        return huggingface_hub.snapshot_download(
-            pretrained_model_name,
-            allow_patterns=["*.json", weights],
-            **{name: kwargs[name] for name in passed if kwargs.get(name) is not None},
-        )
 
     @property
     def _execution_device(self):

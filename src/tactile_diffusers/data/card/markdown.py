@@ -23,7 +23,7 @@ def _cell(value):
 
 def summary(card):
     """The head of a card: what the data are, and the warnings."""
-    return f"{_source(card)}\n\nWarnings:\n\n{_warnings(card)}"
+    return f"{_source(card)}\n\nWarnings:\n\n{warnings_in_words(card)}"
 
 
 def markdown(card, pictures):
@@ -37,7 +37,7 @@ def markdown(card, pictures):
         `str`
     """
     sections = {
-        "Warnings": _warnings(card),
+        "Warnings": warnings_in_words(card),
         "What was kept": _kept(card),
         "Segments": _segments(card),
         "Level, spectrum and friction": _surfaces(card),
@@ -86,7 +86,7 @@ def _source(card):
         "unit of force": "N" if source["unit"] == "N" else "1: uncalibrated, so levels are relative to one count",
         "ground truth": "stored in the file, for evaluation only" if source["truth"] else "",
         "segments": f"{segments}, from {_percent(card['kept']['kept_share'])} of the time",
-        "limits": _limits_in_words(preparation["limits"]),
+        "limits": limits_in_words(preparation["limits"]),
         "band-pass": f"{band}, order {preparation['filter_order']}, passes {preparation['filter_passes']}",
         "prepared by": preparation["made_by"],
     }
@@ -101,7 +101,8 @@ def _percent(share):
     return "–" if share is None else f"{100 * share:.1f} %"
 
 
-def _limits_in_words(limits):
+def limits_in_words(limits):
+    """Limits of segments, the dict in the attributes of a prepared file, in words."""
     words = []
     for name, bounds, unit in (
         ("normal force", limits["normal_force"], "N"),
@@ -112,7 +113,8 @@ def _limits_in_words(limits):
     return ", ".join([*words, f"{100 * limits['overlap']:.0f} % overlap"])
 
 
-def _warnings(card):
+def warnings_in_words(card):
+    """The warnings of a card as a Markdown list."""
     return "\n".join(f"- **{warning['name']}**: {warning['text']}" for warning in card["warnings"]) or "None."
 
 

@@ -1,0 +1,178 @@
+"""Checkpoints on the Hub: fetched without code, sent with their own card."""
+
+import json
+import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import huggingface_hub
+from diffusers.utils import logging
+from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundError, RevisionNotFoundError
+
+from ..checkpoints import DISTILLED
+
+logger = logging.get_logger(__name__)
+
+#: The model card of a checkpoint.
+CARD_FILE = "README.md"
+#: What belongs to a checkpoint beside its components: the card, its pictures, the distilled decoder.
+BESIDE = (CARD_FILE, "*.png", "report/*.png", f"{DISTILLED}/*")
+# what is sent: a training's folder holds its optimiser and logs too, and training.json names folders of this machine
+_SENT = [CARD_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
+_NOT_SENT = ["checkpoint-*", "unfinished-checkpoint-*"]
+
+
+def forget_folders(folder):
+    """Removes from all configs of a checkpoint where it was loaded from: that is nobody's business elsewhere."""
+    for path in [*Path(folder).glob("*.json"), *Path(folder).glob("*/*.json")]:
+        config = json.loads(path.read_text())
+        if isinstance(config, dict) and config.pop("_name_or_path", None) is not None:
+            path.write_text(json.dumps(config, indent=2, sort_keys=True) + "\n")
+
+
+def upload_checkpoint(
+    folder, repo_id, token=None, private=None, commit_message=None, create_pr=False, path_in_repo=None
+):
+    """Sends a checkpoint's folder to the Hub: configs, safetensors, the card and its pictures, and nothing else.
+
+    Args:
+        folder (`str` or `Path`): of the checkpoint.
+        repo_id (`str`): "user/name"; the repository is created if need be.
+        token (`str`, *optional*): defaults to that of `hf auth login`.
+        private (`bool`, *optional*): of a new repository.
+        commit_message (`str`, *optional*)
+        create_pr (`bool`): a pull request in place of a commit.
+        path_in_repo (`str`, *optional*): a folder of the repository; defaults to its root.
+
+    Returns:
+        `huggingface_hub.CommitInfo`
+
+    Raises:
+        huggingface_hub.errors.HfHubHTTPError: if the Hub refuses.
+    """
+    if not (Path(folder) / CARD_FILE).is_file():
+        logger.warning(
+            f"{folder} has no {CARD_FILE}: {repo_id} gets no model card. The training scripts and examples/publish.py "
+            "write one."
+        )
+    repo_id = huggingface_hub.create_repo(repo_id, private=private, token=token, exist_ok=True).repo_id
+    return huggingface_hub.upload_folder(
+        repo_id=repo_id,
+        folder_path=str(folder),
+        path_in_repo=path_in_repo,
+        commit_message=commit_message or "Upload TactileTexturePipeline",
+        token=token,
+        create_pr=create_pr,
+        allow_patterns=_SENT,
+        ignore_patterns=_NOT_SENT,
+    )
+
+
+class HubMixin:
+    """The part of `TactileTexturePipeline` that exchanges checkpoints with the Hub.
+
+    diffusers' own refuses to load components from outside diffusers, and replaces the card by one that says nothing.
+    """
+
+    @classmethod
+    def download(cls, pretrained_model_name, **kwargs):
+        """Fetches a checkpoint from the Hub and returns its local folder; `from_pretrained` calls it.
+
+        diffusers' own version refuses components from outside diffusers (it looks for their source in the
+        repository). Only configs and safetensors are fetched, never code or pickles.
+
+        Raises:
+            OSError: if there is no such repository or revision, or the Hub is out of reach.
+        """
+        variant, revision = kwargs.get("variant"), kwargs.get("revision")
+        weights = f"*.{variant}*.safetensors" if variant else "*.safetensors"
+        passed = ("revision", "token", "cache_dir", "local_files_only", "force_download")
+        try:
+            return huggingface_hub.snapshot_download(
+                pretrained_model_name,
+                allow_patterns=["*.json", weights],
+                **{name: kwargs[name] for name in passed if kwargs.get(name) is not None},
+            )
+        except RepositoryNotFoundError as error:
+            raise OSError(
+                f"{pretrained_model_name!r} is neither a folder here nor a repository on the Hub that you may read. "
+                "Check the spelling; a private or gated one needs `token=...`, or `hf auth login`."
+            ) from error
+        except RevisionNotFoundError as error:
+            raise OSError(f"{pretrained_model_name!r} has no revision {revision!r} on the Hub.") from error
+        except LocalEntryNotFoundError as error:
+            raise OSError(
+                f"{pretrained_model_name!r} is neither a folder here nor whole in the Hub's cache, and the Hub is out "
+                "of reach (no connection, `HF_HUB_OFFLINE=1` or `local_files_only=True`). Check the spelling, or "
+                "fetch it once while online."
+            ) from error
+
+    def save_pretrained(
+        self,
+        save_directory,
+        safe_serialization=True,
+        variant=None,
+        max_shard_size=None,
+        push_to_hub=False,
+        repo_id=None,
+        **kwargs,
+    ):
+        """Saves all components, see [`DiffusionPipeline.save_pretrained`]; a card in the folder stays as it is.
+
+        Args:
+            save_directory (`str` or `Path`): the checkpoint's folder.
+            safe_serialization, variant, max_shard_size: as in diffusers.
+            push_to_hub (`bool`): send the folder to the Hub, too.
+            repo_id (`str`, *optional*): "user/name" there; defaults to the name of the folder, in your namespace.
+            kwargs: `token`, `private`, `commit_message`, `create_pr` of `upload_checkpoint`.
+
+        Raises:
+            ValueError: for pickled weights that should go to the Hub: none are fetched from there.
+        """
+        hub = ("token", "private", "commit_message", "create_pr") if push_to_hub else ()
+        sending = {name: kwargs.pop(name) for name in hub if name in kwargs}
+        if push_to_hub:
+            _check_safe(safe_serialization)
+        super().save_pretrained(save_directory, safe_serialization, variant, max_shard_size, **kwargs)
+        if push_to_hub:
+            forget_folders(save_directory)
+            upload_checkpoint(save_directory, repo_id or Path(save_directory).resolve().name, **sending)
+
+    def push_to_hub(
+        self,
+        repo_id,
+        commit_message=None,
+        private=None,
+        token=None,
+        create_pr=False,
+        safe_serialization=True,
+        variant=None,
+        subfolder=None,
+    ):
+        """Sends this pipeline to the Hub, see [`PushToHubMixin.push_to_hub`].
+
+        The card of the folder that it was loaded from goes along, with its pictures and a distilled decoder beside
+        it. Was this pipeline changed since? Then save it, write another card, and send that folder.
+
+        Returns:
+            `huggingface_hub.CommitInfo`
+
+        Raises:
+            ValueError: for pickled weights: none are fetched from the Hub.
+        """
+        _check_safe(safe_serialization)
+        source = Path(self.name_or_path or "")
+        with TemporaryDirectory() as folder:
+            for pattern in BESIDE if self.name_or_path and source.is_dir() else ():
+                for path in source.glob(pattern):
+                    target = Path(folder) / path.relative_to(source)
+                    target.parent.mkdir(exist_ok=True)
+                    shutil.copyfile(path, target)
+            self.save_pretrained(folder, safe_serialization, variant)
+            forget_folders(folder)
+            return upload_checkpoint(folder, repo_id, token, private, commit_message, create_pr, subfolder)
+
+
+def _check_safe(safe_serialization):
+    if not safe_serialization:
+        raise ValueError("`safe_serialization` must be True for the Hub: only safetensors are fetched from there.")
