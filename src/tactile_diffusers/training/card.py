@@ -15,6 +15,7 @@ from huggingface_hub import ModelCardData
 from ..checkpoints import DISTILLED
 from ..data.card.markdown import limits_in_words, table
 from ..data.files import write_text
+from ..data.splits import SPLITS
 from ..data.virtual.generate import SOURCE as VIRTUAL
 from ..pipelines.hub import CARD_FILE
 from ..version import __version__
@@ -40,8 +41,8 @@ CARD = """---
 {usage}
 ```
 
-Write the folder's path in place of `{place}` if you run this elsewhere, or its name on the Hub. Load it by this
-package's class, not by `DiffusionPipeline`, as the Hub proposes.{precision}
+{where} Load it by this package's class, not by
+`DiffusionPipeline`, as the Hub proposes.{precision}
 
 {distilled}## Training data
 
@@ -64,8 +65,11 @@ package's class, not by `DiffusionPipeline`, as the Hub proposes.{precision}
 {limits}
 """
 
+LOCAL = "Run this in the folder around the checkpoint's; elsewhere write its path in place of `{place}`."
+ON_THE_HUB = "`{place}` is its name on the Hub; the path of a copy will do as well."
+
 GENERATES = "Force that a finger feels while it slides, from perceptual ratings: LCTG and DALE"
-RECONSTRUCTS = "Force that a finger feels while it slides, encoded and decoded again: LCTG, which DALE is trained on,"
+RECONSTRUCTS = "Force that a finger feels while it slides, encoded to latents and decoded again: LCTG"
 DECODES = "A decoder for few steps, distilled from that of `{teacher}`: LCTG"
 
 GENERATING = """out = pipe(ratings={ratings})  # {axes}, in z-scores
@@ -133,6 +137,7 @@ def write_card(
         version=__version__,
         place=place,
         usage=usage(pipe, dataset, place, teacher),
+        where=(ON_THE_HUB if "/" in place else LOCAL).format(place=place),
         precision=" Weights are stored in half precision\nand load as float32." if pipe.dtype == torch.float16 else "",
         distilled=WITH_DISTILLED.format(usage=usage_of_distilled(pipe, dataset, place)) if beside else "",
         data=_data(dataset, warnings),
@@ -208,7 +213,7 @@ def _program(pipe, dataset, names, lines):
         return "\n".join([imports, "", *lines, use])
     rate, extractor = pipe.feature_extractor.delivery_rate, pipe.feature_extractor
     samples = round(pipe.lctg.config.segment_samples * rate / extractor.sampling_rate)
-    return "\n".join(["import numpy as np", imports, "", *lines, RECONSTRUCTING.format(samples=samples, rate=rate)])
+    return "\n".join(["import numpy as np", "", imports, "", *lines, RECONSTRUCTING.format(samples=samples, rate=rate)])
 
 
 # --- training data and configuration
@@ -217,13 +222,13 @@ def _program(pipe, dataset, names, lines):
 def _data(dataset, warnings):
     attributes, name = dataset.attributes, Path(dataset.path).name
     seconds = dataset.segment_samples / dataset.sampling_rate
-    splits = {split: dataset.splits.count(split) for split in dict.fromkeys(dataset.splits)}
+    splits = {split: dataset.splits.count(split) for split in SPLITS if split in dataset.splits}
     conditions = limits_in_words(attributes["limits"]) if dataset.subset == "filtered" else "none of force and speed"
     rows = {
         "source": dataset.source,
         "licence": attributes.get("licence", "none stated"),
         "also noted": ", ".join(_noted(attributes)),
-        "surfaces": ", ".join(f"{count} for {split}" for split, count in splits.items()),
+        "surfaces": ", ".join(f"{split} {count}" for split, count in splits.items()),
         "trained on": f"{len(dataset)} segments of {seconds:.4g} s, of {len(set(dataset.surface_ids))} surfaces",
         "explorers": dataset.explorers,
         "ratings": _ratings(dataset),
@@ -274,11 +279,12 @@ def _configuration(pipe):
     networks = {"LCTG": lctg, "DALE": dale, "rating estimator": pipe.rating_estimator}
     sizes = [f"{name} {part.num_parameters() / 1e6:.3g} million" for name, part in networks.items() if part is not None]
     samplers = {"LCTG": pipe.scheduler} | ({} if dale is None else {"DALE": pipe.dale_scheduler})
+    frames, hop = lctg.config.segment_samples // lctg.config.latent_hop, lctg.config.latent_hop
     steps = dict(zip(samplers, pipe.resolve_steps(), strict=False))
     rows = {
         "parameters": ", ".join(sizes),
-        "latents": f"{lctg.config.latent_channels} channels, {lctg.base_channels} of them generated",
-        "frames": f"{lctg.config.segment_samples // lctg.config.latent_hop} of {lctg.config.latent_hop} samples",
+        "latents": f"{lctg.config.latent_channels} channels, of which DALE makes {lctg.base_channels}",
+        "frames": f"{frames} a segment, of {hop} samples each",
         "steps by default": ", ".join(f"{name} {count}" for name, count in steps.items()),
         "samplers": ", ".join(f"{name} {_sampler(scheduler)}" for name, scheduler in samplers.items()),
         "sampling rates": f"{extractor.sampling_rate} Hz inside, {extractor.delivery_rate} Hz delivered",

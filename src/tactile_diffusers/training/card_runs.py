@@ -19,7 +19,7 @@ RUN = """### {title}
 accelerate launch {script}{arguments}
 ```
 {defaults}
-{segments} segments, {steps} optimiser steps, {minutes} on {machine}{processes}; {versions}.
+{segments} segments, {steps} optimiser steps, {time} on {machine}{processes}; {versions}.
 {losses}"""
 
 
@@ -48,13 +48,17 @@ def describe_run(run, folder, number):
         defaults="\nWhat is not named has its default.\n" if "changed" in record else "",
         segments=record["segments"],
         steps=record["steps"],
-        minutes=f"{losses[-1]['seconds'] / 60:.0f} minutes" if losses else "an unknown time",
+        time=_time(losses[-1]["seconds"]) if losses else "an unknown time",
         machine=record["machine"],
         processes=f", {processes} processes" if processes > 1 else "",
         versions=", ".join(f"{name} {version}" for name, version in record["versions"].items()),
         losses="; ".join(told) + "." if told else "",
     ).strip()
     return "\n\n".join(filter(None, [text, _picture(run, folder, number)]))
+
+
+def _time(seconds):
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} minutes"
 
 
 def _told(record):

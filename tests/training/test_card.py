@@ -1,0 +1,205 @@
+"""The model card: its code runs as printed, its commands make the same training, it names nothing of this machine."""
+
+import json
+import re
+import shlex
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from huggingface_hub import ModelCard
+
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.training.card import write_card
+
+#: Options of tiny trainings; one of each script.
+TINY = {"max_train_steps": 2, "validation_steps": 2, "no-use_ema": True}
+
+
+@pytest.fixture(scope="module")
+def runs(script, run_script, tmp_path_factory):
+    """A folder with the output folders `lctg`, `dale` and `distilled` of the three scripts."""
+    folder = tmp_path_factory.mktemp("runs")
+    run_script(script("train_lctg"), "lctg", folder / "lctg", **TINY)
+    dale = script("train_dale")
+    dale.plot_axis_sweep = lambda *_, **__: None  # is tested with the figures
+    options = TINY | {"pretrained_model_name_or_path": folder / "lctg", "rating_head_steps": 2}
+    run_script(dale, "dale", folder / "dale", conditioning_weight=0, **options)
+    options = TINY | {"pretrained_model_name_or_path": folder / "dale", "model_config_name_or_path": None}
+    run_script(script("distill_lctg"), "lctg", folder / "distilled", teacher_steps=4, **options)
+    return folder
+
+
+@pytest.fixture
+def dataset(prepared):
+    return PreparedDataset(prepared, "train")
+
+
+def card_of(folder):
+    return (folder / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(card, language):
+    return re.findall(rf"```{language}\n(.*?)```", card, re.S)
+
+
+def words_of(command):
+    return shlex.split(command.replace("\\\n", ""))  # as a shell continues lines
+
+
+def run(code):
+    made = {}
+    exec(compile(code, "card", "exec"), made)
+    return made["out"]
+
+
+class TestAfterTraining:
+    @pytest.mark.parametrize("name", ["lctg", "dale", "distilled"])
+    def test_usage_runs_as_printed(self, runs, name, monkeypatch, capsys):
+        monkeypatch.chdir(runs)
+        codes = blocks(card_of(runs / name), "python")
+        assert len(codes) == 1
+        out = run(codes[0])
+        assert out.textures.shape == (1, 2048) and np.isfinite(out.textures).all()
+        assert capsys.readouterr().out.startswith("(1, 2048) 10000")
+
+    @pytest.mark.parametrize("name", ["lctg", "dale", "distilled"])
+    def test_metadata_is_read_by_the_hubs_package(self, runs, name):
+        card = ModelCard(card_of(runs / name))
+        assert card.data.library_name == "diffusers" and {"tactile", "haptics"} <= set(card.data.tags)
+        assert card.data.license == "cc0-1.0"  # that of virtual surfaces
+        assert card.text.strip().startswith(f"# {name}\n")
+
+    @pytest.mark.parametrize("name", ["lctg", "dale", "distilled"])
+    def test_nothing_of_this_machine_is_named(self, runs, prepared, name):
+        card = card_of(runs / name)
+        assert str(runs) not in card and str(prepared.parent) not in card
+        assert not re.search(r"(?<![\w.)])/(tmp|home|root|work|usr|mnt|var)\b", card)
+        assert "{" not in card and "None" not in card.replace("None yet", "")
+
+    @pytest.mark.parametrize(("name", "shown"), [("lctg", 1), ("dale", 2), ("distilled", 1)])
+    def test_loss_curves_of_all_phases_lie_beside_it(self, runs, name, shown):
+        pictures = re.findall(r"!\[.*?\]\((.*?)\)", card_of(runs / name))
+        assert len(pictures) == shown
+        for picture in pictures:
+            assert (runs / name / picture).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+    def test_data_configuration_and_limits_are_told(self, runs):
+        card = card_of(runs / "dale")
+        for told in (
+            *("| source | virtual surfaces |", "| licence | CC0-1.0 |", "train 4, validation 1, test 1", "seed 3"),
+            *("normal force 0.4–0.6 N", "20–1000 Hz, order 4", "Cronbach's alpha: roughness", "of 4 surfaces"),
+            *("| parameters | LCTG 0.0195 million, DALE", "LCTG 5, DALE 5", "VDDIMScheduler of order 2"),
+            *("2500 Hz inside, 10000 Hz delivered", "4 channels", "32 a segment", "| reference speed | 8"),
+            *("Virtual surfaces are simulated", "extrapolated: roughness -", "No person has felt"),
+            *("### lctg", "### dale", "last validation: velocity_rated", "examples/evaluate.py --checkpoint dale"),
+        ):
+            assert told in card, told
+        assert "train DALE on it" in card_of(runs / "lctg")
+        assert "distilled from that of `dale`" in card_of(runs / "distilled")
+
+    def test_the_command_names_what_differs_from_the_defaults_and_gives_the_same_training(self, runs, script):
+        launcher, launch, _, *words = words_of(blocks(card_of(runs / "dale"), "bash")[1])
+        assert (launcher, launch) == ("accelerate", "launch")
+        assert "--no-use_ema" in words and "--conditioning_weight" in words
+        assert not {"--seed", "--adam_beta1", "--quiet", "--report_to"} & set(words)
+        again = vars(script("train_dale").parse_args(words))
+        record = json.loads((runs / "dale" / "training.json").read_text())
+        for name, value in record["arguments"].items():
+            if name not in ("quiet", "report_to"):
+                assert str(again[name]) == str(value).rsplit("/", 1)[-1], name
+        assert set(record["changed"]) < set(record["arguments"])
+
+    def test_a_second_phase_tells_of_the_first(self, runs, script, run_script, tmp_path):
+        options = TINY | {"pretrained_model_name_or_path": runs / "lctg", "subset": "full"}
+        output = run_script(script("train_lctg"), "lctg", tmp_path / "second", **options)
+        card = card_of(output)
+        assert card.index("### lctg") < card.index("### second") and "--subset full" in card
+        assert "| limits of segments | none of force and speed |" in card
+
+
+class TestWriting:
+    """`write_card` with what the scripts do not give it."""
+
+    @pytest.fixture
+    def folder(self, runs, tmp_path):
+        return shutil.copytree(runs / "dale", tmp_path / "dale")
+
+    def test_a_note_warnings_a_report_and_a_place_on_the_hub(self, folder, pipe, dataset):
+        report = "### Measured\n\n![control](report/control.png)"
+        given = {"warnings": "- **few_raters**: ask more", "report": report, "note": "Ran at night."}
+        write_card(folder, pipe, dataset, [folder], place="someone/textures", **given)
+        card = card_of(folder)
+        assert ModelCard(card).text.strip().startswith("# someone/textures\n")
+        assert 'from_pretrained("someone/textures")' in card and "is its name on the Hub" in card
+        for told in ("- **few_raters**: ask more", report, "Ran at night."):
+            assert told in card
+        assert "inspect_data.py" not in card and "None yet" not in card
+
+    def test_a_distilled_decoder_beside_the_pipeline_has_code_that_runs(self, folder, runs, pipe, dataset, monkeypatch):
+        shutil.copytree(runs / "distilled" / "lctg_distilled", folder / "lctg_distilled")
+        write_card(folder, pipe, dataset, [])
+        monkeypatch.chdir(folder.parent)
+        codes = blocks(card_of(folder), "python")
+        assert len(codes) == 2
+        for code in codes:
+            assert run(code).textures.shape == (1, 2048)
+
+    def test_surfaces_that_nobody_rated(self, folder, pipe, dataset, monkeypatch):
+        dataset.surface_ratings = np.full_like(dataset.surface_ratings, np.nan)
+        write_card(folder, pipe, dataset, [])
+        monkeypatch.chdir(folder.parent)
+        card = card_of(folder)
+        assert "pipe(ratings=None)" in card and "| ratings | none |" in card
+        assert run(blocks(card, "python")[0]).textures.shape == (1, 2048)
+
+    def test_data_without_newtons_or_normal_force_say_so(self, folder, pipe, dataset):
+        dataset.unit, dataset.source = "1", "a sensor"
+        dataset.friction_coefficients = np.full_like(dataset.friction_coefficients, np.nan)
+        write_card(folder, pipe, dataset, [])
+        card = card_of(folder)
+        assert "uncalibrated" in card and "unknown: no normal force" in card
+        assert "Virtual surfaces are simulated" not in card
+
+    @pytest.mark.parametrize(
+        ("licence", "expected"),
+        [
+            ("CC BY-NC 4.0", {"license": "cc-by-nc-4.0"}),
+            ("Apache-2.0", {"license": "apache-2.0"}),
+            ("ask us: first", {"license": "other", "license_name": "ask us: first"}),
+        ],
+    )
+    def test_licences(self, folder, pipe, dataset, licence, expected):
+        dataset.attributes = dataset.attributes | {"licence": licence}
+        write_card(folder, pipe, dataset, [])
+        data = ModelCard(card_of(folder)).data.to_dict()
+        assert {key: data[key] for key in expected} == expected
+        write_card(folder, pipe, dataset, [], licence="mit")
+        assert ModelCard(card_of(folder)).data.license == "mit"
+
+    def test_a_training_of_an_earlier_version_and_one_that_lost_its_log(self, folder, pipe, dataset):
+        record = json.loads((folder / "training.json").read_text())
+        del record["changed"]
+        (folder / "training.json").write_text(json.dumps(record))
+        write_card(folder, pipe, dataset, [folder])
+        card = card_of(folder)
+        assert "--adam_beta1 0.9" in card and "--scale_lr" not in card and "has its default" not in card
+        (folder / "log.jsonl").unlink()
+        (folder / "loss.png").unlink()
+        write_card(folder, pipe, dataset, [folder])
+        card = card_of(folder)
+        assert "an unknown time" in card and "![loss" not in card and "Last training loss" not in card
+
+    def test_values_of_a_command_are_quoted(self, folder, pipe, dataset):
+        record = json.loads((folder / "training.json").read_text())
+        record["changed"] = {"output_dir": "/home/me/my runs", "student_steps": [1, 2]}
+        (folder / "training.json").write_text(json.dumps(record))
+        write_card(folder, pipe, dataset, [folder])
+        words = words_of(blocks(card_of(folder), "bash")[0])
+        assert words[3:] == ["--output_dir", "my runs", "--student_steps", "1", "2"]
+
+    def test_half_precision_is_told(self, folder, make_pipeline, dataset):
+        half = make_pipeline().to(torch.float16)
+        write_card(folder, half, dataset, [])
+        assert "stored in half precision" in card_of(folder)
