@@ -1,14 +1,11 @@
-"""The commands evaluate, benchmark and publish, on a tiny pipeline."""
+"""The commands evaluate and benchmark, on a tiny pipeline."""
 
-import copy
 import json
 
 import pytest
-import torch
-from safetensors.torch import load_file
 
-from tactile_diffusers import LCTGModel, TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.cli import benchmark, benchmark_speed, evaluate, publish
+from tactile_diffusers import LCTGModel, VDDIMScheduler
+from tactile_diffusers.cli import benchmark, benchmark_speed, evaluate
 from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
 from tactile_diffusers.evaluation import solver_study
@@ -98,73 +95,6 @@ def test_benchmark_compares_solvers(checkpoint, prepared, tmp_path, monkeypatch)
     assert "order 2, both_ends, 10" in readme.read_text()
 
 
-def test_publish_halves_the_weights_and_keeps_the_texture(checkpoint, prepared, tmp_path):
-    run = tmp_path / "run"
-    run.mkdir()
-    record = {
-        "script": "examples/train_dale.py",
-        "arguments": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5", "quiet": True},
-        "segments": 7,
-        "steps": 9,
-        "machine": "a test",
-        "versions": {"torch": "2", "diffusers": "0"},
-    }
-    (run / "training.json").write_text(json.dumps(record))
-    entries = [{"step": 9, "train/loss": 0.5, "seconds": 60.0}, {"step": 9, "validation/velocity": 0.25}]
-    (run / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in entries))
-    (run / "loss.png").write_bytes(b"png")
-    out = tmp_path / "small"
-    out.mkdir()
-    (out / "old").write_text("replaced as a whole")
-    assert publish.main(f"--checkpoint {checkpoint} --runs {run} --data {prepared} --output {out}".split()) == 0
-    card = (out / "README.md").read_text()
-    assert "Normal force 0.4-0.6 N" in card
-    assert "--seed 3 --train_data_dir prepared.h5" in card and "1 minutes" in card and "velocity 0.250" in card
-    assert not (out / "old").exists() and (out / "loss_run.png").exists()
-    full = TactileTexturePipeline.from_pretrained(str(checkpoint))
-    small = TactileTexturePipeline.from_pretrained(str(out))
-    for pipe in (full, small):
-        pipe.set_progress_bar_config(disable=True)
-    assert small.lctg.dtype == small.dale.dtype == torch.float32
-    make = dict(ratings=[[1.0, 0.0, -1.0]], num_inference_steps=2)
-    first, second = (p(generator=torch.Generator().manual_seed(0), **make).textures for p in (full, small))
-    # half precision keeps 11 bits: weights move by 5e-4 at most, textures by a few times that
-    assert abs(first - second).max() < 0.02 * abs(first).max()
-
-
-def test_publish_refuses_another_encoder(checkpoint, make_pipeline, prepared, tmp_path):
-    run = tmp_path / "run"
-    run.mkdir()
-    (run / "training.json").write_text("{}")
-    make_pipeline(seed=5).save_pretrained(str(tmp_path / "other"))
-    arguments = f"--checkpoint {checkpoint} --runs {run} --data {prepared} --output {tmp_path / 'small'}".split()
-    with pytest.raises(ValueError, match="another encoder"):
-        publish.main([*arguments, "--lctg", str(tmp_path / "other")])
-    assert not (tmp_path / "small").exists()
-
-
-def test_publish_refuses_a_decoder_that_does_not_fit(checkpoint, make_lctg, prepared, tmp_path):
-    """The same encoder, but a detail layer that the feature extractor does not make."""
-    run = tmp_path / "run"
-    run.mkdir()
-    (run / "training.json").write_text("{}")
-    arguments = f"--checkpoint {checkpoint} --runs {run} --data {prepared} --output {tmp_path / 'small'}".split()
-    own = LCTGModel.from_pretrained(checkpoint, subfolder="lctg")
-    detailed = make_lctg(**{**own.config, "feature_channels": 26, "latent_channels": 6, "detail_channels": 2})
-    detailed.encoder.load_state_dict(own.encoder.state_dict())
-    detailed.save_pretrained(tmp_path / "detailed" / "lctg")
-    with pytest.raises(ValueError, match="`lctg` hears 26 feature channels, `feature_extractor` makes 24"):
-        publish.main([*arguments, "--lctg", str(tmp_path / "detailed")])
-    assert not (tmp_path / "small").exists()
-    # a decoder of the same latents is taken
-    other = make_lctg(seed=7, **{k: v for k, v in own.config.items() if not k.startswith("_")})
-    other.encoder.load_state_dict(own.encoder.state_dict())
-    other.save_pretrained(tmp_path / "other" / "lctg")
-    pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
-    publish._replace_lctg(pipe, tmp_path / "other")
-    assert torch.equal(pipe.lctg.decoder.conv_in.weight, other.decoder.conv_in.weight)
-
-
 def test_decoder_suite_measures_every_number_of_steps(checkpoint, prepared, tmp_path, capsys):
     own = LCTGModel.from_pretrained(checkpoint, subfolder="lctg")
     own.register_to_config(distilled_steps=2)
@@ -182,24 +112,3 @@ def test_decoder_suite_measures_every_number_of_steps(checkpoint, prepared, tmp_
     with pytest.raises(SystemExit):
         benchmark.main([*words, "--decoders", "two"])
     assert "--decoders: must be NAME=FOLDER" in capsys.readouterr().err
-
-
-def test_publish_takes_a_distilled_decoder_along(checkpoint, make_lctg, prepared, tmp_path):
-    pipe, run, out = TactileTexturePipeline.from_pretrained(checkpoint), tmp_path / "run", tmp_path / "small"
-    run.mkdir()
-    record = {"script": "distill_lctg.py", "arguments": {}, "segments": 3, "steps": 2, "machine": "none"}
-    (run / "training.json").write_text(json.dumps(record | {"versions": {"torch": "2", "diffusers": "0"}}))
-    (run / "log.jsonl").write_text(json.dumps({"step": 2, "train/loss": 1.0, "seconds": 3.0}) + "\n")
-    (run / "loss.png").write_bytes(b"")
-    distilled = copy.deepcopy(pipe.lctg)
-    distilled.register_to_config(distilled_steps=2)
-    distilled.save_pretrained(run / "lctg_distilled")
-    words = f"--checkpoint {checkpoint} --runs {run} --distilled {run} --data {prepared} --output {out}".split()
-    assert publish.main(words) == 0
-    lctg = LCTGModel.from_pretrained(out, subfolder="lctg_distilled")
-    assert TactileTexturePipeline.from_pretrained(out, lctg=lctg).resolve_steps() == (2, 5)
-    assert load_file(out / "lctg_distilled" / "diffusion_pytorch_model.safetensors").popitem()[1].dtype == torch.float16
-    assert 'subfolder="lctg_distilled"' in (out / "README.md").read_text()
-    make_lctg(seed=9).save_pretrained(run / "lctg_distilled")
-    with pytest.raises(ValueError, match="--distilled .* has another encoder"):
-        publish.main(words)

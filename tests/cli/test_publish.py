@@ -1,0 +1,233 @@
+"""`examples/publish.py` on a tiny pipeline: weights, card, report, and sending it to a Hub whose calls are patched."""
+
+import copy
+import json
+import re
+from types import SimpleNamespace
+
+import huggingface_hub
+import pytest
+import torch
+from huggingface_hub import ModelCard
+from safetensors.torch import load_file
+
+from tactile_diffusers import LCTGModel, TactileTexturePipeline
+from tactile_diffusers.cli import evaluate, publish
+from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data.card import write_card
+
+RECORD = {
+    "script": "examples/train_dale.py",
+    "arguments": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5", "quiet": True, "scale_lr": False},
+    "segments": 7,
+    "steps": 9,
+    "machine": "a test",
+    "versions": {"torch": "2", "diffusers": "0"},
+}
+LOG = [{"step": 9, "train/loss": 0.5, "seconds": 180.0}, {"step": 9, "validation/velocity": 0.25}]
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("publish")
+    generate_recordings(folder / "r.h5", surfaces=8, seconds=15, explorers=2, seed=4, quiet=True)
+    limits = SegmentLimits(seconds=2048 / 2500)  # those of `evaluable_pipe`
+    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=3, test=2, quiet=True)
+    return folder / "p.h5"
+
+
+@pytest.fixture
+def checkpoint(evaluable_pipe, tmp_path):
+    evaluable_pipe().save_pretrained(str(tmp_path / "pipeline"))
+    return tmp_path / "pipeline"
+
+
+@pytest.fixture
+def run(tmp_path):
+    """The output folder of a training, as far as a card tells of it."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "training.json").write_text(json.dumps(RECORD))
+    (folder / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in LOG))
+    (folder / "loss.png").write_bytes(b"png")
+    return folder
+
+
+@pytest.fixture
+def words(checkpoint, run, prepared, tmp_path):
+    """The command's words; the output is `tmp_path / "small"`."""
+    return f"--checkpoint {checkpoint} --runs {run} --data {prepared} --output {tmp_path / 'small'}".split()
+
+
+def card_of(folder):
+    return (folder / "README.md").read_text(encoding="utf-8")
+
+
+class TestFolder:
+    def test_weights_are_halved_and_the_texture_is_kept(self, words, checkpoint, tmp_path):
+        out = tmp_path / "small"
+        out.mkdir()
+        (out / "old").write_text("replaced as a whole")
+        assert publish.main(words) == 0
+        assert not (out / "old").exists() and (out / "loss_1.png").read_bytes() == b"png"
+        assert not list(tmp_path.glob(".*"))
+        full, small = (TactileTexturePipeline.from_pretrained(str(folder)) for folder in (checkpoint, out))
+        for pipe in (full, small):
+            pipe.set_progress_bar_config(disable=True)
+        assert small.lctg.dtype == small.dale.dtype == torch.float32
+        make = dict(ratings=[[1.0, 0.0, -1.0]], num_inference_steps=2)
+        first, second = (p(generator=torch.Generator().manual_seed(0), **make).textures for p in (full, small))
+        # half precision keeps 11 bits: weights move by 5e-4 at most, textures by a few times that
+        assert abs(first - second).max() < 0.02 * abs(first).max()
+
+    def test_card_tells_of_data_and_training_and_its_code_runs(self, words, tmp_path, monkeypatch):
+        publish.main([*words, "--note", "Ran at night.", "--licence", "apache-2.0"])
+        card = card_of(tmp_path / "small")
+        for told in (
+            "# small\n",
+            "normal force 0.4–0.6 N",
+            "--seed 3",
+            "--train_data_dir prepared.h5",
+            "Ran at night.",
+        ):
+            assert told in card, told
+        assert "3 minutes" in card and "velocity 0.250" in card and "/somewhere" not in card
+        assert "stored in half precision" in card and ModelCard(card).data.license == "apache-2.0"
+        monkeypatch.chdir(tmp_path)
+        [code] = re.findall(r"```python\n(.*?)```", card, re.S)
+        made = {}
+        exec(code, made)
+        assert made["out"].textures.shape == (1, 8192)
+
+    def test_a_pipeline_that_only_reconstructs(self, words, evaluable_pipe, tmp_path):
+        evaluable_pipe(dale=False).save_pretrained(str(tmp_path / "decoder"))
+        assert publish.main([*words, "--checkpoint", str(tmp_path / "decoder")]) == 0
+        assert "pipe.reconstruct" in card_of(tmp_path / "small")
+
+    def test_a_distilled_decoder_goes_along(self, words, checkpoint, run, make_lctg, tmp_path):
+        out = tmp_path / "small"
+        distilled = copy.deepcopy(TactileTexturePipeline.from_pretrained(checkpoint).lctg)
+        distilled.register_to_config(distilled_steps=2)
+        distilled.save_pretrained(run / "lctg_distilled")
+        words = [*words, "--distilled", str(run)]
+        assert publish.main(words) == 0
+        lctg = LCTGModel.from_pretrained(out, subfolder="lctg_distilled")
+        assert TactileTexturePipeline.from_pretrained(out, lctg=lctg).resolve_steps() == (2, 5)
+        weights = load_file(out / "lctg_distilled" / "diffusion_pytorch_model.safetensors")
+        assert weights.popitem()[1].dtype == torch.float16
+        assert 'from_pretrained("small", subfolder="lctg_distilled")' in card_of(out)
+        assert not any(str(tmp_path) in path.read_text() for path in out.rglob("*.json"))
+        make_lctg(seed=9).save_pretrained(run / "lctg_distilled")
+        with pytest.raises(ValueError, match="--distilled .* has another encoder"):
+            publish.main(words)
+        assert (out / "README.md").is_file() and not list(tmp_path.glob(".*"))  # what was there stays
+
+
+class TestAnotherDecoder:
+    def test_with_another_encoder_is_refused(self, words, make_pipeline, tmp_path):
+        make_pipeline(seed=5).save_pretrained(str(tmp_path / "other"))
+        with pytest.raises(ValueError, match="another encoder"):
+            publish.main([*words, "--lctg", str(tmp_path / "other")])
+        assert not (tmp_path / "small").exists()
+
+    def test_that_does_not_fit_is_refused(self, words, checkpoint, make_lctg, tmp_path):
+        """The same encoder, but a detail layer that the feature extractor does not make."""
+        own = LCTGModel.from_pretrained(checkpoint, subfolder="lctg")
+        detailed = make_lctg(**{**own.config, "feature_channels": 26, "latent_channels": 6, "detail_channels": 2})
+        detailed.encoder.load_state_dict(own.encoder.state_dict())
+        detailed.save_pretrained(tmp_path / "detailed" / "lctg")
+        with pytest.raises(ValueError, match="`lctg` hears 26 feature channels, `feature_extractor` makes 24"):
+            publish.main([*words, "--lctg", str(tmp_path / "detailed")])
+        assert not (tmp_path / "small").exists()
+
+    def test_of_the_same_latents_is_taken(self, checkpoint, make_lctg, tmp_path):
+        own = LCTGModel.from_pretrained(checkpoint, subfolder="lctg")
+        other = make_lctg(seed=7, **{k: v for k, v in own.config.items() if not k.startswith("_")})
+        other.encoder.load_state_dict(own.encoder.state_dict())
+        other.save_pretrained(tmp_path / "other" / "lctg")
+        pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
+        publish._replace_lctg(pipe, tmp_path / "other")
+        assert torch.equal(pipe.lctg.decoder.conv_in.weight, other.decoder.conv_in.weight)
+
+
+class TestReport:
+    @pytest.fixture
+    def report(self, checkpoint, prepared, tmp_path):
+        """What evaluate.py writes for the checkpoint, of one section."""
+        arguments = f"--checkpoint {checkpoint} --data {prepared} --output {tmp_path / 'evaluated'} --steps 2"
+        evaluate.main([*arguments.split(), "--quick", "--quiet", "--sections", "reconstruction"])
+        return tmp_path / "evaluated"
+
+    def test_its_tables_and_pictures_are_in_the_card(self, words, report, make_pipeline, tmp_path):
+        publish.main([*words, "--report", str(report)])
+        out = tmp_path / "small"
+        card = card_of(out)
+        assert "#### Paper, yardsticks, ours" in card and "### Measured" in card and "another take" in card
+        assert "None yet" not in card
+        pictures = re.findall(r"!\[.*?\]\((report/.*?)\)", card)
+        assert pictures and {path.name for path in (out / "report").iterdir()} == {p.split("/")[1] for p in pictures}
+        # a picture that is gone, and a checkpoint that was not measured
+        (report / "overlays.png").unlink()
+        with pytest.raises(ValueError, match="lacks .'overlays.png'"):
+            publish.main([*words, "--report", str(report)])
+        make_pipeline(seed=5).save_pretrained(str(tmp_path / "other"))
+        with pytest.raises(ValueError, match="is of another checkpoint .pipeline."):
+            publish.main([*words, "--report", str(report), "--checkpoint", str(tmp_path / "other")])
+        assert card_of(out) == card
+
+    def test_warnings_of_the_data_card_are_in_the_card(self, words, prepared, tmp_path):
+        recordings = prepared.parent / "r.h5"
+        card = write_card(recordings, tmp_path / "data", prepared, quiet=True)
+        publish.main([*words, "--data_card", str(tmp_path / "data")])
+        published = card_of(tmp_path / "small")
+        assert card["warnings"] and all(warning["text"] in published for warning in card["warnings"])
+        assert "inspect_data.py" not in published
+        card["recordings"]["surfaces"] = 99
+        (tmp_path / "data" / "card.json").write_text(json.dumps(card))
+        with pytest.raises(ValueError, match="describes 99 surfaces of 'virtual surfaces', --data holds 8"):
+            publish.main([*words, "--data_card", str(tmp_path / "data")])
+
+
+class TestHub:
+    def test_the_finished_folder_is_sent(self, words, tmp_path, monkeypatch, capsys):
+        asked = []
+        repository = SimpleNamespace(repo_id="someone/textures")
+        monkeypatch.setattr(huggingface_hub, "create_repo", lambda *a, **k: asked.append((a, k)) or repository)
+        monkeypatch.setattr(huggingface_hub, "upload_folder", lambda **options: asked.append(options))
+        assert publish.main([*words, "--push_to_hub", "someone/textures"]) == 0
+        (repo, _), sent = asked
+        assert repo == ("someone/textures",) and sent["repo_id"] == "someone/textures"
+        assert sent["folder_path"] == str(tmp_path / "small")
+        card = card_of(tmp_path / "small")
+        assert "# someone/textures" in card and 'from_pretrained("someone/textures")' in card
+        assert "https://huggingface.co/someone/textures" in capsys.readouterr().out
+
+    def test_a_refusal_leaves_the_folder_and_is_told(self, words, tmp_path, monkeypatch, capsys):
+        def refuse(*_, **__):
+            raise OSError("403 Forbidden")
+
+        monkeypatch.setattr(huggingface_hub, "create_repo", refuse)
+        assert publish.main([*words, "--push_to_hub", "someone/textures"]) == 1
+        assert "is written, but the Hub refused it: 403 Forbidden" in capsys.readouterr().err
+        assert (tmp_path / "small" / "README.md").is_file()
+
+    def test_without_being_asked_nothing_is_sent(self, words, monkeypatch):
+        monkeypatch.setattr(huggingface_hub, "create_repo", lambda *_, **__: pytest.fail("sent"))
+        assert publish.main(words) == 0
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        (["--push_to_hub", "textures"], "must be USER/NAME, got 'textures'"),
+        (["--push_to_hub", "a/b/c"], "must be USER/NAME"),
+        (["--report", "nowhere"], "nowhere has no report.json; it is written by examples/evaluate.py"),
+        (["--data_card", "nowhere"], "nowhere has no card.json; it is written by examples/inspect_data.py"),
+        (["--runs", "nowhere"], "nowhere has no training.json"),
+    ],
+)
+def test_bad_arguments_are_refused_before_any_work(words, tmp_path, capsys, extra, message):
+    with pytest.raises(SystemExit) as stop:
+        publish.main([*words, *extra])
+    assert stop.value.code == 2 and message in capsys.readouterr().err
+    assert not (tmp_path / "small").exists()
