@@ -93,6 +93,7 @@ class TestFolder:
             assert told in card, told
         assert "3 minutes" in card and "velocity 0.250" in card and "/somewhere" not in card
         assert "stored in half precision" in card and ModelCard(card).data.license == "apache-2.0"
+        assert "evaluate.py --checkpoint small --data p.h5" in card and "unfinished" not in card
         monkeypatch.chdir(tmp_path)
         [code] = re.findall(r"```python\n(.*?)```", card, re.S)
         made = {}

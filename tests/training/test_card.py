@@ -4,12 +4,14 @@ import json
 import re
 import shlex
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from huggingface_hub import ModelCard
 
+from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.training.card import write_card
 
@@ -117,6 +119,17 @@ class TestAfterTraining:
         card = card_of(output)
         assert card.index("### lctg") < card.index("### second") and "--subset full" in card
         assert "| limits of segments | none of force and speed |" in card
+
+
+def test_the_bundled_checkpoint_has_its_name_and_code_that_runs(monkeypatch):
+    folder = Path(bundled_checkpoint())
+    card = card_of(folder)
+    assert ModelCard(card).text.strip().startswith(f"# {folder.name}\n")
+    monkeypatch.chdir(folder.parent)
+    codes = blocks(card, "python")
+    assert len(codes) == 2
+    for code in codes:
+        assert run(code).textures.shape == (1, 16384)
 
 
 class TestWriting:

@@ -41,8 +41,8 @@ CARD = """---
 {usage}
 ```
 
-{where} Load it by this package's class, not by
-`DiffusionPipeline`, as the Hub proposes.{precision}
+{where}
+Load it by this package's class: the snippet that the Hub shows, with `DiffusionPipeline`, does not run.{precision}
 
 {distilled}## Training data
 
@@ -67,6 +67,8 @@ CARD = """---
 
 LOCAL = "Run this in the folder around the checkpoint's; elsewhere write its path in place of `{place}`."
 ON_THE_HUB = "`{place}` is its name on the Hub; the path of a copy will do as well."
+
+HALF = "\nWeights are stored in half precision and load as float32."
 
 GENERATES = "Force that a finger feels while it slides, from perceptual ratings: LCTG and DALE"
 RECONSTRUCTS = "Force that a finger feels while it slides, encoded to latents and decoded again: LCTG"
@@ -138,12 +140,12 @@ def write_card(
         place=place,
         usage=usage(pipe, dataset, place, teacher),
         where=(ON_THE_HUB if "/" in place else LOCAL).format(place=place),
-        precision=" Weights are stored in half precision\nand load as float32." if pipe.dtype == torch.float16 else "",
+        precision=HALF if pipe.dtype == torch.float16 else "",
         distilled=WITH_DISTILLED.format(usage=usage_of_distilled(pipe, dataset, place)) if beside else "",
         data=_data(dataset, warnings),
         configuration=_configuration(pipe),
         runs="\n\n".join([*told, *([note] if note else [])]),
-        report=(report or _how_to_evaluate(folder, dataset, runs, teacher)).strip(),
+        report=(report or _how_to_evaluate(place, dataset, runs, teacher)).strip(),
         limits="\n".join(f"- {limit}" for limit in _limits(pipe, dataset)),
     )
     write_text(folder / CARD_FILE, card)
@@ -264,9 +266,9 @@ def _ratings(dataset):
     rated = np.isfinite(dataset.surface_ratings).any(axis=-1).sum()
     if not rated:
         return "none"
-    words = f"of {rated} surfaces" + (
-        "" if dataset.single_ratings is None else f" by {len(dataset.single_ratings)} raters"
-    )
+    words = f"of {rated} surfaces"
+    if dataset.single_ratings is not None:
+        words += f" by {len(dataset.single_ratings)} raters"
     if dataset.reliability is None:
         return words
     pairs = zip(dataset.reliability.axes, dataset.reliability.alpha, strict=True)
@@ -318,8 +320,8 @@ def _limits(pipe, dataset):
     yield "No person has felt these textures yet: figures judge signals, not perception."
 
 
-def _how_to_evaluate(folder, dataset, runs, teacher):
-    place, data = folder.resolve().name, shlex.quote(Path(dataset.path).name)
+def _how_to_evaluate(place, dataset, runs, teacher):
+    place, data = place.rsplit("/", 1)[-1], shlex.quote(Path(dataset.path).name)  # of a copy of what is on the Hub
     if teacher is not None:
         command = f"python examples/benchmark.py --suite decoder --checkpoint {shlex.quote(teacher)} --data {data}"
         return EVALUATE.format(command=f"{command} --decoders {shlex.quote(f'distilled={place}')} --output report")
