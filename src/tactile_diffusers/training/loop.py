@@ -265,7 +265,7 @@ class Trainer:
             "machine": f"{platform.machine()}, {torch.get_num_threads()} thread(s), {self.accelerator.device}",
             "versions": {"torch": torch.__version__, "diffusers": diffusers.__version__},
         }
-        write_text(self.output / "training.json", json.dumps(record, indent=2) + "\n")
+        (self.output / "training.json").write_text(json.dumps(record, indent=2) + "\n")
 
     def _log(self, values):
         self.accelerator.log(values, step=self.step)
