@@ -15,6 +15,8 @@ COMMANDS = {
     "inspect": ("inspect_data", "a card of recordings, with warnings and remedies"),
     "evaluate": ("evaluate", "figures of a checkpoint on held-out surfaces"),
     "compare": ("compare", "reports side by side"),
+    "study": ("make_study", "stimuli, trials and analysis of a study with people"),
+    "publish": ("publish", "a trained pipeline as a small, documented folder"),
     "benchmark": ("benchmark", "speed, memory, playback"),
 }
 

@@ -5,6 +5,8 @@ import json
 import sys
 from pathlib import Path
 
+from .program import program
+
 DESCRIPTION = """\
 Prepares a study in which people feel real, generated and baseline textures, and analyses what they answered.
 
@@ -23,7 +25,7 @@ def parse_arguments(argv=None):
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
     parser = argparse.ArgumentParser(
-        prog="make_study.py", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog=program("make_study.py"), description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     commands = parser.add_subparsers(dest="command", required=True)
     _add_make(commands.add_parser("make", help="stimuli, trial lists, key and protocol"))
@@ -102,7 +104,7 @@ def main(argv=None):
     try:
         {"make": _make, "rehearse": _rehearse, "analyse": _analyse}[arguments.command](arguments)
     except (ValueError, OSError) as error:
-        print(f"make_study.py: error: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{program('make_study.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     return 0
 

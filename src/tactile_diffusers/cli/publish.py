@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..checkpoints import DISTILLED
 from . import readme
+from .program import program
 
 #: Folder of a checkpoint with the pictures of its report.
 REPORT = "report"
@@ -21,7 +22,9 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(prog="publish.py", description="Store a trained pipeline small and documented.")
+    parser = argparse.ArgumentParser(
+        prog=program("publish.py"), description="Store a trained pipeline small and documented."
+    )
     parser.add_argument("--checkpoint", type=Path, required=True, metavar="FOLDER", help="trained pipeline")
     parser.add_argument(
         "--runs",
@@ -209,7 +212,7 @@ def main(argv=None):
     try:
         upload_checkpoint(output, arguments.push_to_hub)
     except OSError as error:
-        print(f"publish.py: error: {output} is written, but the Hub refused it: {error}", file=sys.stderr)
+        print(f"{program('publish.py')}: error: {output} is written, but the Hub refused it: {error}", file=sys.stderr)
         return 1
     print(f"sent to https://huggingface.co/{arguments.push_to_hub}")
     return 0
