@@ -41,9 +41,9 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings)
     FigureCanvasAgg(figure)
     panels = figure.subplot_mosaic([["waveform", "waveform"], ["spectrum", "spectrogram"]], height_ratios=(2, 3))
     figure.suptitle(title, fontsize=11)
-    _draw_waveform(panels["waveform"], texture, sampling_rate)
+    draw_waveform(panels["waveform"], texture, sampling_rate)
     _draw_spectrum(panels["spectrum"], texture, sampling_rate)
-    _draw_spectrogram(panels["spectrogram"], texture, sampling_rate)
+    draw_spectrogram(panels["spectrogram"], texture, sampling_rate)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, format="png", dpi=120)
 
@@ -57,7 +57,8 @@ def _title(texture, friction_coefficient, ratings):
     return f"{axes}\nfriction coefficient {friction}, RMS {1e3 * rms(texture):.2f} mN"
 
 
-def _draw_waveform(panel, texture, sampling_rate):
+def draw_waveform(panel, texture, sampling_rate):
+    """Draws lateral force in mN over time into a matplotlib panel; `texture` is (samples,) in N."""
     seconds = np.arange(len(texture)) / sampling_rate
     panel.plot(seconds, 1e3 * texture, linewidth=0.5)
     panel.set(xlim=(0, len(texture) / sampling_rate), xlabel="time (s)", ylabel="lateral force (mN)", title="waveform")
@@ -86,7 +87,8 @@ def _draw_spectrum(panel, texture, sampling_rate):
     panel.legend(loc="lower left", fontsize=9)
 
 
-def _draw_spectrogram(panel, texture, sampling_rate):
+def draw_spectrogram(panel, texture, sampling_rate):
+    """Draws the power spectral density over time, with its colour bar; `texture` is (samples,) in N."""
     from scipy.signal import spectrogram
 
     window = min(len(texture), round(0.05 * sampling_rate))  # 50 ms: bins of 20 Hz, the low edge of the band

@@ -123,6 +123,10 @@ class TextureProfile:
                 if not self._made[level]:
                     self._make(level)
 
+    def period(self):
+        """One period of the profile, filled, with all its spatial frequencies: (n,) float64, N, `pitch` mm apart."""
+        return np.fft.irfft(self._spectrum)
+
     def coverage(self, speed):
         """What part of the band the profile holds at a speed: its lowest and highest frequency, Hz.
 

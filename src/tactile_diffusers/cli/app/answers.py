@@ -1,0 +1,106 @@
+"""Answers as HTML: what the page shows of a result, without the page."""
+
+import math
+
+import numpy as np
+
+from ...signal import RATING_AXES
+from .figures import draw_comparison, draw_result, figure_html
+from .settings import SCALES, from_z
+from .sound import sound_html
+from .strip import strip_html
+
+#: Stands under every player.
+LISTENING = "<p><small>For listening only: resampled, and all textures at one loudness.</small></p>"
+
+
+def texture_answer(result, take, scale, config):
+    """One take: picture, player, numbers and finger strip, four strings of HTML.
+
+    Args:
+        result ([`Result`]): of one row of ratings.
+        take (`int`): from 0.
+        scale (`str`): of `SCALES`.
+        config: DALE's.
+    """
+    texture = result.textures[take]
+    picture = figure_html(draw_result(result, take), _alternative("The texture", texture))
+    numbers = _table({"": texture}, scale, config) + _remark(result)
+    return picture, sound_html(texture, "the texture") + LISTENING, numbers, strip_html(texture)
+
+
+def comparison_answer(result, names, scale, config):
+    """Textures side by side: picture, players and numbers, three strings of HTML.
+
+    Args:
+        result ([`Result`]): one take of each row of ratings.
+        names (`Sequence[str]`): of the rows.
+        scale (`str`), config: as for `texture_answer`.
+    """
+    textures = dict(zip(names, result.textures, strict=True))
+    return _side_by_side(textures, scale, config, _remark(result))
+
+
+def reconstruction_answer(made, scale, config):
+    """A recording beside its reconstruction: picture, players and numbers, three strings of HTML."""
+    textures = {"recorded": made.recorded, "reconstructed": made.decoded}
+    remark = (
+        f"<p>Nine-band error {made.nine_band_db:.2f} dB (a fingertip tells 2.2–2.5 dB apart). A recording does not tell "
+        "its friction coefficient, without which slipperiness is little more than a guess.</p>"
+    )
+    return _side_by_side(textures, scale, config, remark)
+
+
+def _side_by_side(textures, scale, config, remark):
+    picture = figure_html(
+        draw_comparison(textures), " ".join(_alternative(name, texture) for name, texture in textures.items())
+    )
+    players = "".join(
+        f"<figure><figcaption>{name}</figcaption>{sound_html(texture, name)}</figure>"
+        for name, texture in textures.items()
+    )
+    return picture, f'<div class="players">{players}</div>{LISTENING}', _table(textures, scale, config) + remark
+
+
+def _alternative(name, texture):
+    return (
+        f"{name}: {texture.seconds:.2f} s, RMS {1e3 * texture.rms:.2f} mN, friction coefficient "
+        f"{_number(texture.friction_coefficient)}."
+    )
+
+
+def _remark(result):
+    note = f"<p><strong>{result.note}</strong></p>" if result.note else ""
+    return (
+        f"{note}<p><small>Heard: what <code>estimate_ratings</code> makes of the texture, shrunk towards the middle as "
+        f"any regression's estimates are. Made in {result.made_in:.2f} s.</small></p>"
+    )
+
+
+def _table(textures, scale, config):
+    """Asked and heard ratings, friction coefficient and level of textures, by name."""
+    heads = "".join(
+        f'<th scope="col">{name} asked</th><th scope="col">{name} heard</th>' if name else "<th>asked</th><th>heard</th>"
+        for name in textures
+    )
+    rows = []
+    for number, axis in enumerate(RATING_AXES):
+        cells = ""
+        for texture in textures.values():
+            asked, heard = (from_z(ratings, scale, config)[number] for ratings in (texture.ratings, texture.heard))
+            digits = 0 if scale == "percentile" else 2
+            cells += f"<td>{_number(asked, digits)}</td><td>{_number(heard, digits)}</td>"
+        rows.append(f'<tr><th scope="row">{axis}</th>{cells}</tr>')
+    for label, value in (
+        ("friction coefficient", lambda texture: _number(texture.friction_coefficient)),
+        ("RMS, mN", lambda texture: _number(1e3 * texture.rms)),
+        ("seed", lambda texture: str(texture.seed)),
+    ):
+        cells = "".join(f'<td colspan="2">{value(texture)}</td>' for texture in textures.values())
+        rows.append(f'<tr><th scope="row">{label}</th>{cells}</tr>')
+    head = f'<thead><tr><th scope="col">{SCALES[scale]}</th>{heads}</tr></thead>'
+    return f'<table class="numbers">{head}<tbody>{"".join(rows)}</tbody></table>'
+
+
+def _number(value, digits=2):
+    return "–" if value is None or math.isnan(value) else f"{np.round(value, digits):.{digits}f}"

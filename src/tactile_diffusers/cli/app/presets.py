@@ -1,0 +1,17 @@
+"""Ratings to begin with. Named after surfaces that may be rated so; no recording of any lies behind them."""
+
+#: Name -> z-scores in the order roughness, bumpiness, slipperiness; `None` = not specified. Chosen by hand.
+PRESETS = {
+    "glass": (-1.5, -0.9, -0.9),
+    "polished metal": (-1.2, -0.7, 0.3),
+    "writing paper": (-0.5, -0.8, 0.9),
+    "planed wood": (0.2, -0.3, 0.5),
+    "denim": (0.9, 0.5, 0.3),
+    "sandpaper": (1.6, 0.1, -0.6),
+    "rubber": (-0.2, -0.3, -1.5),
+    "corduroy": (0.4, 1.1, 0.3),
+    "engraved grating": (0.5, 1.6, 0.4),
+    "rough, whatever else": (1.3, None, None),
+}
+#: What the page says about them.
+REMARK = "Presets are ratings that such a surface may be given, chosen by hand. They are not recordings of it."

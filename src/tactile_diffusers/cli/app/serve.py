@@ -1,0 +1,129 @@
+"""`python examples/app.py`: a page, on this machine, to try ratings, see and hear textures and take them away."""
+
+import argparse
+import ipaddress
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+#: Nothing is fetched from elsewhere, whatever the page's framework would like to. Its own scripts are inline, and compile
+#: templates.
+CONTENT_POLICY = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:; form-action 'self'"
+)
+#: Visitors at a time whose last result is kept, of a few megabytes each, and requests that may wait.
+SESSIONS, WAITING = 50, 20
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command.
+
+    Raises:
+        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+    """
+    parser = argparse.ArgumentParser(prog="app.py", description="Ratings to textures in a browser, without internet.")
+    parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on; default: 127.0.0.1, this machine only")
+    parser.add_argument("--port", type=int, default=7860, help="default: 7860")
+    parser.add_argument("--max_upload_mib", type=int, default=8, metavar="N", help="largest recording; default: 8")
+    arguments = parser.parse_args(argv)
+    if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
+        parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder")
+    if not 1 <= arguments.port <= 65535:
+        parser.error(f"argument --port: must be between 1 and 65535, got {arguments.port}")
+    if not 1 <= arguments.max_upload_mib <= 1024:
+        parser.error(f"argument --max_upload_mib: must be between 1 and 1024, got {arguments.max_upload_mib}")
+    return arguments
+
+
+def main(argv=None):
+    """Runs the command until it is stopped.
+
+    Returns:
+        `int`: 0; or 2 if gradio is missing, the checkpoint cannot be used or the port is taken (one line on stderr).
+    """
+    arguments = parse_arguments(argv)
+    with tempfile.TemporaryDirectory(prefix="tactile-app-") as folder:
+        # before gradio is imported: its copies of files go with ours when the server stops
+        os.environ["GRADIO_TEMP_DIR"] = str(Path(folder) / "cache")
+        os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"
+        os.environ["HF_HUB_OFFLINE"] = "1"
+        try:
+            _serve(arguments, Path(folder))
+        except ImportError as error:
+            return _refuse(f"{error}. Install what the page needs: pip install -e '.[demo]'")
+        except (ValueError, OSError) as error:
+            return _refuse(error)
+        except KeyboardInterrupt:
+            pass
+    return 0
+
+
+def _refuse(reason):
+    print(f"app.py: error: {' '.join(str(reason).split())}", file=sys.stderr)
+    return 2
+
+
+def _serve(arguments, folder):
+    start = time.perf_counter()
+    import gradio as gr
+
+    from .page import CSS, build
+    from .texture import Studio
+
+    files = folder / "files"
+    files.mkdir()
+    page = build(Studio(arguments.checkpoint), files)
+    page.queue(max_size=WAITING, default_concurrency_limit=1)
+    # a stack that every system has: a theme's own fonts would be fetched
+    fonts = [gr.themes.utils.fonts.Font(name) for name in ("system-ui", "sans-serif")]
+    page.launch(
+        server_name=arguments.host,
+        server_port=arguments.port,
+        share=False,
+        ssr_mode=False,
+        theme=gr.themes.Default(font=fonts, font_mono=[gr.themes.utils.fonts.Font("monospace")]),
+        css=CSS,
+        max_file_size=f"{arguments.max_upload_mib}mb",
+        state_session_capacity=SESSIONS,
+        footer_links=[],
+        app_kwargs={"middleware": [_policy()]},
+        prevent_thread_lock=True,
+        quiet=True,
+    )
+    print(f"ready after {time.perf_counter() - start:.1f} s at {page.local_url} (Ctrl+C stops it)", flush=True)
+    if not _is_loopback(arguments.host):
+        print("Whoever reaches this machine reaches the page: it has no password.", flush=True)
+    page.block_thread()
+
+
+def _is_loopback(host):
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _policy():
+    """Middleware that sends the content policy with every answer."""
+    from starlette.middleware import Middleware
+
+    class ContentPolicy:
+        def __init__(self, app):
+            self.app = app
+
+        async def __call__(self, scope, receive, send):
+            async def send_with_policy(message):
+                if message["type"] == "http.response.start":
+                    message["headers"] = [
+                        *message.get("headers", []),
+                        (b"content-security-policy", CONTENT_POLICY.encode()),
+                        (b"x-content-type-options", b"nosniff"),
+                    ]
+                await send(message)
+
+            await self.app(scope, receive, send_with_policy)
+
+    return Middleware(ContentPolicy)
