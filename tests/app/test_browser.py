@@ -18,6 +18,8 @@ sync_api = pytest.importorskip("playwright.sync_api")
 ROOT = Path(__file__).parents[2]
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")]
+#: Where the README's picture goes, if anywhere: TACTILE_APP_SCREENSHOT=examples/figures/app.png pytest tests/app
+SCREENSHOT = os.environ.get("TACTILE_APP_SCREENSHOT")
 #: Seconds that the page may take to load and to answer (issue 9: 10 and 2 on two cores), with room for a busy machine.
 LOADS_IN, ANSWERS_IN = 40, 15
 
@@ -61,15 +63,14 @@ def visit(browser, server):
     contexts, elsewhere = [], []
 
     def open_page():
-        context = browser.new_context(viewport={"width": 1360, "height": 1000}, accept_downloads=True)
+        context = browser.new_context(viewport={"width": 1240, "height": 1290}, accept_downloads=True)
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(1000 * ANSWERS_IN)
-        page.on(
-            "request", lambda request: elsewhere.append(request.url) if not request.url.startswith(_OWN) else None
-        )
+        page.on("request", lambda request: elsewhere.append(request.url) if not request.url.startswith(_OWN) else None)
         page.goto(server)
         page.wait_for_selector("#picture img", timeout=1000 * LOADS_IN)
+        page.frame_locator("#strip iframe").locator("#readout").wait_for()
         return page
 
     yield open_page
@@ -87,8 +88,8 @@ def _picture(page, place="#picture"):
 
 def _wait_for_another(page, before, place="#picture"):
     page.wait_for_function(
-        "([place, before]) => { const image = document.querySelector(place + ' img'); return image && image.src !== before }",
-        arg=[place, before],
+        "([image, before]) => (document.querySelector(image) || { src: before }).src !== before",
+        arg=[f"{place} img", before],
     )
     return _picture(page, place)
 
@@ -107,7 +108,7 @@ def test_slider_moves_picture_changes_file_is_valid(visit):
     print(f"answered in {time.perf_counter() - start:.2f} s")
     page.locator("#roughness-open input").check()
     _wait_for_another(page, after)
-    assert "–" in page.inner_text("#numbers tbody tr:first-child td")
+    sync_api.expect(page.locator("#numbers tbody td").first).to_have_text("–")
 
     page.click("#write")
     page.wait_for_selector("#files a")
@@ -126,13 +127,12 @@ def test_preset_and_scale(visit):
     page.locator("#scale").get_by_text("z-scores").click()
     slider = page.locator("#roughness input[type=range]")
     page.wait_for_function("document.querySelector('#roughness input[type=range]').max < 3")
-    assert float(slider.input_value()) == pytest.approx(1.6, abs=0.02)
+    assert float(slider.input_value()) == pytest.approx(1.6, abs=0.06)  # percentiles are whole
 
 
 def test_finger_strip_follows_pointer_and_keys(visit):
     page = visit()
     frame = page.frame_locator("#strip iframe")
-    frame.locator("#readout").wait_for()
     frame.locator("#strip").focus()
     for _ in range(20):
         page.keyboard.press("Shift+ArrowRight")
@@ -147,6 +147,9 @@ def test_finger_strip_follows_pointer_and_keys(visit):
         page.mouse.move(x + 50 + 8 * step, y)
         page.wait_for_timeout(16)
         felt.append(float(re.search(r"texture ([\d.]+) mN", frame.locator("#readout").inner_text())[1]))
+    if SCREENSHOT:
+        page.evaluate("window.scrollTo(0, 0)")
+        page.screenshot(path=SCREENSHOT)
     page.mouse.up()
     assert max(felt) > 0.5
     assert "mean friction -" in frame.locator("#readout").inner_text() or _speed(frame) == 0
@@ -162,7 +165,9 @@ def _place(frame):
 
 def test_blend(visit):
     page = visit()
+    page.get_by_role("button", name="Keep as A").click()
     page.get_by_role("tab", name="Two textures").click()
+    page.get_by_text(re.compile(r"A \(kept\): roughness 0\.[89]")).wait_for()
     page.click("#make-blend")
     page.wait_for_selector("#blend-picture img")
     before = _picture(page, "#blend-picture")
@@ -217,9 +222,7 @@ def test_every_control_is_reached_by_the_keyboard(visit):
     reached = set()
     for _ in range(60):
         page.keyboard.press("Tab")
-        reached.add(
-            page.evaluate("(document.activeElement.closest('[id]:not([id^=component])') || {}).id || ''")
-        )
+        reached.add(page.evaluate("(document.activeElement.closest('[id]:not([id^=component])') || {}).id || ''"))
     assert {"preset", "roughness", "roughness-open", "make", "write", "format"} <= reached
 
 

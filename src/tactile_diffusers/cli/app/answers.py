@@ -6,7 +6,7 @@ import numpy as np
 
 from ...signal import RATING_AXES
 from .figures import draw_comparison, draw_result, figure_html
-from .settings import SCALES, from_z
+from .settings import SCALES, digits, from_z
 from .sound import sound_html
 from .strip import strip_html
 
@@ -45,8 +45,8 @@ def reconstruction_answer(made, scale, config):
     """A recording beside its reconstruction: picture, players and numbers, three strings of HTML."""
     textures = {"recorded": made.recorded, "reconstructed": made.decoded}
     remark = (
-        f"<p>Nine-band error {made.nine_band_db:.2f} dB (a fingertip tells 2.2–2.5 dB apart). A recording does not tell "
-        "its friction coefficient, without which slipperiness is little more than a guess.</p>"
+        f"<p>Nine-band error {made.nine_band_db:.2f} dB (a fingertip tells 2.2–2.5 dB apart). A recording does not "
+        "tell its friction coefficient, without which slipperiness is little more than a guess.</p>"
     )
     return _side_by_side(textures, scale, config, remark)
 
@@ -80,7 +80,9 @@ def _remark(result):
 def _table(textures, scale, config):
     """Asked and heard ratings, friction coefficient and level of textures, by name."""
     heads = "".join(
-        f'<th scope="col">{name} asked</th><th scope="col">{name} heard</th>' if name else "<th>asked</th><th>heard</th>"
+        f'<th scope="col">{name} asked</th><th scope="col">{name} heard</th>'
+        if name
+        else "<th>asked</th><th>heard</th>"
         for name in textures
     )
     rows = []
@@ -88,8 +90,7 @@ def _table(textures, scale, config):
         cells = ""
         for texture in textures.values():
             asked, heard = (from_z(ratings, scale, config)[number] for ratings in (texture.ratings, texture.heard))
-            digits = 0 if scale == "percentile" else 2
-            cells += f"<td>{_number(asked, digits)}</td><td>{_number(heard, digits)}</td>"
+            cells += f"<td>{_number(asked, digits(scale))}</td><td>{_number(heard, digits(scale))}</td>"
         rows.append(f'<tr><th scope="row">{axis}</th>{cells}</tr>')
     for label, value in (
         ("friction coefficient", lambda texture: _number(texture.friction_coefficient)),
@@ -102,5 +103,5 @@ def _table(textures, scale, config):
     return f'<table class="numbers">{head}<tbody>{"".join(rows)}</tbody></table>'
 
 
-def _number(value, digits=2):
-    return "–" if value is None or math.isnan(value) else f"{np.round(value, digits):.{digits}f}"
+def _number(value, decimals=2):
+    return "–" if value is None or math.isnan(value) else f"{np.round(value, decimals) + 0.0:.{decimals}f}"

@@ -5,7 +5,7 @@ import io
 
 import numpy as np
 
-from ...export.figure import draw_spectrogram, draw_waveform
+from ...export.figure import DYNAMIC_RANGE_DB, draw_spectrogram, draw_waveform
 from ...signal import BAND_HZ, band_edges, band_levels_db, power_spectral_density
 
 #: Dots per inch; figures are up to 11 inches wide.
@@ -26,8 +26,13 @@ def draw_result(result, take):
         take (`int`): which of its textures is drawn; the spectra of the others are thin lines.
     """
     texture = result.textures[take]
-    figure = _figure(11, 6.6)
-    panels = figure.subplot_mosaic([["waveform"] * 2, ["spectrum", "spectrogram"], ["bands"] * 2], height_ratios=(2, 3, 2))
+    height = 6.6
+    figure = _figure(11, height)
+    panels = figure.subplot_mosaic(
+        [["waveform"] * 2, ["spectrum", "spectrogram"], ["bands"] * 2],
+        height_ratios=(2, 3, 2),
+        gridspec_kw=_margins(height, 0.2, 0.985),
+    )
     draw_waveform(panels["waveform"], texture.samples, texture.sampling_rate)
     draw_spectrogram(panels["spectrogram"], texture.samples, texture.sampling_rate)
     ranges = {LIKELY: result.likely, TRAINING: result.training}
@@ -42,23 +47,32 @@ def draw_result(result, take):
 
 
 def draw_comparison(textures):
-    """Textures side by side, waveforms on one scale, and their spectra and nine bands in one: a matplotlib figure.
+    """Textures side by side, on the same scales, and their spectra and nine bands in one: a matplotlib figure.
 
     Args:
         textures (`dict[str, Texture]`): by name.
     """
-    figure = _figure(11, 7.5)
+    height = 7.5
+    figure = _figure(11, height)
     count = len(textures)
     waveforms, spectrograms = [f"waveform {n}" for n in range(count)], [f"spectrogram {n}" for n in range(count)]
     halves = [["spectrum"] * count + ["bands"] * count]
     doubled = [[name for name in row for _ in range(2)] for row in (waveforms, spectrograms)]
-    panels = figure.subplot_mosaic(doubled + halves, height_ratios=(2, 3, 3))
+    panels = figure.subplot_mosaic(doubled + halves, height_ratios=(2, 3, 3), gridspec_kw=_margins(height, 1.4, 0.94))
     top = 1.05e3 * max(np.abs(texture.samples).max() for texture in textures.values())
     for number, (name, texture) in enumerate(textures.items()):
         draw_waveform(panels[waveforms[number]], texture.samples, texture.sampling_rate)
         panels[waveforms[number]].set(ylim=(-top, top), title=name)
         draw_spectrogram(panels[spectrograms[number]], texture.samples, texture.sampling_rate)
         panels[spectrograms[number]].set_title("")
+    images = [panels[name].images[0] for name in spectrograms]
+    loudest = max(image.get_clim()[1] for image in images)
+    for image in images:
+        image.set_clim(loudest - DYNAMIC_RANGE_DB, loudest)
+    for name in waveforms[1:] + spectrograms[1:]:
+        panels[name].set_ylabel("")
+    for image in images[:-1]:
+        image.colorbar.set_label("")
     _draw_spectra(panels["spectrum"], list(textures.values()), list(textures), alike=True)
     _draw_bands(panels["bands"], textures)
     panels["spectrum"].legend(fontsize=8, loc="lower left")
@@ -83,9 +97,21 @@ def _figure(width, height):
     from matplotlib.figure import Figure
 
     # without pyplot: its list of figures belongs to the whole process
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
+
+
+def _margins(height, wspace, right):
+    """Fixed margins: a layout that measures every label takes longer than all the rest of an answer."""
+    return {
+        "left": 0.065,
+        "right": right,
+        "bottom": 0.5 / height,
+        "top": 1 - 0.3 / height,
+        "hspace": 0.55,
+        "wspace": wspace,
+    }
 
 
 def _draw_spectra(panel, textures, names, alike=False):
@@ -100,8 +126,8 @@ def _draw_spectra(panel, textures, names, alike=False):
     panel.set(xlim=SHOWN_HZ, ylim=(top - SHOWN_DB, top + 5), title="power spectral density")
     panel.set(xlabel="frequency (Hz)", ylabel="density (dB re 1 N²/Hz)")
     panel.set_xticks(_TICKS_HZ, [str(tick) for tick in _TICKS_HZ])
-    panel.xaxis.set_minor_formatter("")
-    panel.grid(which="both", alpha=0.3)
+    panel.minorticks_off()
+    panel.grid(alpha=0.3)
 
 
 def _draw_bands(panel, textures):
@@ -112,7 +138,7 @@ def _draw_bands(panel, textures):
         panel.stairs(levels, edges, baseline=None, label=name, color=f"C{number}", linewidth=1.8)
     panel.set(xscale="log", xlim=BAND_HZ, title="nine bands", xlabel="frequency (Hz)", ylabel="level (dB re 1 N²)")
     panel.set_xticks(edges, [f"{edge:.0f}" for edge in edges])
-    panel.xaxis.set_minor_formatter("")
+    panel.minorticks_off()
     panel.grid(alpha=0.3)
 
 

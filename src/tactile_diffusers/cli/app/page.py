@@ -1,7 +1,6 @@
 """The page: what stands where, and what calls what. All that is computed lies in the modules beside it."""
 
 import functools
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -10,18 +9,34 @@ from .answers import comparison_answer, reconstruction_answer, texture_answer
 from .downloads import FORMATS, write_files
 from .presets import PRESETS, REMARK
 from .recording import LONGEST_SECONDS, read_upload
-from .settings import LIMITS, SCALES, WORDS, Settings, available_scales, blend, describe, from_z, slider_ranges, to_z
+from .settings import (
+    LIMITS,
+    SCALES,
+    WORDS,
+    Settings,
+    available_scales,
+    blend,
+    describe,
+    digits,
+    from_z,
+    slider_ranges,
+    to_z,
+)
 
 #: Seconds after which a file that was made for a visitor is deleted, and between two looks for such files.
 FILE_SECONDS, CLEANING_SECONDS = 3600, 600
 CSS = """
+#picture { min-height: 400px; } /* nothing jumps when they arrive */
+#strip { min-height: 360px; }
 .texture-figure { width: 100%; height: auto; background: white; border-radius: 4px; }
-.ends { display: flex; justify-content: space-between; font-size: 0.9em; padding: 0 4px; }
+.ends { background: var(--block-background-fill) !important; }
+.ends .words { display: flex; justify-content: space-between; font-size: 0.9em; padding: 0 8px; }
 .players { display: flex; flex-wrap: wrap; gap: 12px; }
 .players figure { margin: 0; }
-table.numbers { border-collapse: collapse; }
-table.numbers th, table.numbers td { padding: 2px 12px 2px 0; text-align: left; border-bottom: 1px solid #8884; }
-.finger-strip { display: block; }
+audio { max-width: 100%; }
+.prose table.numbers { border-collapse: collapse; border: 0 !important; margin: 0; }
+.prose table.numbers :is(th, td) { padding: 2px 16px 2px 0; text-align: left; border: 0 !important; }
+.prose table.numbers tr { border: 0 !important; border-bottom: 1px solid #8886 !important; }
 """
 ABOUT = """# Tactile textures from ratings
 Say how rough, bumpy and slippery a surface should feel; get the friction force of a sliding finger, in newtons at
@@ -33,7 +48,7 @@ def build(studio, folder):
 
     Args:
         studio ([`Studio`]): answers.
-        folder (`Path`): for files on their way to a visitor; they do not stay.
+        folder (`Path`): gradio's folder of temporary files, which it clears by age; for files to take away.
 
     Returns:
         `gradio.Blocks`
@@ -41,7 +56,10 @@ def build(studio, folder):
     import gradio as gr
 
     with gr.Blocks(
-        title="Tactile textures from ratings", analytics_enabled=False, delete_cache=(CLEANING_SECONDS, FILE_SECONDS)
+        title="Tactile textures from ratings",
+        analytics_enabled=False,
+        delete_cache=(CLEANING_SECONDS, FILE_SECONDS),
+        fill_width=True,
     ) as page:
         gr.Markdown(ABOUT)
         kept = [gr.State(("glass", PRESETS["glass"])), gr.State(("denim", PRESETS["denim"]))]
@@ -102,19 +120,20 @@ def _texture_tab(gr, studio, folder, page):
             asked = _controls(gr, studio)
             make = gr.Button("Make the texture", variant="primary", elem_id="make")
             with gr.Row():
-                keep_buttons = [gr.Button(f"Keep as {name}", size="sm") for name in "AB"]
-            numbers = gr.HTML(elem_id="numbers")
+                keep_buttons = [gr.Button(f"Keep as {name}", size="sm", min_width=100) for name in "AB"]
         with gr.Column(scale=5, min_width=480):
             picture = gr.HTML(elem_id="picture")
             with gr.Row():
-                take = gr.Dropdown([("take 1", 0)], value=0, label="Take shown", scale=1, elem_id="take")
-                with gr.Column(scale=2):
+                with gr.Column(scale=2, min_width=280):
+                    take = gr.Dropdown([("take 1", 0)], value=0, label="Take shown", elem_id="take")
                     sound = gr.HTML(elem_id="sound")
+                with gr.Column(scale=3, min_width=320):
+                    numbers = gr.HTML(elem_id="numbers")
             strip = gr.HTML(elem_id="strip", label="Finger strip")
             with gr.Row():
-                form = gr.Dropdown(list(FORMATS), value=next(iter(FORMATS)), label="Format", elem_id="format")
-                write = gr.Button("Write the file", elem_id="write")
-                files = gr.File(label="Files", file_count="multiple", interactive=False, elem_id="files", height=110)
+                name = gr.Dropdown(list(FORMATS), value=next(iter(FORMATS)), label="Format", elem_id="format", scale=3)
+                write = gr.Button("Write the file", elem_id="write", scale=1)
+            files = gr.File(label="Files", file_count="multiple", interactive=False, visible=False, elem_id="files")
 
     def generate(scale, *values):
         count = 2 * len(RATING_AXES)
@@ -125,10 +144,10 @@ def _texture_tab(gr, studio, folder, page):
     def show(made, number, scale):
         return texture_answer(made, number, scale, studio.config) if made else (gr.skip(),) * 4
 
-    def download(made, number, name):
+    def download(made, number, chosen):
         if made is None:
             raise ValueError("There is no texture yet: make one first.")
-        return _write(made.textures[number], name, folder)
+        return gr.File(_write(made.textures[number], chosen, folder), visible=True)
 
     shown = [picture, sound, numbers, strip]
     inputs = [asked["scale"], *asked["ratings"], *asked["open"], *asked["settings"]]
@@ -143,7 +162,7 @@ def _texture_tab(gr, studio, folder, page):
         api_visibility="private",
     ).then(**request)
     take.input(_said(gr, show), [result, take, asked["scale"]], shown, api_visibility="private")
-    write.click(_said(gr, download), [result, take, form], files, api_visibility="private")
+    write.click(_said(gr, download), [result, take, name], files, api_visibility="private")
     _follow_scale(gr, studio, asked)
     return asked, keep_buttons
 
@@ -155,14 +174,14 @@ def _controls(gr, studio):
     scale = gr.Radio([(SCALES[name], name) for name in scales], value=scales[0], label="Ratings as", elem_id="scale")
     ratings, left_open = [], []
     starts = from_z(PRESETS["denim"], scales[0], studio.config)
-    for axis, value, (low, high) in zip(
-        RATING_AXES, starts, slider_ranges(scales[0], studio.config), strict=True
-    ):
-        ratings.append(
-            gr.Slider(low, high, round(float(value), 2), step=_step(scales[0]), label=axis.capitalize(), elem_id=axis)
-        )
-        gr.HTML('<div class="ends"><span>{}</span><span>{}</span></div>'.format(*WORDS[axis]))
-        left_open.append(gr.Checkbox(label=f"{axis} unspecified", elem_id=f"{axis}-open"))
+    ends = slider_ranges(scales[0], studio.config)
+    for axis, value, (low, high) in zip(RATING_AXES, starts, ends, strict=True):
+        with gr.Group():
+            value, step = _rounded(value, low, high, scales[0]), _step(scales[0])
+            ratings.append(gr.Slider(low, high, value, step=step, label=axis.capitalize(), elem_id=axis))
+            words = '<div class="words"><span>{}</span><span>{}</span></div>'.format(*WORDS[axis])
+            gr.HTML(words, elem_classes="ends", padding=False)
+            left_open.append(gr.Checkbox(label=f"{axis} unspecified", elem_id=f"{axis}-open"))
     default = Settings()
     with gr.Accordion("How it is made", open=False):
         few = studio.distilled_steps
@@ -170,7 +189,9 @@ def _controls(gr, studio):
         settings = [
             gr.Slider(*LIMITS["steps"], default.steps, step=1, label="Steps of the decoder (LCTG)", info=info),
             gr.Slider(*LIMITS["latent_steps"], default.latent_steps, step=1, label="Steps of DALE"),
-            gr.Radio([1, 2], value=default.order, label="Order of the solver", info="a distilled decoder keeps its own"),
+            gr.Radio(
+                [1, 2], value=default.order, label="Order of the solver", info="a distilled decoder keeps its own"
+            ),
             gr.Slider(*LIMITS["guidance"], default.guidance, step=0.05, label="Guidance", info="1 = off"),
             gr.Number(default.seed, label="Seed", precision=0, minimum=LIMITS["seed"][0], maximum=LIMITS["seed"][1]),
             gr.Slider(*LIMITS["duration_s"], default.duration_s, step=0.1, label="Duration, s"),
@@ -180,7 +201,12 @@ def _controls(gr, studio):
 
 
 def _step(scale):
-    return 1 if scale == "percentile" else 0.01
+    return 10 ** -digits(scale)
+
+
+def _rounded(value, low, high, scale):
+    """A value where a slider can stand."""
+    return round(float(min(max(value, low), high)), digits(scale))
 
 
 def _preset(gr, studio, name, scale):
@@ -190,8 +216,8 @@ def _preset(gr, studio, name, scale):
     given = PRESETS[name]
     ratings = from_z([0.0 if value is None else value for value in given], scale, studio.config)
     ends = slider_ranges(scale, studio.config)
-    within = [float(min(max(value, low), high)) for value, (low, high) in zip(ratings, ends, strict=True)]
-    sliders = [gr.skip() if z is None else round(value, 2) for z, value in zip(given, within, strict=True)]
+    within = [_rounded(value, *end, scale) for value, end in zip(ratings, ends, strict=True)]
+    sliders = [gr.skip() if z is None else value for z, value in zip(given, within, strict=True)]
     return *sliders, *(value is None for value in given)
 
 
@@ -203,7 +229,7 @@ def _follow_scale(gr, studio, asked):
         ratings = from_z(to_z(values, old, studio.config), new, studio.config)
         ends = slider_ranges(new, studio.config)
         sliders = [
-            gr.Slider(low, high, round(float(min(max(value, low), high)), 2), step=_step(new))
+            gr.Slider(low, high, _rounded(value, low, high, new), step=_step(new))
             for value, (low, high) in zip(ratings, ends, strict=True)
         ]
         return new, *sliders
@@ -215,18 +241,16 @@ def _follow_scale(gr, studio, asked):
 
 
 def _write(texture, name, folder):
-    """Files of a texture in a folder of their own, which the server clears away: paths."""
-    for old in folder.iterdir():  # what the server has copied to its cache, or never will
-        shutil.rmtree(old, ignore_errors=True)
+    """Files of a texture, in a new folder with a name that cannot be guessed: paths."""
     return [str(path) for path in write_files(texture, name, Path(tempfile.mkdtemp(dir=folder)))]
 
 
 def _blend_tab(gr, studio, kept, asked):
     """Two ratings and what lies between; returns where they are described."""
     gr.Markdown(
-        "Ratings are interpolated in z-scores between A and B and a texture is generated from them, from the same noise "
-        "(seed) for all three. An axis that A or B leaves open is open between them. *Keep as A* and *Keep as B* on the "
-        "first tab put other ratings here."
+        "The blend is generated from ratings between those of A and B, interpolated in z-scores; all three come from "
+        "the same noise (seed). An axis that A or B leaves open is open between them. *Keep as A* and *Keep as B* on "
+        "the first tab put other ratings here."
     )
     with gr.Row():
         labels = [gr.Markdown(_label(studio, n, *state.value)) for n, state in zip("AB", kept, strict=True)]
@@ -256,8 +280,9 @@ def _blend_tab(gr, studio, kept, asked):
 
 def _recording_tab(gr, studio, asked):
     gr.Markdown(
-        f"A WAV file, or a CSV with lateral force in one column or time (s) and lateral force in the first two. The first "
-        f"{LONGEST_SECONDS:g} s are band-passed, encoded, decoded and compared; steps and order are those of the first tab."
+        "A WAV file, or a CSV with lateral force in one column or time (s) and lateral force in the first two. The "
+        f"first {LONGEST_SECONDS:g} s are band-passed, encoded, decoded and compared; steps and order are those of the "
+        "first tab."
     )
     with gr.Row():
         # bytes: no path of a visitor reaches a line of ours

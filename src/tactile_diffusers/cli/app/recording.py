@@ -73,7 +73,13 @@ def _read_table(content, csv_rate):
     rows = int(LONGEST_SECONDS * RATES[1])
     try:
         table = pandas.read_csv(
-            io.StringIO(text), sep=delimiter, header=None, comment="#", nrows=rows, usecols=range(_columns(lines, delimiter)), dtype=str
+            io.StringIO(text),
+            sep=delimiter,
+            header=None,
+            comment="#",
+            nrows=rows,
+            usecols=range(_columns(lines, delimiter)),
+            dtype=str,
         )
     except (pandas.errors.ParserError, pandas.errors.EmptyDataError, ValueError) as error:
         raise ValueError(refusal) from error

@@ -3,13 +3,13 @@
 import argparse
 import ipaddress
 import os
+import signal
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-#: Nothing is fetched from elsewhere, whatever the page's framework would like to. Its own scripts are inline, and compile
-#: templates.
+#: Nothing is fetched from elsewhere, whatever gradio would like to. Its own scripts are inline, and compile templates.
 CONTENT_POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:; form-action 'self'"
 )
@@ -25,7 +25,9 @@ def parse_arguments(argv=None):
     """
     parser = argparse.ArgumentParser(prog="app.py", description="Ratings to textures in a browser, without internet.")
     parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on; default: 127.0.0.1, this machine only")
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to listen on; default: 127.0.0.1, this machine only"
+    )
     parser.add_argument("--port", type=int, default=7860, help="default: 7860")
     parser.add_argument("--max_upload_mib", type=int, default=8, metavar="N", help="largest recording; default: 8")
     arguments = parser.parse_args(argv)
@@ -45,9 +47,10 @@ def main(argv=None):
         `int`: 0; or 2 if gradio is missing, the checkpoint cannot be used or the port is taken (one line on stderr).
     """
     arguments = parse_arguments(argv)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped in whatever way, the folder is removed
     with tempfile.TemporaryDirectory(prefix="tactile-app-") as folder:
-        # before gradio is imported: its copies of files go with ours when the server stops
-        os.environ["GRADIO_TEMP_DIR"] = str(Path(folder) / "cache")
+        # before gradio is imported: uploads and files to take away lie there
+        os.environ["GRADIO_TEMP_DIR"] = folder
         os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"
         os.environ["HF_HUB_OFFLINE"] = "1"
         try:
@@ -73,18 +76,17 @@ def _serve(arguments, folder):
     from .page import CSS, build
     from .texture import Studio
 
-    files = folder / "files"
-    files.mkdir()
-    page = build(Studio(arguments.checkpoint), files)
+    page = build(Studio(arguments.checkpoint), folder)
     page.queue(max_size=WAITING, default_concurrency_limit=1)
-    # a stack that every system has: a theme's own fonts would be fetched
-    fonts = [gr.themes.utils.fonts.Font(name) for name in ("system-ui", "sans-serif")]
+    font, mono = (gr.themes.utils.fonts.Font(name) for name in ("sans-serif", "monospace"))  # others are fetched
+    theme = gr.themes.Default(primary_hue="blue", font=[font], font_mono=[mono])
+    theme.set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")  # readable, not pale
     page.launch(
         server_name=arguments.host,
         server_port=arguments.port,
         share=False,
         ssr_mode=False,
-        theme=gr.themes.Default(font=fonts, font_mono=[gr.themes.utils.fonts.Font("monospace")]),
+        theme=theme,
         css=CSS,
         max_file_size=f"{arguments.max_upload_mib}mb",
         state_session_capacity=SESSIONS,

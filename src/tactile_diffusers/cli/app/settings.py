@@ -20,6 +20,8 @@ LIMITS = {
     "duration_s": (0.5, 10.0),
     "takes": (1, 8),
 }
+#: Seconds of texture that one request may ask for, all takes together.
+MOST_SECONDS = 20.0
 #: Words at the lower and the upper end of each axis.
 WORDS = {"roughness": ("smooth", "rough"), "bumpiness": ("even", "bumpy"), "slipperiness": ("sticky", "slippery")}
 #: Scales, with their names on the page.
@@ -42,7 +44,7 @@ class Settings:
         takes (`int`): textures of each rating.
 
     Raises:
-        ValueError: for a value outside `LIMITS`, or one that must be whole and is not.
+        ValueError: for a value outside `LIMITS`, one that must be whole and is not, or more than `MOST_SECONDS`.
     """
 
     steps: int = 2
@@ -61,6 +63,16 @@ class Settings:
                 if value != int(value):
                     raise ValueError(f"`{field.name}` must be a whole number, got {value}.")
                 object.__setattr__(self, field.name, int(value))  # a browser sends 2.0
+        if self.takes * self.duration_s > MOST_SECONDS:
+            raise ValueError(
+                f"All takes together may last {MOST_SECONDS:g} s, got {self.takes} of {self.duration_s:g} s: ask for "
+                "fewer or shorter ones."
+            )
+
+
+def digits(scale):
+    """Decimals with which values on a scale are shown."""
+    return 0 if scale == "percentile" else 2
 
 
 def available_scales(config):
@@ -130,8 +142,7 @@ def blend(first, second, share):
 def describe(ratings, scale, config):
     """Ratings in words: "roughness 75, bumpiness not specified, ..." on a scale."""
     shown = from_z(ratings, scale, config)
-    digits = 0 if scale == "percentile" else 2
-    parts = (f"{value:.{digits}f}" if np.isfinite(value) else "not specified" for value in shown)
+    parts = (f"{value:.{digits(scale)}f}" if np.isfinite(value) else "not specified" for value in shown)
     return ", ".join(f"{axis} {part}" for axis, part in zip(RATING_AXES, parts, strict=True))
 
 

@@ -15,7 +15,7 @@ from ...signal import BAND_HZ, DEVICE_RATE, SEGMENT_SAMPLES
 from .sound import SOUND_RMS
 
 #: Height of the page in pixels.
-HEIGHT = 330
+HEIGHT = 350
 #: Speed in mm/s that a texture of unknown speed is taken to have: the middle of the paper's limits.
 UNKNOWN_SPEED = 80.0
 _TEMPLATE = Path(__file__).with_name("strip.html")
