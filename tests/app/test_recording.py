@@ -79,7 +79,24 @@ def test_gaps_silence_rates_and_scales_are_refused(force):
         (_wav(0 * force), {}, "constant"),
         (_wav(np.where(np.arange(len(force)) == 7, np.nan, force)), {}, "finite"),
         (_wav(force, rate=1000), {}, "1000"),
+        (_wav(force, rate=400_000), {}, "400000"),
+        (_wav(np.tile(force[:2000, None], 9)), {}, "9 channels"),
         (_wav(force), {"newtons_per_unit": 0}, "Newtons per unit"),
     ):
         with pytest.raises(ValueError, match=message):
             read_upload(content, RATE, **options)
+
+
+def test_damaged_files_are_refused_never_a_crash(force):
+    rng = np.random.default_rng(0)
+    for content in (_wav(force[:2000]), _csv(force[:200]), _csv(force[:200], ";", "time;force\n")):
+        for _ in range(60):
+            damaged = bytearray(content[: rng.integers(1, len(content) + 1)])
+            for place in rng.integers(0, min(len(damaged), 100), 4):
+                damaged[place] = rng.integers(256)
+            try:
+                found, rate = read_upload(bytes(damaged), RATE)
+            except ValueError as refused:
+                assert str(refused)
+            else:
+                assert np.isfinite(found).all() and len(found) <= LONGEST_SECONDS * rate

@@ -157,3 +157,10 @@ def test_reconstruction_is_compared_with_what_was_recorded(studio, result):
     assert np.corrcoef(made.decoded.samples, recorded)[0, 1] > 0.5
     picture, sound, numbers = reconstruction_answer(made, "raw", studio.config)
     assert sound.count("<audio") == 2 and "Nine-band error" in numbers and "base64" in picture
+
+
+@pytest.mark.parametrize("rate", [2001, 44_100])
+def test_short_recordings_of_any_rate_are_reconstructed(studio, pink_noise, rate):
+    made = studio.reconstruct(pink_noise(int(0.21 * rate), rate)[0], rate)
+    assert made.decoded.sampling_rate == 10_000 and made.decoded.seconds == pytest.approx(0.21, abs=0.001)
+    assert all(np.isfinite(texture.heard).all() for texture in (made.recorded, made.decoded))

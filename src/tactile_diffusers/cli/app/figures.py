@@ -31,7 +31,7 @@ def draw_result(result, take):
     panels = figure.subplot_mosaic(
         [["waveform"] * 2, ["spectrum", "spectrogram"], ["bands"] * 2],
         height_ratios=(2, 3, 2),
-        gridspec_kw=_margins(height, 0.2, 0.985),
+        gridspec_kw=_margins(height, 0.2, 0.975),
     )
     draw_waveform(panels["waveform"], texture.samples, texture.sampling_rate)
     draw_spectrogram(panels["spectrogram"], texture.samples, texture.sampling_rate)
@@ -89,7 +89,9 @@ def figure_html(figure, description):
     file = io.BytesIO()
     figure.savefig(file, format="png", dpi=DPI)
     data = base64.b64encode(file.getvalue()).decode("ascii")
-    return f'<img class="texture-figure" alt="{description}" src="data:image/png;base64,{data}">'
+    width, height = (round(DPI * inches) for inches in figure.get_size_inches())  # room is kept while it is decoded
+    size = f'width="{width}" height="{height}"'
+    return f'<img class="texture-figure" {size} alt="{description}" src="data:image/png;base64,{data}">'
 
 
 def _figure(width, height):

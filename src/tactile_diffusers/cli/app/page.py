@@ -24,7 +24,7 @@ from .settings import (
 )
 
 #: Seconds after which a file that was made for a visitor is deleted, and between two looks for such files.
-FILE_SECONDS, CLEANING_SECONDS = 3600, 600
+FILE_SECONDS, CLEANING_SECONDS = 900, 300
 CSS = """
 #picture { min-height: 400px; } /* nothing jumps when they arrive */
 #strip { min-height: 360px; }
@@ -40,7 +40,7 @@ audio { max-width: 100%; }
 """
 ABOUT = """# Tactile textures from ratings
 Say how rough, bumpy and slippery a surface should feel; get the friction force of a sliding finger, in newtons at
-10 kHz. Nothing leaves this machine. The bundled checkpoint knows simulated surfaces only."""
+10 kHz. Nothing leaves the computer that runs this page. The bundled checkpoint knows simulated surfaces only."""
 
 
 def build(studio, folder):

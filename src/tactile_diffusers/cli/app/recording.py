@@ -10,6 +10,8 @@ from ...signal import BAND_HZ, band_pass
 LONGEST_SECONDS, SHORTEST_SECONDS = 10.0, 4 / BAND_HZ[0]
 #: Sampling rates in Hz that are read: above twice the band, and no more than recorders have.
 RATES = (2 * BAND_HZ[1] + 1, 200_000)
+#: Channels of a WAV file: memory is taken for all of them.
+MOST_CHANNELS = 8
 #: Largest relative departure of a time step from the median: clocks are rounded in text files.
 JITTER = 0.1
 
@@ -35,8 +37,7 @@ def read_upload(content, csv_rate, newtons_per_unit=1.0):
     if not (np.isfinite(newtons_per_unit) and newtons_per_unit > 0):
         raise ValueError(f"Newtons per unit must be above 0, got {newtons_per_unit}.")
     force, rate = _read_wav(content) if content[:4] == b"RIFF" else _read_table(content, csv_rate)
-    if not RATES[0] <= rate <= RATES[1]:
-        raise ValueError(f"The sampling rate must be between {RATES[0]:g} and {RATES[1]} Hz, got {rate:g}.")
+    _check_rate(rate)
     rate = round(rate)
     if len(force) < SHORTEST_SECONDS * rate:
         raise ValueError(f"The recording must last {SHORTEST_SECONDS:g} s at least, got {len(force) / rate:.3f} s.")
@@ -48,12 +49,20 @@ def read_upload(content, csv_rate, newtons_per_unit=1.0):
     return band_pass(force, rate), rate
 
 
+def _check_rate(rate):
+    if not RATES[0] <= rate <= RATES[1]:
+        raise ValueError(f"The sampling rate must be between {RATES[0]:g} and {RATES[1]:g} Hz, got {rate:g}.")
+
+
 def _read_wav(content):
     import soundfile
 
     try:
         with soundfile.SoundFile(io.BytesIO(content)) as file:
             rate = file.samplerate
+            _check_rate(rate)
+            if file.channels > MOST_CHANNELS:
+                raise ValueError(f"{file.channels} channels; {MOST_CHANNELS} at most")
             samples = file.read(int(LONGEST_SECONDS * rate), dtype="float64", always_2d=True)
     except (soundfile.SoundFileError, ValueError, MemoryError) as error:
         raise ValueError(f"The file begins like WAV but cannot be read ({error}).") from error

@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 #: Nothing is fetched from elsewhere, whatever gradio would like to. Its own scripts are inline, and compile templates.
@@ -70,12 +69,13 @@ def _refuse(reason):
 
 
 def _serve(arguments, folder):
-    start = time.perf_counter()
     import gradio as gr
+    from diffusers.utils import logging
 
     from .page import CSS, build
     from .texture import Studio
 
+    logging.disable_progress_bar()
     page = build(Studio(arguments.checkpoint), folder)
     page.queue(max_size=WAITING, default_concurrency_limit=1)
     font, mono = (gr.themes.utils.fonts.Font(name) for name in ("sans-serif", "monospace"))  # others are fetched
@@ -95,7 +95,7 @@ def _serve(arguments, folder):
         prevent_thread_lock=True,
         quiet=True,
     )
-    print(f"ready after {time.perf_counter() - start:.1f} s at {page.local_url} (Ctrl+C stops it)", flush=True)
+    print(f"ready at {page.local_url} (Ctrl+C stops it)", flush=True)
     if not _is_loopback(arguments.host):
         print("Whoever reaches this machine reaches the page: it has no password.", flush=True)
     page.block_thread()
