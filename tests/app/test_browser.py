@@ -1,5 +1,6 @@
 """A session of use of the demo in headless Chromium, from the command line to the file that is taken away."""
 
+import json
 import os
 import re
 import shutil
@@ -8,6 +9,8 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -247,12 +250,37 @@ def test_every_control_is_reached_by_the_keyboard(visit):
 
 
 def test_file_of_the_server_cannot_be_asked_for(server):
-    import urllib.error
-    import urllib.request
-
     for path in ("/etc/passwd", str(ROOT / "README.md"), "..%2f..%2f..%2fetc%2fpasswd"):
         with pytest.raises(urllib.error.HTTPError) as refused:
             urllib.request.urlopen(f"{server}/gradio_api/file={path}")
         assert refused.value.code in (403, 404)
     headers = urllib.request.urlopen(server).headers
     assert "default-src 'self'" in headers["content-security-policy"]
+
+
+HOW = [2, 5, 2, 1.0, 0]  # steps, steps of DALE, order, guidance, seed
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("reconstruct", [{"path": "/etc/passwd", "meta": {"_type": "gradio.FileData"}}, 10_000, 1, "z", *HOW, 1.6, 1]),
+        ("download", [None, 0, "../../etc/passwd"]),
+        ("generate", ["z", 50, 50, 50, False, False, False, *HOW, 9000, 1]),
+        ("generate", ["percentile", 50, 50, 50, False, False, False, *HOW, 9.0, 8]),
+        ("generate", ["z", None, "x", {}, False, False, False, *HOW, 1.6, 1]),
+    ],
+)
+def test_forged_requests_are_refused(server, name, values):
+    """What the page would never send: another file, a path for a format, more work than the sliders allow."""
+    with urllib.request.urlopen(f"{server}/config") as answer:
+        functions = json.load(answer)["dependencies"]
+    number = next(function["id"] for function in functions if function["api_name"] == name)
+    session = f"forged-{os.urandom(4).hex()}"
+    body = json.dumps({"data": values, "fn_index": number, "session_hash": session}).encode()
+    request = urllib.request.Request(f"{server}/gradio_api/queue/join", body, {"content-type": "application/json"})
+    urllib.request.urlopen(request).close()
+    with urllib.request.urlopen(f"{server}/gradio_api/queue/data?session_hash={session}", timeout=ANSWERS_IN) as stream:
+        messages = (json.loads(line[5:]) for line in stream if line.startswith(b"data:"))
+        last = next(message for message in messages if message["msg"] == "process_completed")
+    assert last["success"] is False and "root:" not in json.dumps(last)
