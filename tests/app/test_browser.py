@@ -136,6 +136,7 @@ def test_preset_and_scale(visit):
     slider = page.locator("#roughness input[type=range]")
     page.wait_for_function("document.querySelector('#roughness input[type=range]').max < 3")
     assert float(slider.input_value()) == pytest.approx(1.6, abs=0.06)  # percentiles are whole
+    sync_api.expect(page.locator("#numbers tbody td").first).to_have_text(re.compile(r"1\.[56]\d"))
 
 
 def test_finger_strip_follows_pointer_and_keys(visit):

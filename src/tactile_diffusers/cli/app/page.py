@@ -99,10 +99,6 @@ def _ratings(studio, scale, values):
     return to_z(given, scale, studio.config)
 
 
-def _settings(values):
-    return Settings(*values)
-
-
 def _keep(studio, name, scale, *values):
     ratings = _ratings(studio, scale, values)
     return (name, ratings), _label(studio, name, "kept", ratings)
@@ -137,7 +133,7 @@ def _texture_tab(gr, studio, folder, page):
 
     def generate(scale, *values):
         count = 2 * len(RATING_AXES)
-        made = studio.generate([_ratings(studio, scale, values[:count])], _settings(values[count:]))
+        made = studio.generate([_ratings(studio, scale, values[:count])], Settings(*values[count:]))
         takes = gr.Dropdown([(f"take {number + 1}", number) for number in range(len(made.textures))], value=0)
         return made, takes, *texture_answer(made, 0, scale, studio.config)
 
@@ -161,9 +157,10 @@ def _texture_tab(gr, studio, folder, page):
         [*asked["ratings"], *asked["open"]],
         api_visibility="private",
     ).then(**request)
-    take.input(_said(gr, show), [result, take, asked["scale"]], shown, api_visibility="private")
+    show_again = {"fn": _said(gr, show), "inputs": [result, take, asked["scale"]], "outputs": shown}
+    take.input(**show_again, api_visibility="private")
+    _follow_scale(gr, studio, asked).then(**show_again, api_visibility="private")
     write.click(_said(gr, download), [result, take, name], files, api_visibility="private")
-    _follow_scale(gr, studio, asked)
     return asked, keep_buttons
 
 
@@ -222,7 +219,7 @@ def _preset(gr, studio, name, scale):
 
 
 def _follow_scale(gr, studio, asked):
-    """Another scale shows the same ratings on other numbers; nothing is made anew."""
+    """Another scale shows the same ratings as other numbers, nothing is made anew; returns the event."""
     before = gr.State(asked["scale"].value)
 
     def change(old, new, *values):
@@ -235,7 +232,7 @@ def _follow_scale(gr, studio, asked):
         return new, *sliders
 
     sliders = asked["ratings"]
-    asked["scale"].input(
+    return asked["scale"].input(
         _said(gr, change), [before, asked["scale"], *sliders], [before, *sliders], api_visibility="private"
     )
 
@@ -297,7 +294,7 @@ def _recording_tab(gr, studio, asked):
         if not content:
             raise ValueError("Choose a file first.")
         samples, sampling_rate = read_upload(content, csv_rate or 0, newtons_per_unit or 0)
-        made = studio.reconstruct(samples, sampling_rate, _settings(values))
+        made = studio.reconstruct(samples, sampling_rate, Settings(*values))
         return reconstruction_answer(made, scale, studio.config)
 
     make.click(
