@@ -51,7 +51,7 @@ def test_it_is_installed():
 def test_every_command_has_a_script_beside_it():
     root = Path(__file__).parents[2]
     for module, _ in entry.COMMANDS.values():
-        assert (root / "examples" / f"{module}.py").is_file()
+        assert (root / "examples" / f"{module.split('.')[0]}.py").is_file()
 
 
 def test_as_a_process():

@@ -10,6 +10,7 @@ COMMANDS = {
     "generate": ("generate", "ratings in, files of a texture out"),
     "reconstruct": ("reconstruct", "a recording through encoder and decoder, and how near it comes"),
     "export": ("export", "textures as files for devices"),
+    "app": ("app.serve", "sliders, pictures and sound in a browser"),
     "dataset": ("generate_dataset", "many textures, by several processes"),
     "prepare": ("prepare_data", "recordings in, a prepared data set out"),
     "inspect": ("inspect_data", "a card of recordings, with warnings and remedies"),

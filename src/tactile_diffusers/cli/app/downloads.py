@@ -1,6 +1,8 @@
 """A texture as files to take away."""
 
-from ...export import write_figure, write_npz, write_wav
+from functools import partial
+
+from ... import export
 from .strip import strip_page
 
 
@@ -12,32 +14,24 @@ def _about(texture):
     }
 
 
-def _npz(path, texture):
-    about = {**_about(texture), "seed": texture.seed, "reference_speed": texture.reference_speed}
-    write_npz(path, texture.samples, **about)
-
-
-def _wav(path, texture):
-    write_wav(path, texture.samples, seed=texture.seed, **_about(texture))
-
-
-def _wav_float(path, texture):
-    write_wav(path, texture.samples, seed=texture.seed, subtype="FLOAT", **_about(texture))
+def _format(write, path, texture):
+    write(path, texture.samples, seed=texture.seed, reference_speed=texture.reference_speed, **_about(texture))
 
 
 def _figure(path, texture):
-    write_figure(path, texture.samples, **_about(texture))
+    export.write_figure(path, texture.samples, **_about(texture))
 
 
 def _strip(path, texture):
     path.write_text(strip_page(texture), encoding="utf-8")
 
 
-#: Name on the page -> suffix and writer(path, texture). A format more is a line more.
+#: Name on the page -> suffix and writer(path, texture).
 FORMATS = {
-    "NumPy archive, newtons (.npz)": (".npz", _npz),
-    "WAV, 16 bit, with its scale in JSON (.wav)": (".wav", _wav),
-    "WAV, float, with its scale in JSON (.wav)": (".wav", _wav_float),
+    **{
+        f"{one.description} ({one.suffix})": (one.suffix, partial(_format, one.write))
+        for one in export.FORMATS.values()
+    },
     "picture (.png)": (".png", _figure),
     "finger strip, a page that works alone (.html)": (".html", _strip),
 }

@@ -8,6 +8,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from ..program import program
+
 #: Nothing is fetched from elsewhere, whatever gradio would like to. Its own scripts are inline, and compile templates.
 CONTENT_POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:; form-action 'self'"
@@ -22,7 +24,9 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(prog="app.py", description="Ratings to textures in a browser, without internet.")
+    parser = argparse.ArgumentParser(
+        prog=program("app.py"), description="Ratings to textures in a browser, without internet."
+    )
     parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
     parser.add_argument(
         "--host", default="127.0.0.1", help="address to listen on; default: 127.0.0.1, this machine only"
@@ -64,7 +68,7 @@ def main(argv=None):
 
 
 def _refuse(reason):
-    print(f"app.py: error: {' '.join(str(reason).split())}", file=sys.stderr)
+    print(f"{program('app.py')}: error: {' '.join(str(reason).split())}", file=sys.stderr)
     return 2
 
 
