@@ -135,7 +135,7 @@ def _texture_tab(gr, studio, folder, page):
         count = 2 * len(RATING_AXES)
         made = studio.generate([_ratings(studio, scale, values[:count])], Settings(*values[count:]))
         takes = gr.Dropdown([(f"take {number + 1}", number) for number in range(len(made.textures))], value=0)
-        return made, takes, *texture_answer(made, 0, scale, studio.config)
+        return made, takes
 
     def show(made, number, scale):
         return texture_answer(made, number, scale, studio.config) if made else (gr.skip(),) * 4
@@ -147,19 +147,21 @@ def _texture_tab(gr, studio, folder, page):
 
     shown = [picture, sound, numbers, strip]
     inputs = [asked["scale"], *asked["ratings"], *asked["open"], *asked["settings"]]
-    request = {"fn": _said(gr, generate), "inputs": inputs, "outputs": [result, take, *shown]}
+    request = {"fn": _said(gr, generate), "inputs": inputs, "outputs": [result, take]}
     request |= {"api_visibility": "private", "show_progress": "minimal", "trigger_mode": "always_last"}
+    # shown by an event of its own, on the scale of that moment: it may change while a texture is made
+    show_again = {"fn": _said(gr, show), "inputs": [result, take, asked["scale"]], "outputs": shown}
+    show_again |= {"api_visibility": "private", "show_progress": "minimal"}
     moved = [control.input for control in (*asked["ratings"], *asked["open"])]
-    gr.on([make.click, page.load, *moved], **request)
+    gr.on([make.click, page.load, *moved], **request).then(**show_again)
     asked["preset"].input(
         functools.partial(_preset, gr, studio),
         [asked["preset"], asked["scale"]],
         [*asked["ratings"], *asked["open"]],
         api_visibility="private",
-    ).then(**request)
-    show_again = {"fn": _said(gr, show), "inputs": [result, take, asked["scale"]], "outputs": shown}
-    take.input(**show_again, api_visibility="private")
-    _follow_scale(gr, studio, asked).then(**show_again, api_visibility="private")
+    ).then(**request).then(**show_again)
+    take.input(**show_again)
+    _follow_scale(gr, studio, asked).then(**show_again)
     write.click(_said(gr, download), [result, take, name], files, api_visibility="private")
     return asked, keep_buttons
 
