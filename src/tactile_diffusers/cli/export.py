@@ -161,7 +161,7 @@ def _write(name, texture, metadata, arguments):
             warnings.simplefilter("always", UserWarning)
             form.write(path, texture, **common, **{option: getattr(arguments, option) for option in form.options})
         for warning in caught:
-            print(f"export.py: warning: {path.name}: {warning.message}", file=sys.stderr)
+            print(f"{program('export.py')}: warning: {path.name}: {warning.message}", file=sys.stderr)
         row = {"texture": name, "seconds": len(texture) / common["sampling_rate"], "format": chosen, "file": str(path)}
         row |= round_trip(path, chosen, texture, common["sampling_rate"]) if arguments.round_trip else {}
         rows.append({**row, "kind": form.kind})
