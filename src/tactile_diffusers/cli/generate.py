@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from ..signal.constants import RATING_AXES
-from .program import program
+from .program import check_folders, program
 
 
 def parse_arguments(argv=None):
@@ -58,10 +58,7 @@ def parse_arguments(argv=None):
         parser.error(f"argument --takes: must be at least 1, got {arguments.takes}")
     if not 0 <= arguments.seed <= 2**63 - arguments.takes:
         parser.error(f"argument --seed: must be at least 0 and below 2**63, got {arguments.seed}")
-    if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
-        parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder")
-    if arguments.output.exists() and not arguments.output.is_dir():
-        parser.error(f"argument --output: {arguments.output} is not a folder")
+    check_folders(parser, arguments)
     return arguments
 
 

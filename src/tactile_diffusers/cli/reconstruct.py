@@ -5,7 +5,7 @@ import json
 import sys
 from pathlib import Path
 
-from .program import program
+from .program import check_folders, program
 
 
 def parse_arguments(argv=None):
@@ -33,10 +33,7 @@ def parse_arguments(argv=None):
     parser.add_argument("--json", action="store_true", help="print figures and files as JSON, and nothing else")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     arguments = parser.parse_args(argv)
-    if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
-        parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder")
-    if arguments.output.exists() and not arguments.output.is_dir():
-        parser.error(f"argument --output: {arguments.output} is not a folder")
+    check_folders(parser, arguments)
     return arguments
 
 
@@ -83,10 +80,11 @@ def _reconstruct(arguments):
     made = out.textures[0]
     reference = resample(texture, rate, out.sampling_rate)[: len(made)]
     common = {"sampling_rate": out.sampling_rate, "friction_coefficient": float("nan"), "ratings": [float("nan")] * 3}
+    origin = {"seed": arguments.seed, "reference_speed": out.reference_speed}
     arguments.output.mkdir(parents=True, exist_ok=True)
     files = [arguments.output / f"reconstruction{suffix}" for suffix in (".npz", ".wav", ".png")]
-    write_npz(files[0], made, seed=arguments.seed, reference_speed=out.reference_speed, **common)
-    write_wav(files[1], made, seed=arguments.seed, **common)
+    write_npz(files[0], made, **common, **origin)
+    write_wav(files[1], made, **common, **origin)
     write_figure(files[2], made, **common)
     return {
         "seconds": len(made) / out.sampling_rate,
