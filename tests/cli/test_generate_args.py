@@ -81,7 +81,7 @@ def test_single_axes_leave_the_others_unspecified():
         ([], "give either --ratings or one or more of --roughness, --bumpiness, --slipperiness"),
         (["--ratings", "1", "0", "0", "--roughness", "1"], "give either --ratings or"),
         (["--ratings", "1", "0"], "expected 3 arguments"),
-        (["--ratings", "1", "0", "rough"], "invalid float value: 'rough'"),
+        (["--ratings", "1", "0", "rough"], "must be a number, or none = not specified, got 'rough'"),
         (["--roughness", "1", "--takes", "0"], "argument --takes: must be at least 1, got 0"),
         (["--roughness", "1", "--seed", "-1"], "argument --seed: must be at least 0"),
         (["--roughness", "1", "--seed", "9223372036854775808"], "argument --seed"),

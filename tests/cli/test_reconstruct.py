@@ -74,3 +74,16 @@ def test_nothing_is_written_for_what_is_refused(tmp_path, capsys):
     assert reconstruct.main([str(tmp_path / "none.csv"), "--output", str(tmp_path / "out")]) == 2
     assert "reconstruct.py: error: There is no file" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_numbers_that_are_not_newtons(texture, tmp_path, capsys):
+    soundfile.write(tmp_path / "loud.wav", texture / np.abs(texture).max(), DEVICE_RATE, subtype="FLOAT")
+    words = [str(tmp_path / "loud.wav"), "--output", str(tmp_path / "out"), "--json"]
+    assert reconstruct.main(words) == 0
+    assert "Give --newtons_per_unit if these are not newtons" in capsys.readouterr().err
+    scale = str(np.abs(texture).max())
+    assert reconstruct.main([*words, "--newtons_per_unit", scale]) == 0
+    said = capsys.readouterr()
+    assert "warning" not in said.err and json.loads(said.out)["rms_mn"] == pytest.approx(10, rel=0.1)  # of `pink_noise`
+    with pytest.raises(SystemExit):
+        reconstruct.main([*words, "--newtons_per_unit", "-1"])

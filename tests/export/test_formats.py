@@ -2,12 +2,14 @@
 
 import json
 
+import h5py
 import numpy as np
 import pytest
 import soundfile
+from PIL import Image
 
 from tactile_diffusers.data.files import atomic_path
-from tactile_diffusers.export import read_wav, write_figure, write_npz, write_wav
+from tactile_diffusers.export import FORMATS, read_wav, write_figure, write_npz, write_wav
 
 RATE = 10000
 COMMON = {"sampling_rate": RATE, "friction_coefficient": 0.62, "ratings": [1.5, float("nan"), -1.0]}
@@ -29,6 +31,7 @@ def test_npz_round_trip(tmp_path, texture):
             "seed",
             "reference_speed",
             "checkpoint",
+            "units",
         }
         assert file["checkpoint"] == ""
         assert file["texture"].dtype == np.float32
@@ -145,3 +148,22 @@ def test_wav_files_that_belong_together_share_a_scale(tmp_path, texture):
     with pytest.raises(ValueError, match="`full_scale` must be above zero"):
         write_wav(tmp_path / "a.wav", texture, seed=0, full_scale=0.0, **COMMON)
     assert not (tmp_path / "a.wav").exists()
+
+
+def test_files_explain_themselves(tmp_path, pink_noise):
+    """A program without this package finds what the numbers mean."""
+    texture = pink_noise(4000, RATE)[0]
+    common = {"sampling_rate": RATE, "friction_coefficient": 0.5, "reference_speed": 80.0, "seed": 0}
+    for name in ("npz", "hdf5", "wav", "png"):
+        form = FORMATS[name]
+        options = {"pixel_pitch": 0.03} if name == "png" else {}
+        form.write(tmp_path / f"a{form.suffix}", texture, **common, ratings=[0.0] * 3, **options)
+    with np.load(tmp_path / "a.npz") as file:
+        found = [json.loads(str(file["units"]))]
+    with h5py.File(tmp_path / "a.h5") as file:
+        found.append(json.loads(file.attrs["units"]))
+    found.append(json.loads((tmp_path / "a.wav.json").read_text())["units"])
+    with Image.open(tmp_path / "a.friction.png") as picture:
+        found.append(json.loads(picture.text["tactile_diffusers"])["units"])
+    for units in found:
+        assert units["reference_speed"].startswith("mm/s") and "0.5 N" in units["texture"]

@@ -45,7 +45,7 @@ def test_coarse_pixels_warn_of_what_is_lost(tmp_path, texture):
     message = "Pixels 0.15 mm apart hold what is felt below 240 Hz at 80 mm/s: 240-1000 Hz is lost, .* % of the"
     with pytest.warns(UserWarning, match=message) as caught:
         write_png(tmp_path / "a.png", texture, **COMMON)
-    assert "A `pixel_pitch` of 0.036 mm holds all" in str(caught[0].message)
+    assert "Only a display with pixels of at most 0.036 mm would hold all" in str(caught[0].message)
     found, metadata = read_png(tmp_path / "a.png")
     assert metadata["highest_frequency"] == pytest.approx(240)
     edges = np.array([25.0, 50, 100, 200, 300, 500, 900])
@@ -61,6 +61,29 @@ def test_the_loss_is_the_power_that_is_missing(tmp_path):
         write_png(tmp_path / "a.png", low + high, **COMMON)
     with pytest.warns(UserWarning, match="is lost, 100.0 % of the texture's power"):
         write_png(tmp_path / "a.png", high, **COMMON)
+
+
+@pytest.mark.parametrize("pitch", (0.15, 0.6))
+def test_the_ends_of_a_coarse_map_are_like_the_rest(tmp_path, texture, pitch):
+    """The outermost pixels are low-passed too: kept as they were, they take the whole range of grey."""
+    with pytest.warns(UserWarning, match="is lost"):
+        write_png(tmp_path / "a.png", texture + 0.05 * (-1) ** np.arange(len(texture)), **COMMON, pixel_pitch=pitch)
+    with Image.open(tmp_path / "a.png") as picture:
+        row = np.asarray(picture)[0].astype(float)
+    inner = row[2:-2]
+    for end in (row[0], row[-1]):
+        assert abs(end - inner.mean()) < 4 * inner.std()
+    assert inner.max() - inner.min() > 200
+
+
+@pytest.mark.parametrize(
+    ("pitch", "message"),
+    ((5.0, "leaves nothing of a texture, .* it must be below 1.8 mm"), (1e-4, "makes a picture of .* columns")),
+)
+def test_pitches_that_no_display_has(tmp_path, texture, pitch, message):
+    with pytest.raises(ValueError, match=message):
+        write_png(tmp_path / "a.png", texture, **COMMON, pixel_pitch=pitch)
+    assert not list(tmp_path.iterdir())
 
 
 def test_fine_pixels_and_silence_do_not_warn(tmp_path, texture):

@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import sys
 from pathlib import Path
 
 from ..checkpoints import DISTILLED
@@ -9,7 +10,7 @@ from . import readme
 from .program import program
 
 #: each measured by `run(arguments, pipe)` of the module `benchmark_<suite>`
-SUITES = ("speed", "scheduler", "data", "stream", "scene", "dataset", "decoder")
+SUITES = ("speed", "scheduler", "data", "stream", "scene", "dataset", "decoder", "training")
 
 
 def parse_arguments(argv=None):
@@ -29,7 +30,7 @@ def parse_arguments(argv=None):
     )
     compared.add_argument("--recordings", type=Path, metavar="R.h5", help="data: prepare these; default: virtual ones")
     compared.add_argument("--segments", type=int, default=60, help="scheduler, speed: held-out segments, one a surface")
-    compared.add_argument("--surfaces", type=int, help="stream: virtual ones, recorded, default 60; scene: default 100")
+    compared.add_argument("--surfaces", type=int, help="stream, training: virtual ones, default 60; scene: 100")
     compared.add_argument(
         "--decoders",
         nargs="+",
@@ -109,6 +110,7 @@ def main(argv=None):
 
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
+    arguments.scripts = Path(sys.argv[0]).parent  # examples/
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
     arguments.checkpoint = str(arguments.checkpoint or bundled_checkpoint())

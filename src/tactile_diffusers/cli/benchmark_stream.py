@@ -328,10 +328,10 @@ def markdown(report):
         + markdown_table(report["starts"], 1)
     )
     parts.append(
-        f"In real time, under random motion, ratings changed every {benchmark_endless.CHANGE_SECONDS:g} s, blocks of "
-        f"{BLOCK} samples, generated on one core by a `GeneratingProcess` ({report['minutes']:g} minutes) or a thread "
-        f"({report['minutes'] * COMPARED:g}); an underrun is a block that comes more than one block late. The last "
-        "column is how late this machine wakes a program that does nothing else, while another one computes:\n\n"
-        + markdown_table(_transposed(report["endless"]), 3)
+        f"{title('In real time', 4)}Under random motion, ratings changed every {benchmark_endless.CHANGE_SECONDS:g} s, "
+        f"blocks of {BLOCK} samples, generated on one core by a `GeneratingProcess` ({report['minutes']:g} minutes) or "
+        f"by a thread ({report['minutes'] * COMPARED:g}); an underrun is a block that comes more than one block late. "
+        "The last column is how late this machine wakes a program that does nothing else, while another one "
+        "computes:\n\n" + markdown_table(_transposed(report["endless"]), 3)
     )
     return "\n\n".join(parts) + "\n"

@@ -9,6 +9,14 @@ from ..signal.constants import RATING_AXES
 from .program import check_folders, program
 
 
+def rating(word):
+    """A rating of the command line: a number, or NaN for `none`."""
+    try:
+        return float("nan") if word.lower() == "none" else float(word)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"must be a number, or none = not specified, got {word!r}") from error
+
+
 def parse_arguments(argv=None):
     """Arguments of the command, with `ratings` as a list of three floats in the order of `RATING_AXES`.
 
@@ -24,9 +32,9 @@ def parse_arguments(argv=None):
     parser.add_argument(
         "--ratings",
         nargs=len(RATING_AXES),
-        type=float,
+        type=rating,
         metavar=tuple(axis.upper() for axis in RATING_AXES),
-        help="all axes at once; nan = not specified",
+        help="all three axes, in this order; none = not specified",
     )
     for axis in RATING_AXES:
         parser.add_argument(
@@ -39,10 +47,22 @@ def parse_arguments(argv=None):
     )
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="where the files go")
     parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
-    parser.add_argument("--steps", type=int, metavar="N", help="diffusion steps of the texture generator")
-    parser.add_argument("--latent-steps", type=int, metavar="N", help="diffusion steps in latent space")
+    parser.add_argument(
+        "--steps", type=int, metavar="N", help="diffusion steps of LCTG, which makes the texture; default: 5"
+    )
+    parser.add_argument(
+        "--latent-steps",
+        type=int,
+        metavar="N",
+        help="diffusion steps of DALE, which makes the latents; default: as --steps",
+    )
     parser.add_argument("--guidance-scale", type=float, metavar="W", help="weight of the ratings; 1 = no guidance")
-    parser.add_argument("--duration", type=float, metavar="SECONDS", help="default: one segment")
+    parser.add_argument(
+        "--duration",
+        type=float,
+        metavar="SECONDS",
+        help="default: one segment; another duration is another take of the surface",
+    )
     parser.add_argument("--seed", type=int, default=0, help="take k of several is made with seed + k; default: 0")
     parser.add_argument("--takes", type=int, default=1, metavar="N", help="number of textures; default: 1")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")

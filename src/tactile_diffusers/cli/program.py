@@ -1,6 +1,7 @@
 """What commands share in their messages: the name of the running one, and folders that are refused."""
 
 import sys
+import tempfile
 
 #: Of the entry point.
 NAME = "tactile-diffusers"
@@ -12,7 +13,7 @@ def program(script):
 
 
 def check_folders(parser, arguments):
-    """Refuses a `--checkpoint` that is no folder, and an `--output` that is something else.
+    """Refuses a `--checkpoint` that is no folder, and an `--output` that is something else or cannot be written.
 
     Raises:
         SystemExit: with exit code 2 and a line that names the argument and the path.
@@ -21,3 +22,9 @@ def check_folders(parser, arguments):
         parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder")
     if arguments.output.exists() and not arguments.output.is_dir():
         parser.error(f"argument --output: {arguments.output} is not a folder")
+    existing = next(path for path in (arguments.output, *arguments.output.absolute().parents) if path.is_dir())
+    try:
+        with tempfile.TemporaryFile(dir=existing):
+            pass
+    except OSError as error:
+        parser.error(f"argument --output: {existing} cannot be written: {error.strerror}")

@@ -2,10 +2,14 @@
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 
 from .program import check_folders, program
+
+#: N, RMS of a texture: a fifth of the normal force, beyond what fingers meet.
+LARGEST_RMS = 0.1
 
 
 def parse_arguments(argv=None):
@@ -26,6 +30,13 @@ def parse_arguments(argv=None):
         "--column", metavar="NAME", help="of the force, by name or number from 0; where there are several"
     )
     parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, where the file does not say it")
+    parser.add_argument(
+        "--newtons_per_unit",
+        type=float,
+        metavar="N",
+        help="of the numbers in the file, of full scale in a WAV; default: "
+        "1, or what the sidecar of a WAV of this package says",
+    )
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="where the files go")
     parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
     parser.add_argument("--steps", type=int, metavar="N", help="diffusion steps; default: the checkpoint's")
@@ -33,6 +44,8 @@ def parse_arguments(argv=None):
     parser.add_argument("--json", action="store_true", help="print figures and files as JSON, and nothing else")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     arguments = parser.parse_args(argv)
+    if arguments.newtons_per_unit is not None and not 0 < arguments.newtons_per_unit < math.inf:
+        parser.error(f"argument --newtons_per_unit: must be above zero, got {arguments.newtons_per_unit}")
     check_folders(parser, arguments)
     return arguments
 
@@ -72,7 +85,13 @@ def _reconstruct(arguments):
     from ..signal import nine_band_error_db, resample, rms
     from .recording import read_recording
 
-    texture, rate = read_recording(arguments.recording, arguments.column, arguments.rate)
+    texture, rate = read_recording(arguments.recording, arguments.column, arguments.rate, arguments.newtons_per_unit)
+    if rms(texture) > LARGEST_RMS:
+        print(
+            f"{program('reconstruct.py')}: warning: {arguments.recording}: RMS {1e3 * rms(texture):.0f} mN is more "
+            "than textures have at a normal force of 0.5 N. Give --newtons_per_unit if these are not newtons.",
+            file=sys.stderr,
+        )
     pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint or bundled_checkpoint()))
     pipe.set_progress_bar_config(disable=arguments.quiet or arguments.json)
     generator = torch.Generator("cpu").manual_seed(arguments.seed)

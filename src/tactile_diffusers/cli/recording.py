@@ -12,7 +12,7 @@ from ..signal import BAND_HZ, band_pass
 SHORTEST_SECONDS = 0.25
 
 
-def read_recording(path, column=None, rate=None):
+def read_recording(path, column=None, rate=None, newtons_per_unit=None):
     """Lateral force (or any signal that stands for it) from a table, band-passed and without its mean.
 
     Args:
@@ -20,6 +20,7 @@ def read_recording(path, column=None, rate=None):
             comes back in newtons.
         column (`str` or `int`, *optional*): name, or index from 0; may be left out where there is one.
         rate (`float`, *optional*): Hz; may be left out where the file says so.
+        newtons_per_unit (`float`, *optional*): of the file's numbers, instead of 1 or what a sidecar says.
 
     Returns:
         `tuple[np.ndarray, int]`: (samples,) float64 and the sampling rate.
@@ -33,7 +34,7 @@ def read_recording(path, column=None, rate=None):
         raise FileNotFoundError(f"There is no file {path}.")
     if kind_of(path) is None:
         raise ValueError(f"{path} is of no kind that can be read: use csv, xlsx, npy, npz, mat, hdf5, parquet or wav.")
-    if sidecar_path(path).is_file():
+    if newtons_per_unit is None and sidecar_path(path).is_file():
         texture, metadata = read_wav(path)
         return _prepared(texture, metadata["sampling_rate"], path)
     table = read_table(path)
@@ -43,7 +44,7 @@ def read_recording(path, column=None, rate=None):
     rate = table.rate if rate is None else rate
     if rate is None:
         raise ValueError(f"{path} does not say its sampling rate; give it in Hz.")
-    return _prepared(values, rate, path)
+    return _prepared(values * (newtons_per_unit or 1.0), rate, path)
 
 
 def _column(table, column):

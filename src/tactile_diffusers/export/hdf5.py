@@ -1,10 +1,12 @@
 """HDF5: one texture and all that belongs to it in one file that most laboratories can read."""
 
+import json
+
 import numpy as np
 
 from ..data.files import open_whole, whole_file
 from ..signal import RATING_AXES
-from .metadata import check_arguments, metadata_from_json
+from .metadata import UNITS, check_arguments, metadata_from_json
 
 FORMAT, VERSION = "tactile-texture", 1
 
@@ -14,7 +16,7 @@ def write_hdf5(path, texture, *, sampling_rate, friction_coefficient, reference_
 
     The file holds the dataset `texture` (samples,) float32 with the attributes `rate` (Hz) and `unit` ("N"). Attributes
     of the file: `format`, `version`, `friction_coefficient`, `reference_speed` (mm/s), `ratings` (3,), `rating_axes`,
-    `seed` and, if known, `checkpoint`.
+    `seed`, `units`, which says what these mean, as JSON, and, if known, `checkpoint`.
 
     Args:
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
@@ -30,6 +32,7 @@ def write_hdf5(path, texture, *, sampling_rate, friction_coefficient, reference_
     rate = metadata.pop("sampling_rate")
     with whole_file(path) as file:
         file.attrs.update({"format": FORMAT, "version": VERSION, "rating_axes": ", ".join(RATING_AXES)})
+        file.attrs["units"] = json.dumps(UNITS)
         file.attrs.update({name: value for name, value in metadata.items() if value is not None})
         file.create_dataset("texture", data=texture.astype(np.float32), compression="gzip", shuffle=True)
         file["texture"].attrs.update({"rate": rate, "unit": "N"})

@@ -6,6 +6,14 @@ from .checks import check_positive_or_unknown, check_ratings, check_seed, check_
 
 #: Key under which a file of another's format holds what belongs to the texture, as JSON.
 METADATA_KEY = "tactile_diffusers"
+#: What the numbers in a file mean, for programs and people without this package; written beside them under `units`.
+UNITS = {
+    "texture": "N: lateral force about its mean, band 20-1000 Hz, at a normal force of 0.5 N",
+    "sampling_rate": "Hz, of the texture as it was generated",
+    "friction_coefficient": "mean lateral force / mean normal force",
+    "reference_speed": "mm/s: the finger's, at which the texture is felt in this time",
+    "ratings": "z-scores in the order roughness, bumpiness, slipperiness; larger = rougher, bumpier, more slippery",
+}
 #: What old files may lack, and what it is then.
 _OPTIONAL = {"reference_speed": None, "checkpoint": None}
 _NULL_IS_NAN = ("friction_coefficient", "reference_speed")
@@ -63,8 +71,8 @@ def mean_friction(metadata):
 
 
 def metadata_to_json(metadata):
-    """The same with null for NaN, which JSON does not know."""
-    return {name: _null_if_nan(value) for name, value in metadata.items()}
+    """The same with null for NaN, which JSON does not know, and with `UNITS`."""
+    return {**{name: _null_if_nan(value) for name, value in metadata.items()}, "units": UNITS}
 
 
 def metadata_from_json(found, where, needed=()):
@@ -85,6 +93,7 @@ def metadata_from_json(found, where, needed=()):
     if missing:
         raise ValueError(f"{where} lacks {', '.join(missing)}. Write the texture again.")
     metadata = {**_OPTIONAL, **found}
+    metadata.pop("units", None)
     metadata.update({name: _nan_if_null(metadata[name]) for name in _NULL_IS_NAN})
     metadata["ratings"] = [_nan_if_null(value) for value in metadata["ratings"]]
     return metadata

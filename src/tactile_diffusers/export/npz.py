@@ -1,20 +1,21 @@
 """NumPy archives: a texture with all that is needed to play or to make it again."""
 
+import json
 import zipfile
 
 import numpy as np
 
 from ..data.files import atomic_path
 from .checks import check_file
-from .metadata import check_arguments, metadata_from_json
+from .metadata import UNITS, check_arguments, metadata_from_json
 
 
 def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, seed, reference_speed, checkpoint=None):
     """Writes one texture to a compressed `.npz` file.
 
     The file holds `texture` (samples,) float32 in N, `sampling_rate` int64 in Hz, `friction_coefficient` float32,
-    `ratings` (3,) float32, `seed` int64, `reference_speed` float32 in mm/s and `checkpoint`, a string, empty if
-    unknown; `np.load` reads it without pickle.
+    `ratings` (3,) float32, `seed` int64, `reference_speed` float32 in mm/s, `checkpoint`, a string, empty if
+    unknown, and `units`, which says what they mean, as JSON; `np.load` reads it without pickle.
 
     Args:
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
@@ -40,6 +41,7 @@ def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, se
         "seed": np.asarray(metadata["seed"]),
         "reference_speed": np.float32(metadata["reference_speed"]),
         "checkpoint": np.asarray(metadata["checkpoint"] or ""),
+        "units": np.asarray(json.dumps(UNITS)),
     }
     with atomic_path(path) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, **arrays)

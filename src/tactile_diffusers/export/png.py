@@ -1,6 +1,7 @@
 """Friction maps: a texture over position as an 8-bit grey picture, as displays with electroadhesion take it."""
 
 import json
+import math
 import warnings
 
 import numpy as np
@@ -17,13 +18,15 @@ from .metadata import (
     metadata_from_json,
     metadata_to_json,
 )
-from .resampling import KEPT_SHARE, resample_freely
+from .resampling import KEPT_SHARE, low_pass_for, num_samples, resample_freely
 
 #: mm between pixels of a common electroadhesive display (Tanvas; FIELD section 4).
 PIXEL_PITCH = 0.15
 #: Rows of the picture, all alike: enough to see it.
 HEIGHT = 64
 COUNTS = 255
+#: Columns of the widest picture: 2 m of texture at the pitch of the finest displays.
+WIDEST = 2**16
 _MM_PER_INCH = 25.4
 
 
@@ -56,12 +59,14 @@ def write_png(
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
         texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`;
             the reference speed must be known.
-        pixel_pitch (`float`, *optional*, defaults to 0.15): mm between pixels of the display.
+        pixel_pitch (`float`, *optional*, defaults to 0.15): mm between pixels of the display, its width / its pixels; a
+            map made for another pitch is another texture.
         height (`int`, *optional*, defaults to 64): rows.
         normal_force (`float`, *optional*, defaults to 0.5): N at which the texture was recorded.
 
     Raises:
-        ValueError: on a bad argument, before anything is written.
+        ValueError: on a bad argument, or a pitch at which nothing is left or the picture is enormous; nothing is
+            written then.
     """
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
@@ -75,7 +80,10 @@ def write_png(
     if int(height) != height or height < 1:
         raise ValueError(f"`height` must be a whole number of rows, at least 1, got {height}.")
 
-    pixels = resample_freely(texture, sampling_rate, speed / pixel_pitch)
+    _check_width(len(texture), sampling_rate, speed, pixel_pitch)
+    held = highest_frequency(speed, pixel_pitch)
+    coarse = texture if held >= BAND_HZ[1] else low_pass_for(texture, sampling_rate, speed / pixel_pitch)
+    pixels = resample_freely(coarse, sampling_rate, speed / pixel_pitch)
     _warn_of_loss(texture, pixels, speed, pixel_pitch)
     friction = mean_friction(metadata) + pixels / normal_force
     lowest = float(friction.min())
@@ -96,14 +104,29 @@ def highest_frequency(reference_speed, pixel_pitch):
     return min(KEPT_SHARE * reference_speed / (2 * pixel_pitch), BAND_HZ[1])
 
 
+def _check_width(samples, sampling_rate, speed, pitch):
+    """Refuses pitches that no display has: nothing of the texture is left, or the picture is enormous."""
+    if highest_frequency(speed, pitch) <= BAND_HZ[0]:
+        raise ValueError(
+            f"`pixel_pitch` of {pitch:g} mm leaves nothing of a texture, whose band begins at {BAND_HZ[0]:g} Hz: at "
+            f"{speed:g} mm/s it must be below {KEPT_SHARE * speed / (2 * BAND_HZ[0]):.3g} mm."
+        )
+    if (columns := num_samples(samples, sampling_rate, speed / pitch)) > WIDEST:
+        raise ValueError(
+            f"`pixel_pitch` of {pitch:g} mm makes a picture of {columns} columns; at most {WIDEST} are written. Give "
+            "the display's pitch (its width in mm / its pixels), or a shorter texture."
+        )
+
+
 def _warn_of_loss(texture, pixels, speed, pitch):
     held = highest_frequency(speed, pitch)
     if held < BAND_HZ[1] and rms(texture) > 0:
         kept = min(1.0, float(rms(pixels) / rms(texture)) ** 2)
+        finest = math.floor(1e4 * KEPT_SHARE * speed / (2 * BAND_HZ[1])) / 1e4
         warnings.warn(
-            f"Pixels {pitch:g} mm apart hold what is felt below {held:.0f} Hz at {speed:g} mm/s: {held:.0f}-"
-            f"{BAND_HZ[1]:.0f} Hz is lost, {100 * (1 - kept):.1f} % of the texture's power. A `pixel_pitch` of "
-            f"{KEPT_SHARE * speed / (2 * BAND_HZ[1]):.3g} mm holds all.",
+            f"Pixels {pitch:g} mm apart hold what is felt below {held:.0f} Hz at {speed:.3g} mm/s: {held:.0f}-"
+            f"{BAND_HZ[1]:.0f} Hz is lost, {100 * (1 - kept):.1f} % of the texture's power. Only a display with pixels "
+            f"of at most {finest:g} mm would hold all.",
             UserWarning,
             stacklevel=3,
         )

@@ -1,7 +1,7 @@
 """Samples at any other interval, in time or over position: what is written coarsely is low-passed first."""
 
 import numpy as np
-from scipy import signal
+from scipy import fft, signal
 from scipy.interpolate import CubicSpline
 
 #: Share of the new Nyquist frequency up to which all is kept; from there it fades out (half a cosine).
@@ -27,8 +27,7 @@ def resample_freely(texture, rate_in, rate_out, samples=None):
     """
 
     def kept(cycles):
-        share = np.abs(cycles) * rate_in / (rate_out / 2)
-        return 0.5 + 0.5 * np.cos(np.pi * np.clip((share - KEPT_SHARE) / (1 - KEPT_SHARE), 0, 1))
+        return _kept(cycles, rate_in, rate_out)
 
     texture = np.asarray(texture, dtype=np.float64)
     if samples is None:
@@ -40,6 +39,27 @@ def resample_freely(texture, rate_in, rate_out, samples=None):
     used = min(len(finer), int(_FINER * places[-1]) + _FINER)
     slope = (texture[-1] - texture[0]) / max(1, len(texture) - 1)
     return CubicSpline(np.arange(used), finer[:used])(_FINER * places) + texture[0] + slope * places
+
+
+def low_pass_for(texture, rate_in, rate_out):
+    """Takes away beforehand what `resample_freely` would, where that is much: it keeps the two outermost samples as
+    they are, with all that they hold. The texture is continued by its mirror image.
+
+    Args:
+        texture (`np.ndarray`): (samples,), any unit.
+        rate_in, rate_out (`float`): as there.
+
+    Returns:
+        `np.ndarray`: (samples,) float64.
+    """
+    cycles = np.arange(len(texture)) / (2 * len(texture))  # of the cosines, per sample
+    return fft.idct(fft.dct(np.asarray(texture, dtype=np.float64)) * _kept(cycles, rate_in, rate_out))
+
+
+def _kept(cycles, rate_in, rate_out):
+    """What is kept of a frequency in cycles per sample: 1 ... 0."""
+    share = np.abs(cycles) * rate_in / (rate_out / 2)
+    return 0.5 + 0.5 * np.cos(np.pi * np.clip((share - KEPT_SHARE) / (1 - KEPT_SHARE), 0, 1))
 
 
 def num_samples(samples, rate_in, rate_out):
