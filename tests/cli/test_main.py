@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tactile_diffusers.cli import generate
 from tactile_diffusers.cli import main as entry
 from tactile_diffusers.version import __version__
 
@@ -59,3 +60,15 @@ def test_as_a_process():
         [sys.executable, "-m", "tactile_diffusers.cli.main", "--help"], capture_output=True, text=True
     )
     assert done.returncode == 0 and done.stdout.startswith("usage: tactile-diffusers COMMAND")
+
+
+@pytest.mark.parametrize("spelling", ("--latent-steps=7", "--latent_steps=7"))
+def test_hyphens_and_underscores_are_the_same(spelling, tmp_path):
+    found = generate.parse_arguments(["--ratings", "1", "0", "none", "--output", str(tmp_path), spelling])
+    assert found.latent_steps == 7 and found.ratings[2] != found.ratings[2]
+
+
+def test_a_word_that_no_spelling_makes_an_option_is_refused_as_it_was_written(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        generate.parse_arguments(["--ratings", "1", "0", "0", "--output", str(tmp_path), "--no_such-thing"])
+    assert "unrecognized arguments: --no_such-thing" in capsys.readouterr().err

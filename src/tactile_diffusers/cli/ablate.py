@@ -1,6 +1,5 @@
 """`python examples/ablate.py`: trains the rows of an ablation one after the other, measures them, and tells them."""
 
-import argparse
 import json
 import signal
 import sys
@@ -11,7 +10,7 @@ from tqdm.auto import tqdm
 from ..data.files import write_text
 from ..data.splits import SPLITS
 from . import readme
-from .program import program
+from .program import Parser, program, refuse
 
 #: Folder of the row files, beside the training scripts.
 ROWS = Path("configs") / "ablation"
@@ -23,7 +22,7 @@ def parse_arguments(scripts, argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("ablate.py"),
         description="Train and measure the rows of an ablation, each a JSON file that says what it asks. What is done "
         "is kept under OUTPUT/ROW: the same command goes on where it was cut off. A row is done again when its file "
@@ -75,7 +74,7 @@ def main(scripts, argv=None):
         for row in chosen:
             check_stages(row, plans[row.name], scripts)
     except (ValueError, OSError) as error:
-        _complain(error)
+        refuse("ablate.py", error)
         return 2
     torch.set_num_threads(arguments.threads)
     bench = Bench(arguments.data, arguments.split, arguments.quiet)
@@ -85,14 +84,10 @@ def main(scripts, argv=None):
             try:
                 _run(row, plans[row.name], scripts, arguments, bench)
             except (RuntimeError, ValueError, OSError) as error:
-                _complain(f"row {row.name}: {error}")
+                refuse("ablate.py", f"row {row.name}: {error}")
                 failed = True
     told = _tell(rows, plans, arguments)
     return int(failed or not told)
-
-
-def _complain(error):
-    print(f"{program('ablate.py')}: error: {error}", file=sys.stderr)
 
 
 def _chosen(rows, only):

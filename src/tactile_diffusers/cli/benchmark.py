@@ -1,13 +1,12 @@
 """`python examples/benchmark.py`: arguments and choice of the suite."""
 
-import argparse
 import importlib
 import sys
 from pathlib import Path
 
 from ..checkpoints import DISTILLED
 from . import readme
-from .program import program
+from .program import Parser, program
 
 #: each measured by `run(arguments, pipe)` of the module `benchmark_<suite>`
 SUITES = ("speed", "scheduler", "data", "stream", "scene", "dataset", "decoder", "training")
@@ -15,7 +14,7 @@ SUITES = ("speed", "scheduler", "data", "stream", "scene", "dataset", "decoder",
 
 def parse_arguments(argv=None):
     """Arguments of the command."""
-    parser = argparse.ArgumentParser(prog=program("benchmark.py"), description="Measure speed, memory and accuracy.")
+    parser = Parser(prog=program("benchmark.py"), description="Measure speed, memory and accuracy.")
     parser.add_argument("--checkpoint", metavar="FOLDER", help="default: the bundled checkpoint")
     parser.add_argument("--suite", choices=SUITES, default="speed", help="default %(default)s")
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="JSON and Markdown")

@@ -1,12 +1,10 @@
 """`python examples/compare.py`: reports of `evaluate.py` side by side, as one table and pictures."""
 
-import argparse
 import json
-import sys
 from pathlib import Path
 
 from . import readme
-from .program import program
+from .program import Parser, program, refuse
 
 
 def parse_arguments(argv=None):
@@ -15,7 +13,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("compare.py"),
         description="Put reports of evaluate.py side by side: what ratings do, on the same held-out surfaces.",
     )
@@ -54,8 +52,7 @@ def main(argv=None):
     try:
         text = comparison_markdown(arguments.report)
     except ValueError as error:
-        print(f"{program('compare.py')}: error: {error}", file=sys.stderr)
-        return 2
+        return refuse("compare.py", error)
     plot_axis_spectra(arguments.report, arguments.output / "axes.png")
     plot_data(arguments.report, arguments.output / "data.png")
     write_text(arguments.output / "report.md", text)

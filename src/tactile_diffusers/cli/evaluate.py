@@ -1,14 +1,12 @@
 """`python examples/evaluate.py`: what a checkpoint does on held-out surfaces, as report.json, tables and pictures."""
 
-import argparse
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 from ..data.splits import SPLITS
 from . import readme
-from .program import program
+from .program import Parser, program, refuse
 
 _SECTIONS = (
     "reconstruction",
@@ -30,7 +28,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("evaluate.py"),
         description="Evaluate a checkpoint on held-out surfaces. What is done is kept under OUTPUT/sections: the same "
         "command goes on where it was cut off.",
@@ -164,8 +162,7 @@ def main(argv=None):
     try:
         context = make_context(arguments)
     except (ValueError, OSError) as error:
-        print(f"{program('evaluate.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        return refuse("evaluate.py", error)
     report = run_sections(context, arguments.sections, arguments.checkpoint, arguments.training)
     write_text(arguments.output / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     markdown = report_markdown(report)

@@ -13,7 +13,7 @@ from ..export.png import HEIGHT, PIXEL_PITCH
 from ..export.round_trip import round_trip, round_trip_markdown
 from ..playback.stream import REFERENCE_FORCE
 from . import readme
-from .program import program
+from .program import Parser, program, refuse
 
 #: Readers of the files that the command takes, by their last suffix.
 READERS = {".npz": FORMATS["npz"].read, ".h5": FORMATS["hdf5"].read, ".wav": FORMATS["wav"].read}
@@ -26,7 +26,7 @@ def parse_arguments(argv=None):
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
     width = max(map(len, FORMATS))
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("export.py"),
         description="Write textures in the formats of devices and other programs.",
         epilog="formats:\n"
@@ -79,8 +79,7 @@ def main(argv=None):
         for name, texture, metadata in read_textures(arguments.input):
             rows += _write(name, texture, metadata, arguments)
     except (ValueError, OSError) as error:
-        print(f"{program('export.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        return refuse("export.py", error)
     if arguments.json:
         print(json.dumps([{key: _finite(value) for key, value in row.items()} for row in rows], indent=1))
     if arguments.round_trip:

@@ -1,12 +1,11 @@
 """`python examples/generate.py`: ratings in, files of a texture out."""
 
 import argparse
-import sys
 import time
 from pathlib import Path
 
 from ..signal.constants import RATING_AXES
-from .program import check_folders, program
+from .program import Parser, check_folders, program, refuse
 
 
 def rating(word):
@@ -23,7 +22,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("generate.py"),
         description="Generate a tactile texture from perceptual ratings and write it as .npz, .wav and .png.",
         epilog="Ratings are z-scores, about -2 to 2, unless --rating-scale says otherwise: larger is rougher, bumpier, "
@@ -95,8 +94,7 @@ def main(argv=None):
     try:
         _generate(arguments)
     except (ValueError, OSError) as error:
-        print(f"{program('generate.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        return refuse("generate.py", error)
     return 0
 
 

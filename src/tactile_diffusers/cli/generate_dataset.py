@@ -4,7 +4,6 @@ import argparse
 import hashlib
 import json
 import logging
-import sys
 import time
 from contextlib import contextmanager
 from datetime import timedelta
@@ -12,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .program import program
+from .program import Parser, program, refuse
 
 EPILOG = """\
 Run it again after it was stopped: whole shards are kept, the others are made. All machines must see OUTPUT, and one
@@ -31,7 +30,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("generate_dataset.py"),
         description="Generate many textures into shards (HDF5), in as many processes as accelerate or torchrun starts.",
         epilog=EPILOG,
@@ -83,7 +82,7 @@ def main(argv=None):
         job = _prepare(arguments, state)
     except (ValueError, OSError) as error:
         if state.is_local_main_process:
-            print(f"{program('generate_dataset.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
+            refuse("generate_dataset.py", error)
         state.destroy_process_group()
         return 2
     with _one_thread(state.device), _novelty_said_once():

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from . import readme
-from .program import program
+from .program import Parser, program, refuse
 
 DESCRIPTION = """\
 Writes a data card of any recordings.h5: what is in it, what preparation keeps and why it drops the rest, levels,
@@ -22,7 +22,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("inspect_data.py"), description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--recordings", type=Path, required=True, metavar="RECORDINGS.h5", help="what to describe")
@@ -74,8 +74,7 @@ def main(argv=None):
     try:
         card = write_card(arguments.recordings, arguments.output, arguments.prepared, arguments.quiet)
     except (ValueError, OSError) as error:
-        print(f"{program('inspect_data.py')}: error: {error}", file=sys.stderr)
-        return 2
+        return refuse("inspect_data.py", error)
     if arguments.readme is not None:
         write_readme(arguments.readme, arguments.readme_name, card, arguments.output)
     print(f"{summary(card)}\n\nwrote {arguments.output / 'card.md'}")

@@ -5,7 +5,7 @@ import json
 import sys
 from pathlib import Path
 
-from .program import program
+from .program import Parser, program, refuse
 
 DESCRIPTION = """\
 Prepares a study in which people feel real, generated and baseline textures, and analyses what they answered.
@@ -24,7 +24,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("make_study.py"), description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     commands = parser.add_subparsers(dest="command", required=True)
@@ -104,8 +104,7 @@ def main(argv=None):
     try:
         {"make": _make, "rehearse": _rehearse, "analyse": _analyse}[arguments.command](arguments)
     except (ValueError, OSError) as error:
-        print(f"{program('make_study.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        return refuse("make_study.py", error)
     return 0
 
 

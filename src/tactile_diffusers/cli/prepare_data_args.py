@@ -7,7 +7,7 @@ from ..data import BIOTAC_BAND_HZ, BIOTAC_TEST_SURFACES, EXPORT_KINDS, SegmentLi
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..data.virtual.raters import RATERS
 from ..signal import BAND_HZ, SEGMENT_SECONDS
-from .program import program
+from .program import Parser, program
 
 _REQUIRED = None
 #: Flags that belong to some sources only, with their defaults; `None` = required.
@@ -51,7 +51,7 @@ With --prepared the recordings are then filtered, cut into segments and split by
 
 def build_parser():
     """The parser, with defaults told in --help."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("prepare_data.py"), description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--source", choices=tuple(SOURCE_FLAGS), default="virtual", help="default: virtual")

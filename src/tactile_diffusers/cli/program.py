@@ -1,5 +1,6 @@
-"""What commands share in their messages: the name of the running one, and folders that are refused."""
+"""What commands share: the name of the running one, how options are spelt, and what is refused."""
 
+import argparse
 import sys
 import tempfile
 
@@ -10,6 +11,31 @@ NAME = "tactile-diffusers"
 def program(script):
     """`script`, or the command of the entry point if it was called by that (`cli.main` sets it)."""
     return sys.argv[0] if sys.argv[0].startswith(f"{NAME} ") else script
+
+
+class Parser(argparse.ArgumentParser):
+    """An option may be written with hyphens or with underscores, whichever of them `--help` shows."""
+
+    def parse_known_args(self, args=None, namespace=None):
+        words = sys.argv[1:] if args is None else args
+        return super().parse_known_args([self._as_declared(word) for word in words], namespace)
+
+    def _as_declared(self, word):
+        name, equals, value = word.partition("=")
+        if not name.startswith("--"):
+            return word
+        others = ("--" + name[2:].replace("-", "_"), "--" + name[2:].replace("_", "-"))
+        return next((other for other in (name, *others) if other in self._option_string_actions), name) + equals + value
+
+
+def refuse(script, error):
+    """Says on stderr, in one line, why a command stops.
+
+    Returns:
+        `int`: its exit code, 2.
+    """
+    print(f"{program(script)}: error: {' '.join(str(error).split())}", file=sys.stderr)
+    return 2
 
 
 def check_folders(parser, arguments):

@@ -1,6 +1,5 @@
 """`python examples/publish.py`: a trained pipeline as a small, documented checkpoint folder."""
 
-import argparse
 import json
 import os
 import re
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from ..checkpoints import DISTILLED
 from . import readme
-from .program import program
+from .program import Parser, program
 
 #: Folder of a checkpoint with the pictures of its report.
 REPORT = "report"
@@ -22,9 +21,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
-        prog=program("publish.py"), description="Store a trained pipeline small and documented."
-    )
+    parser = Parser(prog=program("publish.py"), description="Store a trained pipeline small and documented.")
     parser.add_argument("--checkpoint", type=Path, required=True, metavar="FOLDER", help="trained pipeline")
     parser.add_argument(
         "--runs",

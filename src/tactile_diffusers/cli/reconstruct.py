@@ -1,12 +1,11 @@
 """`tactile-diffusers reconstruct`: a recording through LCTG's encoder and decoder, and how near it comes."""
 
-import argparse
 import json
 import math
 import sys
 from pathlib import Path
 
-from .program import check_folders, program
+from .program import Parser, check_folders, program, refuse
 
 #: N, RMS of a texture: a fifth of the normal force, beyond what fingers meet.
 LARGEST_RMS = 0.1
@@ -18,7 +17,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("reconstruct.py"),
         description="Encode and decode a recording: what is left of it in the latents. It is band-passed to 20-1000 Hz "
         "first. Writes reconstruction.npz, .wav and .png.",
@@ -63,8 +62,7 @@ def main(argv=None):
     try:
         report = _reconstruct(arguments)
     except (ValueError, OSError) as error:
-        print(f"{program('reconstruct.py')}: error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+        return refuse("reconstruct.py", error)
     if arguments.json:
         print(json.dumps(report, indent=2))
     elif not arguments.quiet:

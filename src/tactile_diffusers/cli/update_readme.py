@@ -1,11 +1,11 @@
 """`python examples/update_readme.py`: what README.md quotes from RESULTS.md."""
 
-import argparse
 import re
 import sys
 from pathlib import Path
 
 from . import readme
+from .program import Parser
 
 
 def excerpt(results, name, title):
@@ -36,7 +36,7 @@ def quoted(text):
 
 def main(argv=None):
     """Runs the command; 1 with `--check` where something is not as it is quoted."""
-    parser = argparse.ArgumentParser(prog="update_readme.py", description="Copy excerpts of RESULTS.md into README.md.")
+    parser = Parser(prog="update_readme.py", description="Copy excerpts of RESULTS.md into README.md.")
     parser.add_argument("--readme", type=Path, default=Path("README.md"), metavar="README.md")
     parser.add_argument("--results", type=Path, default=Path("RESULTS.md"), metavar="RESULTS.md")
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if something would change")

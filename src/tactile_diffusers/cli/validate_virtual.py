@@ -1,6 +1,5 @@
 """`python examples/validate_virtual.py`: every law of the virtual surfaces, measured against intended."""
 
-import argparse
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,13 +9,13 @@ from ..data.files import atomic_path
 from ..data.virtual import RECIPE_VERSION
 from ..data.virtual.validation import LAWS
 from . import readme
-from .program import program
+from .program import Parser, program
 from .suite import write_results
 
 
 def parse_arguments(argv=None):
     """Arguments of the command."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=program("validate_virtual.py"),
         description="Measure every law of the virtual surfaces and compare it with what is intended. Exit code 1 if a "
         "law is off.",

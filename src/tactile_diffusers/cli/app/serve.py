@@ -1,14 +1,12 @@
 """`python examples/app.py`: a page, on this machine, to try ratings, see and hear textures and take them away."""
 
-import argparse
 import ipaddress
 import os
 import signal
-import sys
 import tempfile
 from pathlib import Path
 
-from ..program import program
+from ..program import Parser, program, refuse
 
 #: Nothing is fetched from elsewhere, whatever gradio would like to. Its own scripts are inline, and compile templates.
 CONTENT_POLICY = (
@@ -24,9 +22,7 @@ def parse_arguments(argv=None):
     Raises:
         SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
     """
-    parser = argparse.ArgumentParser(
-        prog=program("app.py"), description="Ratings to textures in a browser, without internet."
-    )
+    parser = Parser(prog=program("app.py"), description="Ratings to textures in a browser, without internet.")
     parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
     parser.add_argument(
         "--host", default="127.0.0.1", help="address to listen on; default: 127.0.0.1, this machine only"
@@ -68,8 +64,7 @@ def main(argv=None):
 
 
 def _refuse(reason):
-    print(f"{program('app.py')}: error: {' '.join(str(reason).split())}", file=sys.stderr)
-    return 2
+    return refuse("app.py", reason)
 
 
 def _serve(arguments, folder):
