@@ -420,15 +420,6 @@ def test_attention_equals_its_formula(make_dale):
     torch.testing.assert_close(made, expected, rtol=0, atol=1e-5)  # float32, sums of 64
 
 
-def test_lora_adapters(make_dale):
-    peft = pytest.importorskip("peft")
-    model = make_dale()
-    if not hasattr(model, "add_adapter"):
-        pytest.skip("the models have no PeftAdapterMixin")
-    model.add_adapter(peft.LoraConfig(r=2, target_modules=["to_q", "to_k", "to_v", "to_out.0"]))
-    assert any("lora" in name for name, _ in model.named_parameters())
-
-
 @pytest.mark.slow
 def test_compiles_as_one_graph(make_model, kind):
     model = make_model(kind)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import torch
 import torch.nn.functional as F
 from diffusers.configuration_utils import ConfigMixin, register_to_config
+from diffusers.loaders import PeftAdapterMixin
 from diffusers.models.attention import AttentionMixin
 from diffusers.models.modeling_utils import ModelMixin
 from diffusers.utils import BaseOutput
@@ -85,7 +86,7 @@ class DALEConditions(NamedTuple):
     blocks: list
 
 
-class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
+class DALEModel(ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
     r"""
     Velocity network in the latent space of LCTG, steered by perceptual ratings through cross-attention at every level.
 
@@ -133,7 +134,7 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
     """
 
     _supports_gradient_checkpointing = True
-    _no_split_modules = ["ResnetBlock1D"]
+    _no_split_modules = ["UNet1D", "RatingEmbedder"]  # skip connections; parameters beside layers
     _repeated_blocks = ["ResnetBlock1D"]
     _skip_layerwise_casting_patterns = ["norm", "time", "rating", "context_scale"]
 
@@ -337,7 +338,8 @@ class DALEModel(ModelMixin, ConfigMixin, AttentionMixin):
         tokens = self.rating_embedder(ratings, dtype)
         embeddings = self.time_embedder(timesteps, dtype)
         if self.rating_pool is not None:
-            embeddings = embeddings + self.rating_pool(tokens.flatten(1))
+            # `to`: layers may lie on several devices (`device_map`)
+            embeddings = embeddings + self.rating_pool(tokens.flatten(1)).to(embeddings.device)
         return embeddings, tokens
 
     def forward(self, sample, timestep, ratings, return_dict=True):

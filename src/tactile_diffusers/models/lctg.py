@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import torch
 from diffusers.configuration_utils import ConfigMixin, register_to_config
+from diffusers.loaders import PeftAdapterMixin
 from diffusers.models.modeling_utils import ModelMixin
 from diffusers.utils import BaseOutput
 from torch import nn
@@ -85,7 +86,7 @@ class TactileEncoder(nn.Module):
         return torch.tanh(self.conv_out(self.act(self.norm_out(hidden_states))))
 
 
-class LCTGModel(ModelMixin, ConfigMixin):
+class LCTGModel(ModelMixin, ConfigMixin, PeftAdapterMixin):
     r"""
     Encoder and velocity decoder between a texture and a compact latent.
 
@@ -128,7 +129,7 @@ class LCTGModel(ModelMixin, ConfigMixin):
     """
 
     _supports_gradient_checkpointing = True
-    _no_split_modules = ["ResnetBlock1D", "_EncoderBlock"]
+    _no_split_modules = ["UNet1D", "_EncoderBlock"]  # skip connections
     _repeated_blocks = ["ResnetBlock1D"]
     _skip_layerwise_casting_patterns = ["norm", "time"]
 
@@ -303,7 +304,8 @@ class LCTGModel(ModelMixin, ConfigMixin):
             heard, detail = features.tensor_split([features.shape[1] - self.config.detail_channels], dim=1)
             # what passes through comes once for each frame of the latents, repeated for its features' frames
             levels = features[:, : self.level_channels, ::ratio]
-            return torch.cat([levels, self.encoder(heard), detail[..., ::ratio]], dim=1)
+            learned = self.encoder(heard).to(features.device)  # layers may lie on several devices (`device_map`)
+            return torch.cat([levels, learned, detail[..., ::ratio]], dim=1)
         if sample is None:
             return self._conditions(latents, timestep)
         checkpoint = None
@@ -331,7 +333,7 @@ class LCTGModel(ModelMixin, ConfigMixin):
         given = given[..., : sample.shape[-1]]
         cosine, sine = wave[..., None, None].unbind(-3)
         states = torch.cat([sample - cosine * given, given], dim=1)
-        velocity = self.decoder(states, embedding, **options) - sine * given
+        velocity = self.decoder(states, embedding, **options).to(given.device) - sine * given
         return LCTGOutput(sample=velocity) if return_dict else (velocity,)
 
 
