@@ -57,7 +57,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
         rating_estimator ([`RatingEstimator`], *optional*): textures to ratings, for `estimate_ratings` alone.
     """
 
-    model_cpu_offload_seq = "dale->lctg"
+    model_cpu_offload_seq = "dale->lctg->rating_estimator"
     _optional_components = ["dale", "dale_scheduler", "rating_estimator"]
     _callback_tensor_inputs = ["latents"]
 

@@ -1,0 +1,187 @@
+"""What a diffusers pipeline is expected to do beyond a plain call: components, callbacks, offload, files, the past."""
+
+import hashlib
+import inspect
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from diffusers import ModelMixin, SchedulerMixin
+from transformers.feature_extraction_utils import FeatureExtractionMixin
+
+from tactile_diffusers import RatingEstimator, TactileTexturePipeline, bundled_checkpoint
+
+#: SHA-256 over the files of the checkpoint that was committed with the first one; nothing may ever be written there.
+TINY_HASH = "2f9ea4a881a8a37cfaf764c448a22f49eeca75238e5409da57bd014de0a77eda"
+
+
+@pytest.fixture
+def whole(pipe):
+    """A pipeline with every component."""
+    torch.manual_seed(0)
+    pipe.register_modules(rating_estimator=RatingEstimator(kinds=[4, 0, 2]).eval())
+    return pipe
+
+
+def _textures(pipe, ratings=(1.0, None, 0.0), **options):
+    options = {"num_inference_steps": 2, "generator": torch.Generator().manual_seed(0), **options}
+    return pipe(list(ratings), **options).textures
+
+
+# --- components
+
+
+def test_every_component_can_be_saved_and_the_index_holds_nothing_else(whole):
+    for component in whole.components.values():
+        assert isinstance(component, ModelMixin | SchedulerMixin | FeatureExtractionMixin)
+        assert type(component).__module__ == "tactile_diffusers"
+    components, settings = TactileTexturePipeline._get_signature_keys(TactileTexturePipeline)
+    arguments = inspect.signature(TactileTexturePipeline.__init__).parameters
+    assert set(components) == set(whole.components) == set(arguments) - {"self"} and not settings
+    assert {name for name in whole.config if not name.startswith("_")} == set(whole.components)
+    with_default = {name for name, argument in arguments.items() if argument.default is None}
+    assert with_default == set(TactileTexturePipeline._optional_components)
+
+
+def test_a_pipeline_of_right_components_is_made_without_a_word(whole, recorded_warnings):
+    with recorded_warnings() as found:
+        other = TactileTexturePipeline(**whole.components)
+        again = TactileTexturePipeline.from_pipe(other)
+    assert [text for text in found if "should be kept in float32: []" not in text] == []  # of `from_pipe`: it casts
+    assert np.array_equal(_textures(again), _textures(whole))
+
+
+def test_a_component_of_another_class_is_named(tiny_checkpoint, make_dale, recorded_warnings):
+    with recorded_warnings() as found:
+        TactileTexturePipeline.from_pretrained(str(tiny_checkpoint), rating_estimator=make_dale())
+    assert len(found) == 1 and "Expected types for rating_estimator" in found[0] and "RatingEstimator" in found[0]
+
+
+def test_a_call_says_nothing(whole, recorded_warnings, pink_noise):
+    with recorded_warnings() as found:
+        _textures(whole, guidance_scale=2.0, duration_s=0.5)
+        whole.estimate_ratings(pink_noise(2048, 10_000), 10_000, 0.5)
+        whole.reconstruct(pink_noise(2048, 10_000), 10_000, 2)
+    assert found == []
+
+
+def test_the_progress_bar_counts_both_stages(pipe, capsys):
+    pipe.set_progress_bar_config(disable=False, mininterval=0)
+    _textures(pipe, num_latent_inference_steps=3)
+    assert "5/5" in capsys.readouterr().err
+    pipe.set_progress_bar_config(disable=True)
+    _textures(pipe)
+    assert capsys.readouterr().err == ""
+
+
+# --- callbacks
+
+
+def test_a_callback_may_change_the_waveform(pipe):
+    seen = []
+
+    def turn_over(pipeline, index, timestep, tensors):
+        seen.append(tuple(tensors["latents"].shape))
+        return {"latents": -tensors["latents"]} if index == 3 else {}  # the last step of LCTG
+
+    plain, turned = _textures(pipe), _textures(pipe, callback_on_step_end=turn_over)
+    assert seen == [(1, 6, 32)] * 2 + [(1, 1, 512)] * 2
+    # what follows is linear; float32
+    np.testing.assert_allclose(turned, -plain, rtol=0, atol=1e-5 * np.abs(plain).max())
+
+
+def test_a_callback_may_interrupt_the_second_stage(pipe, calls_of):
+    steps = calls_of(pipe.lctg)
+
+    def stop(pipeline, index, timestep, tensors):
+        pipeline._interrupt = index == 5
+        return {}
+
+    out = pipe([0.0] * 3, num_inference_steps=4, callback_on_step_end=stop, generator=torch.Generator().manual_seed(0))
+    assert np.isfinite(out.textures).all() and pipe.interrupt
+    assert len([args for args in steps if args[0] is not None]) == 2  # steps 4 and 5 of 0 to 7
+
+
+# --- devices, offloading, types
+
+
+def test_models_leave_the_accelerator_in_the_order_of_use(whole, pink_noise):
+    order = whole.model_cpu_offload_seq.split("->")
+    models = {name for name, part in whole.components.items() if isinstance(part, torch.nn.Module)}
+    assert set(order) == models and order.index("dale") < order.index("lctg") < order.index("rating_estimator")
+    expected = _textures(whole)
+    ratings = whole.estimate_ratings(pink_noise(2048, 10_000), 10_000)
+    whole.enable_model_cpu_offload(device="cpu")  # the hooks are those of an accelerator, the places are not
+    assert [type(hook.model) for hook in whole._all_hooks] == [type(getattr(whole, name)) for name in order]
+    np.testing.assert_allclose(_textures(whole), expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    np.testing.assert_allclose(whole.estimate_ratings(pink_noise(2048, 10_000), 10_000), ratings, atol=1e-5)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="says what is missing where there is no accelerator")
+@pytest.mark.parametrize("how", ["enable_model_cpu_offload", "enable_sequential_cpu_offload"])
+def test_offloading_without_an_accelerator_is_refused(pipe, how):
+    with pytest.raises(RuntimeError, match="requires accelerator, but not found"):
+        getattr(pipe, how)()
+
+
+@pytest.mark.parametrize("offload_type", ["leaf_level", "block_level"])
+def test_group_offload_of_a_whole_pipeline(whole, pink_noise, offload_type):
+    expected = _textures(whole)
+    blocks = {"num_blocks_per_group": 1} if offload_type == "block_level" else {}
+    whole.enable_group_offload(onload_device=torch.device("cpu"), offload_type=offload_type, **blocks)
+    np.testing.assert_allclose(_textures(whole), expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    assert np.isfinite(whole.estimate_ratings(pink_noise(2048, 10_000), 10_000)).all()
+
+
+def test_a_move_of_types_moves_all_models_and_is_taken_back(whole):
+    expected = _textures(whole)
+    whole.to(torch.bfloat16)
+    models = (whole.lctg, whole.dale, whole.rating_estimator)
+    assert {parameter.dtype for model in models for parameter in model.parameters()} == {torch.bfloat16}
+    half = _textures(whole)
+    assert half.dtype == np.float32 and np.isfinite(half).all()
+    whole.to(torch.float32)
+    assert np.corrcoef(_textures(whole)[0], expected[0])[0, 1] > 0.9  # weights were rounded to 8 bits
+
+
+def test_the_place_of_execution_is_that_of_diffusers(whole):
+    """Ours is a short cut to what diffusers finds by searching."""
+    base = super(TactileTexturePipeline, whole)
+    assert whole._execution_device == base._execution_device == torch.device("cpu")
+    whole.enable_model_cpu_offload(device="cpu")
+    assert whole._execution_device == base._execution_device
+
+
+# --- files
+
+
+def test_a_pipelines_files_are_configurations_and_safetensors(whole, tmp_path):
+    whole.save_pretrained(tmp_path)
+    assert {path.suffix for path in tmp_path.rglob("*") if path.is_file()} == {".json", ".safetensors"}
+
+
+def test_no_file_of_the_bundled_checkpoint_breaks_variants():
+    # a name without a dot in a component's folder is an IndexError of the loader; and no pickles, no code
+    files = [path for path in Path(bundled_checkpoint()).rglob("*") if path.is_file()]
+    assert len(files) > 10 and {path.suffix for path in files} <= {".json", ".safetensors", ".md", ".png"}
+
+
+def test_values_are_kept_once(whole):
+    """Rates and lengths are read from the component that holds them, never stored in the index too."""
+    names = [set(json.loads(getattr(whole, name).to_json_string())) for name in ("lctg", "dale", "scheduler")]
+    index = {name for name in whole.config if not name.startswith("_")}
+    assert not index & set.union(*names)
+
+
+# --- the past
+
+
+def test_the_first_checkpoint_is_the_one_that_was_committed(tiny_checkpoint):
+    """A fixture that is made again would hide that old checkpoints have stopped loading."""
+    digest = hashlib.sha256()
+    for path in sorted(tiny_checkpoint.rglob("*")):
+        if path.is_file():
+            digest.update(path.relative_to(tiny_checkpoint).as_posix().encode() + path.read_bytes())
+    assert digest.hexdigest() == TINY_HASH

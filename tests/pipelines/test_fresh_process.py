@@ -1,0 +1,135 @@
+"""Section 3 of diffusers' rules in a process of its own, which has imported nothing but the package.
+
+In the process of the tests everything is imported already, so what a loader does not find would never show. One child
+does all of it (importing diffusers takes seconds) and prints what it found; each test looks at one thing.
+"""
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from tactile_diffusers import DALEModel, LCTGModel, RatingEstimator, TactileTexturePipeline
+
+CHILD = Path(__file__).with_name("fresh_process.py")
+TINY = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
+CLASSES = {
+    "lctg": "LCTGModel",
+    "dale": "DALEModel",
+    "rating_estimator": "RatingEstimator",
+    "scheduler": "VDDIMScheduler",
+    "dale_scheduler": "VDDIMScheduler",
+    "feature_extractor": "TactileFeatureExtractor",
+}
+
+
+@pytest.fixture(scope="module")
+def checkpoints(make_pipeline, tmp_path_factory):
+    """Every component there is, saved plainly, as a variant, in shards, and with code."""
+    root = tmp_path_factory.mktemp("fresh")
+    whole = make_pipeline()
+    torch.manual_seed(0)
+    whole.register_modules(rating_estimator=RatingEstimator(kinds=[4, 0, 2]).eval())
+    whole.save_pretrained(str(root / "plain"))
+    (root / "components.pkl").write_bytes(pickle.dumps(whole.components))
+    whole.save_pretrained(str(root / "variant"), variant="fp16")
+    whole.save_pretrained(str(root / "shards"), max_shard_size="20KB")
+    make_pipeline(dale=False).save_pretrained(str(root / "decoder"))
+    whole.save_pretrained(str(root / "with_code"))
+    code = "from tactile_diffusers import TactileTexturePipeline\n"
+    (root / "with_code" / "pipeline.py").write_text(code)
+    index = root / "with_code" / "model_index.json"
+    named = json.loads(index.read_text()) | {"_class_name": ["pipeline", "TactileTexturePipeline"]}
+    index.write_text(json.dumps(named))
+    (root / "code").mkdir()
+    (root / "code" / "pipeline.py").write_text(code)
+    return root
+
+
+@pytest.fixture(scope="module")
+def found(checkpoints):
+    """What the child says: {name: result or {"error": text}, with the warnings of each}."""
+    done = subprocess.run(
+        [sys.executable, str(CHILD), str(checkpoints), str(TINY)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "HF_HUB_OFFLINE": "1"},
+        cwd=checkpoints,
+        timeout=240,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def _silent(found, name):
+    entry = found[name]
+    assert "error" not in entry, entry["error"]
+    assert entry["warnings"] == []
+    return entry["result"]
+
+
+@pytest.mark.parametrize("name", ["plain", "shards", "variant", "dtype of each"])
+def test_checkpoints_load_in_silence(found, name):
+    assert _silent(found, name)["classes"] == CLASSES
+
+
+def test_a_decoder_alone_loads_in_silence(found):
+    rest = {name: cls for name, cls in CLASSES.items() if name not in ("dale", "dale_scheduler", "rating_estimator")}
+    assert _silent(found, "decoder")["classes"] == rest
+
+
+def test_the_oldest_checkpoint_loads_in_silence_and_generates(found):
+    made = _silent(found, "tiny")
+    assert made["classes"] == {name: cls for name, cls in CLASSES.items() if name != "rating_estimator"}
+    assert made["finite"]
+
+
+def test_types_of_components_are_chosen_one_by_one(found):
+    assert _silent(found, "dtype of each")["dtypes"] == {
+        "dale": "torch.bfloat16",
+        "lctg": "torch.float16",
+        "rating_estimator": "torch.float16",
+    }
+
+
+def test_single_models_load_by_class_and_by_auto_class(found):
+    for name in ("lctg", "dale", "rating_estimator"):
+        assert _silent(found, f"auto {name}") == _silent(found, f"own {name}") == CLASSES[name]
+
+
+def test_what_was_pickled_here_is_unpickled_there(found):
+    assert _silent(found, "pickle") == CLASSES
+
+
+def test_a_variant_must_be_asked_for(found):
+    assert "Error no file named diffusion_pytorch_model.bin" in found["variant without asking"]["error"]
+    assert "variant=bf16" in found["another variant"]["error"]
+
+
+def test_the_base_class_needs_to_be_told_where_the_class_is(found):
+    # diffusers is left as it is: nobody puts names of ours into its modules
+    assert "has no attribute TactileTexturePipeline" in found["base class"]["error"]
+    for name in ("base class and a folder of code", "base class and code inside"):
+        assert found[name]["result"] == "tactile_diffusers.TactileTexturePipeline", found[name]
+    assert "trust_remote_code" in found["code without trust"]["error"]
+
+
+def test_components_may_be_placed_by_a_device_map(found):
+    assert found["device map"]["result"]["classes"] == CLASSES
+    assert "balanced" in found["unknown device map"]["error"]
+
+
+def test_importing_the_package_brings_all_classes_and_nothing_heavy(found):
+    made = _silent(found, "import")
+    assert made["public"] == sorted({cls.__name__ for cls in (DALEModel, LCTGModel, TactileTexturePipeline)})
+    assert made["heavy"] == []
+    assert made["bases"] == ["FeatureExtractionMixin", "ModelMixin", "SchedulerMixin"]
+
+
+def test_importing_takes_hardly_longer_than_importing_diffusers(found):
+    assert _silent(found, "import")["seconds"] < 1.0  # of processor time; measured 0.05
