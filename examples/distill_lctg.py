@@ -197,7 +197,7 @@ def make_validation(args, pipe, dataset):
 def main(argv=None):
     args = parse_args(argv)
     accelerator = make_accelerator(args)
-    pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
+    pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
     if pipe.lctg.config.distilled_steps is not None:
         raise ValueError(f"--pretrained_model_name_or_path {args.pretrained_model_name_or_path} is distilled already.")
     teacher = copy.deepcopy(pipe.lctg)

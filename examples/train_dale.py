@@ -21,12 +21,13 @@ from tactile_diffusers.data.ratings import rating_coverage, rating_quantiles
 from tactile_diffusers.models.dale import NUM_SCALARS, latent_statistics
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.arguments import (
+    add_hub_arguments,
     add_training_arguments,
     check_not_negative,
     parse_training_arguments,
     read_model_config,
 )
-from tactile_diffusers.training.card import write_card
+from tactile_diffusers.training.card import send_to_hub, write_card
 from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
@@ -39,6 +40,7 @@ from tactile_diffusers.training.record import phases
 def parse_args(argv=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_training_arguments(parser)
+    add_hub_arguments(parser)
     parser.set_defaults(train_batch_size=64)
     parser.add_argument("--pretrained_model_name_or_path", required=True, help="pipeline folder with the trained LCTG")
     parser.add_argument("--model_config_name_or_path", help="JSON with dale and dale_scheduler arguments")
@@ -265,7 +267,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
 def main(argv=None):
     args = parse_args(argv)
     config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler"})
-    pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
+    pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
     accelerator = make_accelerator(args)
     pipe.to(accelerator.device)
     pipe.lctg.requires_grad_(False)
@@ -321,7 +323,9 @@ def main(argv=None):
         whole.save_pretrained(str(args.output_dir))
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
         runs = [folder for folder, record in phases(args.output_dir) if record]
-        write_card(args.output_dir, whole, dataset, runs)
+        write_card(args.output_dir, whole, dataset, runs, place=args.hub_model_id)
+        if args.push_to_hub:
+            send_to_hub(args)
 
 
 if __name__ == "__main__":

@@ -24,13 +24,14 @@ from tactile_diffusers.features import fit_preemphasis
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import (
+    add_hub_arguments,
     add_training_arguments,
     check_not_negative,
     parse_training_arguments,
     read_model_config,
 )
 from tactile_diffusers.training.batches import make_collate
-from tactile_diffusers.training.card import write_card
+from tactile_diffusers.training.card import send_to_hub, write_card
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
@@ -44,6 +45,7 @@ CONFIG = Path(__file__).parent / "configs" / "lctg.json"
 def parse_args(argv=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_training_arguments(parser)
+    add_hub_arguments(parser)
     parser.add_argument("--subset", choices=["full", "filtered"], default="filtered", help="segments to train on")
     parser.add_argument("--pretrained_model_name_or_path", help="pipeline folder to go on from (second phase)")
     parser.add_argument(
@@ -152,7 +154,7 @@ class LCTGTrainingStep(nn.Module):
 def build_components(args):
     """Feature extractor, model and scheduler: from a pipeline folder, or new from a config and the data's spectrum."""
     if args.pretrained_model_name_or_path:
-        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
+        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
         return pipe.feature_extractor, pipe.lctg, pipe.scheduler
     config = read_model_config(args.model_config_name_or_path, {"feature_extractor", "lctg", "scheduler"})
     native = PreparedDataset(args.train_data_dir, "train", "filtered")  # the spectrum of what will be generated
@@ -242,7 +244,9 @@ def main(argv=None):
         pipe.save_pretrained(str(args.output_dir))
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
         runs = [folder for folder, record in phases(args.output_dir) if record]
-        write_card(args.output_dir, pipe, dataset, runs)
+        write_card(args.output_dir, pipe, dataset, runs, place=args.hub_model_id)
+        if args.push_to_hub:
+            send_to_hub(args)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,11 @@
-"""Arguments of the training scripts, with the names and defaults of diffusers' own examples."""
+"""Arguments of the training scripts, with the names of diffusers' own examples.
+
+Defaults are those that the bundled checkpoint was trained with: these networks are a thousand times smaller. Left out
+is what has no meaning here: `--dataset_name` (recordings are files), `--prediction_type` and `--snr_gamma` (velocity in
+the angle variable, whose weight is `--phi_exponent`), `--validation_epochs` (all is counted in updates),
+`--validation_ratings` (every axis is swept), `--offload_ema` (a few megabytes), `--local_rank` (launchers set the
+environment).
+"""
 
 import argparse
 import json
@@ -11,6 +18,7 @@ def add_training_arguments(parser):
     add("--train_data_dir", required=True, help="prepared data set (.h5) written by examples/prepare_data.py")
     add("--output_dir", required=True, help="folder of the trained pipeline, checkpoints, logs and figures")
     add("--overwrite_output_dir", action="store_true", help="start again in a folder that already holds a training")
+    add("--cache_dir", help="of what --pretrained_model_name_or_path fetches from the Hub")
     add("--max_train_samples", type=int, help="use only this many training segments")
     add("--seed", type=int, default=0)
     add("--train_batch_size", type=int, default=16)
@@ -29,19 +37,32 @@ def add_training_arguments(parser):
     add("--adam_epsilon", type=float, default=1e-8)
     add("--max_grad_norm", type=float, default=1.0)
     add("--use_ema", action=argparse.BooleanOptionalAction, default=True, help="average the weights (validated, saved)")
-    add("--ema_decay", type=float, default=0.999)
+    add("--ema_decay", "--ema_max_decay", type=float, default=0.999)
+    add("--ema_inv_gamma", type=float, default=1.0, help="of the warm-up: decay = 1 - (1 + step / inv_gamma) ** -power")
+    add("--ema_power", type=float, default=0.75)
+    add("--foreach_ema", action="store_true", help="average all weights in one call: faster on a GPU")
     add("--mixed_precision", choices=["no", "fp16", "bf16"], default="no")
+    add("--allow_tf32", action="store_true", help="faster float32 products on Ampere GPUs and later, of 10 bits")
     add("--dataloader_num_workers", type=int, default=0)
     add("--checkpointing_steps", type=int, default=500)
     add("--checkpoints_total_limit", type=int, default=2)
     add("--resume_from_checkpoint", help="a checkpoint folder, or 'latest'")
     add("--validation_steps", type=int, default=500)
     add("--validation_samples", type=int, default=64, help="held-out segments per validation; 0 = none")
-    add("--report_to", choices=["tensorboard", "wandb", "none"], default="tensorboard")
+    add("--report_to", choices=["tensorboard", "wandb", "all", "none"], default="tensorboard")
     add("--logging_dir", default="logs", help="inside --output_dir")
     add("--tracker_project_name", default="tactile_diffusers")
     add("--quiet", action="store_true", help="no progress bar")
     return parser
+
+
+def add_hub_arguments(parser):
+    """Adds what sends the finished pipeline to the Hub; `examples/publish.py` sends it smaller, with its report."""
+    add = parser.add_argument
+    add("--push_to_hub", action="store_true", help="send the finished pipeline and its card to the Hub")
+    add("--hub_model_id", metavar="USER/NAME", help="default: the name of --output_dir, in your namespace")
+    add("--hub_token", help="default: that of `hf auth login`")
+    add("--hub_private_repo", action="store_true", help="if the repository is new, make it private")
 
 
 def parse_training_arguments(parser, argv=None):
@@ -86,6 +107,9 @@ def check_training_arguments(args):
     check_not_negative(args, "validation_samples")
     if not args.learning_rate > 0:
         raise ValueError(f"--learning_rate must be positive, got {args.learning_rate}.")
+    for name in ("ema_inv_gamma", "ema_power"):
+        if not getattr(args, name) > 0:
+            raise ValueError(f"--{name} must be positive, got {getattr(args, name)}.")
     if not 0 <= args.ema_decay < 1:
         raise ValueError(f"--ema_decay must lie in [0, 1), got {args.ema_decay}.")
 

@@ -17,7 +17,7 @@ from ..data.card.markdown import limits_in_words, table
 from ..data.files import write_text
 from ..data.splits import SPLITS
 from ..data.virtual.generate import SOURCE as VIRTUAL
-from ..pipelines.hub import CARD_FILE
+from ..pipelines.hub import CARD_FILE, forget_folders, upload_checkpoint
 from ..version import __version__
 from .card_runs import describe_run
 
@@ -329,3 +329,14 @@ def _how_to_evaluate(place, dataset, runs, teacher):
     command = f"python examples/evaluate.py --checkpoint {place} --data {data} --output report"
     names = " ".join(shlex.quote(Path(run).resolve().name) for run in runs)
     return EVALUATE.format(command=command) + PUBLISH.format(place=place, runs=names, data=data)
+
+
+def send_to_hub(args):
+    """Sends what a training leaves behind to the Hub, as its arguments say (`add_hub_arguments`).
+
+    Raises:
+        huggingface_hub.errors.HfHubHTTPError: if the Hub refuses; the folder is whole by then.
+    """
+    forget_folders(args.output_dir)
+    name = args.hub_model_id or Path(args.output_dir).resolve().name
+    upload_checkpoint(args.output_dir, name, args.hub_token, args.hub_private_repo or None)

@@ -11,6 +11,7 @@ from .record import read_log, read_losses, read_record
 _SILENT = {
     *("quiet", "resume_from_checkpoint", "overwrite_output_dir", "checkpoints_total_limit"),
     *("report_to", "logging_dir", "tracker_project_name"),
+    *("cache_dir", "push_to_hub", "hub_model_id", "hub_private_repo"),
 }
 
 RUN = """### {title}

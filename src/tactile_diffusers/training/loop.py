@@ -82,13 +82,16 @@ def make_accelerator(args):
             f"--output_dir {output} already holds a training. Give --resume_from_checkpoint latest to go on, or "
             "--overwrite_output_dir to start again."
         )
-    if args.report_to == "tensorboard":
+    if args.report_to in ("tensorboard", "all"):
         try:
             import tensorboard  # noqa: F401
         except ImportError as error:
             raise ImportError(
-                "--report_to tensorboard needs `pip install tactile_diffusers[training]`; or give --report_to none."
+                f"--report_to {args.report_to} needs `pip install tactile_diffusers[training]`; or give "
+                "--report_to none."
             ) from error
+    if args.allow_tf32:
+        torch.backends.cuda.matmul.allow_tf32 = True
     project = ProjectConfiguration(project_dir=args.output_dir, logging_dir=str(output / args.logging_dir))
     accelerator = Accelerator(
         cpu=on_cpu(),
@@ -178,8 +181,8 @@ class Trainer:
         if args.use_ema:
             model = step_module.model
             self.ema = EMAModel(
-                model.parameters(), decay=args.ema_decay, use_ema_warmup=True, inv_gamma=1.0, power=0.75,
-                model_cls=type(model), model_config=model.config,
+                model.parameters(), decay=args.ema_decay, use_ema_warmup=True, inv_gamma=args.ema_inv_gamma,
+                power=args.ema_power, foreach=args.foreach_ema, model_cls=type(model), model_config=model.config,
             )  # fmt: skip
             self.ema.to(accelerator.device)
         accelerator.register_save_state_pre_hook(self._save_models)
@@ -254,7 +257,8 @@ class Trainer:
     def _describe(self):
         """Writes `training.json`: the command, the data, the machine and the versions, for the model card."""
         script, defaults = Path(sys.argv[0]), getattr(self.args, "defaults", {})
-        arguments = {k: v for k, v in vars(self.args).items() if v is not None and k != "defaults"}
+        kept = ("defaults", "hub_token")  # a secret is written nowhere
+        arguments = {k: v for k, v in vars(self.args).items() if v is not None and k not in kept}
         record = {
             "script": f"{script.parent.name}/{script.name}",
             "arguments": arguments,
@@ -303,7 +307,8 @@ class Trainer:
         )
         loader = accelerator.prepare(loader)
         if args.report_to != "none":
-            config = {k: v for k, v in vars(args).items() if isinstance(v, int | float | str | bool)}
+            told = {k: v for k, v in vars(args).items() if k != "hub_token"}
+            config = {k: v for k, v in told.items() if isinstance(v, int | float | str | bool)}
             accelerator.init_trackers(args.tracker_project_name, config)
         logger.info(
             "***** Running training ***** segments %d, batch %d x %d, steps %d, parameters %.2f M, %s",

@@ -1,0 +1,121 @@
+"""Arguments of the training scripts that come from diffusers' examples: all are there, and do what they say."""
+
+import argparse
+import json
+import sys
+
+import huggingface_hub
+import pytest
+import torch
+
+from tactile_diffusers.training.arguments import add_hub_arguments, add_training_arguments, check_training_arguments
+
+#: Of diffusers' examples/unconditional_image_generation and examples/text_to_image; those that have no meaning here
+#: are listed, with reasons, in `tactile_diffusers/training/arguments.py`.
+UPSTREAM = """
+    pretrained_model_name_or_path model_config_name_or_path train_data_dir max_train_samples output_dir
+    overwrite_output_dir cache_dir seed train_batch_size eval_batch_size num_train_epochs max_train_steps
+    gradient_accumulation_steps gradient_checkpointing learning_rate scale_lr lr_scheduler lr_warmup_steps adam_beta1
+    adam_beta2 adam_weight_decay adam_epsilon max_grad_norm use_ema ema_decay ema_max_decay ema_inv_gamma ema_power
+    foreach_ema mixed_precision allow_tf32 dataloader_num_workers checkpointing_steps checkpoints_total_limit
+    resume_from_checkpoint validation_steps report_to logging_dir tracker_project_name push_to_hub hub_token
+    hub_model_id hub_private_repo
+""".split()
+
+
+@pytest.mark.parametrize("name", ["train_lctg", "train_dale"])
+def test_names_are_those_of_diffusers(script, name, capsys):
+    with pytest.raises(SystemExit):
+        script(name).parse_args(["--help"])
+    words = capsys.readouterr().out.replace(",", " ").split()
+    assert [argument for argument in UPSTREAM if f"--{argument}" not in words and f"[--{argument}" not in words] == []
+
+
+def test_defaults_that_users_rely_on():
+    parser = add_training_arguments(argparse.ArgumentParser())
+    add_hub_arguments(parser)
+    same = {"train_batch_size": 16, "num_train_epochs": 100, "gradient_accumulation_steps": 1, "max_grad_norm": 1.0}
+    same |= {"checkpointing_steps": 500, "dataloader_num_workers": 0, "logging_dir": "logs", "mixed_precision": "no"}
+    same |= {"ema_inv_gamma": 1.0, "ema_power": 0.75, "report_to": "tensorboard", "push_to_hub": False}
+    assert {name: parser.get_default(name) for name in same} == same
+
+
+@pytest.mark.parametrize(("name", "value"), [("ema_inv_gamma", "0"), ("ema_power", "-1"), ("ema_power", "nan")])
+def test_impossible_averages_are_refused(name, value):
+    words = ["--train_data_dir", "d.h5", "--output_dir", "out", f"--{name}={value}"]
+    with pytest.raises(ValueError, match=f"--{name} must be positive"):
+        check_training_arguments(add_training_arguments(argparse.ArgumentParser()).parse_args(words))
+
+
+def test_averages_are_taken_as_asked(make_trainer, tmp_path):
+    trainer = make_trainer(tmp_path, ema_max_decay=0.9, ema_inv_gamma=2.0, ema_power=0.5, foreach_ema=True)
+    ema = trainer.ema
+    assert (ema.decay, ema.inv_gamma, ema.power, ema.foreach) == (0.9, 2.0, 0.5, True)
+    at_once = trainer.run().state_dict()
+    plain = make_trainer(tmp_path / "plain", ema_max_decay=0.9, ema_inv_gamma=2.0, ema_power=0.5).run().state_dict()
+    for name, value in at_once.items():
+        torch.testing.assert_close(value, plain[name], rtol=1e-5, atol=1e-6)  # float32, another order of products
+
+
+def test_tf32_is_allowed_on_request_alone(make_trainer, tmp_path):
+    products = torch.backends.cuda.matmul
+    before = products.allow_tf32
+    try:
+        products.allow_tf32 = False
+        make_trainer(tmp_path / "without")
+        assert not products.allow_tf32
+        make_trainer(tmp_path / "with", allow_tf32=True)
+        assert products.allow_tf32
+    finally:
+        products.allow_tf32 = before
+
+
+def test_mixed_precision_keeps_trained_weights_wide(make_trainer, tmp_path):
+    trainer = make_trainer(tmp_path, mixed_precision="bf16")
+    seen, layer = [], trainer.module.model.time_embedder.linear_1
+    layer.register_forward_hook(lambda module, args, out: seen.append(out.dtype))
+    model = trainer.run()
+    assert set(seen) == {torch.bfloat16}
+    assert {parameter.dtype for parameter in model.parameters()} == {torch.float32}
+    assert all(parameter.isfinite().all() for parameter in model.parameters())
+    moments = [state["exp_avg"].dtype for state in trainer.optimizer.state.values()]
+    assert moments and set(moments) == {torch.float32}
+
+
+def test_a_missing_tracker_names_the_extra(make_trainer, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tensorboard", None)
+    for name in ("tensorboard", "all"):
+        with pytest.raises(ImportError, match=rf"--report_to {name} needs `pip install tactile_diffusers\[training\]`"):
+            make_trainer(tmp_path, report_to=name)
+
+
+class TestHub:
+    @pytest.fixture
+    def sent(self, monkeypatch):
+        """What is asked of the Hub, and the files of the folder at that moment."""
+        asked = []
+
+        def create_repo(repo_id, **options):
+            asked.append((repo_id, options))
+            return argparse.Namespace(repo_id=repo_id)
+
+        monkeypatch.setattr(huggingface_hub, "create_repo", create_repo)
+        monkeypatch.setattr(huggingface_hub, "upload_folder", lambda **options: asked.append(options))
+        return asked
+
+    def test_the_finished_pipeline_is_sent_and_the_token_written_nowhere(self, script, run_script, sent, tmp_path):
+        options = {"hub_model_id": "someone/textures", "hub_token": "hf_secret", "hub_private_repo": True}
+        short = {"max_train_steps": 1, "report_to": "tensorboard"}
+        folder = run_script(script("train_lctg"), "lctg", tmp_path / "lctg", push_to_hub=True, **short, **options)
+        (repo, created), upload = sent
+        assert repo == upload["repo_id"] == "someone/textures" and upload["folder_path"] == str(folder)
+        assert created["private"] is True and created["token"] == upload["token"] == "hf_secret"
+        assert "# someone/textures" in (folder / "README.md").read_text()
+        assert "hub" not in (folder / "README.md").read_text().split("accelerate launch")[1].split("```")[0]
+        assert json.loads((folder / "training.json").read_text())["arguments"]["push_to_hub"] is True
+        files = [path for path in folder.rglob("*") if path.is_file()]
+        assert len(files) > 10 and not [path for path in files if b"hf_secret" in path.read_bytes()]
+
+    def test_without_being_asked_nothing_is_sent(self, script, run_script, sent, tmp_path):
+        run_script(script("train_lctg"), "lctg", tmp_path / "lctg", max_train_steps=1, hub_model_id="someone/textures")
+        assert sent == []
