@@ -6,6 +6,7 @@ from .tables import markdown_table, text, title
 
 
 def generation_markdown(report, level=2):
+    """How near generated sets are to held-out textures, how diverse, and how new."""
     section = report["generation"]
     rows = {"real, held out": section["real"]}
     for scale, entry in section.items():
@@ -22,6 +23,7 @@ def generation_markdown(report, level=2):
 
 
 def unseen_markdown(report, level=2):
+    """Surfaces that training never saw, made from their ratings, beside baselines."""
     section = report["unseen_surfaces"]
     rows = {}
     for slug in section["nine_band_db"]:
@@ -48,6 +50,7 @@ def unseen_markdown(report, level=2):
 
 
 def obedience_markdown(report, level=2):
+    """Whether one rating changes what it changes between real surfaces."""
     labels = {
         "changes": "changes that are those of real surfaces",
         "matrix": "response matrix, largest difference from real",
@@ -76,6 +79,7 @@ def obedience_markdown(report, level=2):
 
 
 def control_markdown(report, level=2):
+    """What one rating alone makes of level, spectrum, friction and latents, beside real surfaces."""
     control, guidance = report["control"], default_guidance(report)
     judges = ", ".join(f"{axis} {text(value, interval=True)}" for axis, value in control["judge_r2"].items())
     truth = control["truth"]
@@ -117,6 +121,7 @@ def control_markdown(report, level=2):
 
 
 def responses_markdown(report, level=2):
+    """Slopes of recovered on requested ratings, for each source."""
     control, guidance = report["control"], default_guidance(report)
     sources = {"real": control["response_real"], "generated": control[guidance]["response"]}
     sources |= {slug: entry["response"] for slug, entry in control["baselines"].items()}
@@ -137,6 +142,7 @@ def responses_markdown(report, level=2):
 
 
 def novel_markdown(report, level=2):
+    """What ratings outside of training make."""
     section = report["novel"]
     rows = {name: entry for name, entry in section.items() if name != "range_db"}
     for entry in rows.values():
@@ -161,5 +167,6 @@ def novel_markdown(report, level=2):
 
 
 def paper_figures_markdown(report, level=2):
+    """The pictures of the paper's own protocols."""
     pictures = "![latent shift](latent_shift.png)\n\n![spectra](spectra.png)"
     return title("The paper's protocols of conditioning", level) + pictures

@@ -87,10 +87,10 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         sampling_rate (`int`, *optional*, defaults to 2500): the working rate, Hz.
         padding_value (`float`, *optional*, defaults to 0.0): unused; part of the transformers interface.
         delivery_rate (`int`, *optional*, defaults to 10000): rate of `denormalize`'s textures, Hz.
-        band (`tuple[float, float]`, *optional*, defaults to (20, 1000)): Hz.
+        band (`tuple[float, float]`, *optional*, defaults to `(20.0, 1000.0)`): Hz.
         num_filters (`int`, *optional*, defaults to 48): mel filters over `band`.
         filter_scale (`str`, *optional*, defaults to `"log"`): `"slaney"` (linear below 1 kHz), `"htk"` or `"log"`.
-        window_lengths (`tuple[int, ...]`, *optional*, defaults to (128, 512)): Hann windows in samples; each filter
+        window_lengths (`tuple[int, ...]`, *optional*, defaults to `(128, 512)`): Hann windows in samples; each filter
             uses the shortest that resolves it (51 ms for the highs, 205 ms for the lows).
         hop_length (`int`, *optional*, defaults to 32): samples at the working rate per feature frame.
         use_waveform (`bool`, *optional*, defaults to `True`): whether the samples of a hop join its features.

@@ -187,7 +187,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         """Chooses the angles at which the model is evaluated; the end, 0, is not evaluated.
 
         Args:
-            num_inference_steps (`int`): any number >= 1, also above `num_train_timesteps`.
+            num_inference_steps (`int`, *optional*): any number >= 1, also above `num_train_timesteps`.
             device (`str` or `torch.device`, *optional*): where `timesteps` live.
             timesteps (`Sequence[float]`, *optional*): one's own, in place of a number of steps: falling, in
                 (-1, num_train_timesteps - 1]. If the first is not the last trained one, sampling starts part-way.
