@@ -1,6 +1,10 @@
 """The package as a whole: version, order of the rooms, size of the files."""
 
 import ast
+import re
+import shutil
+import subprocess
+import tomllib
 from importlib import metadata, util
 from pathlib import Path
 
@@ -8,7 +12,8 @@ import pytest
 
 from tactile_diffusers.version import __version__
 
-PACKAGE = Path(__file__).parents[1] / "src" / "tactile_diffusers"
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "tactile_diffusers"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 #: A room imports from itself and from rooms on its left.
 ROOMS = (
@@ -97,6 +102,26 @@ def test_heavy_packages_are_imported_inside_functions(path):
 @pytest.mark.parametrize("path", MODULES, ids=_name)
 def test_files_stay_readable(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+
+
+def test_every_dependency_has_a_floor_and_an_upper_bound():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    assert {"training", "demo", "test", "browser", "fuzz"} <= set(extras)
+    named = [*project["dependencies"], *(name for extra in extras.values() for name in extra)]
+    named = [name for name in named if not name.startswith("tactile")]  # an extra may ask for another
+    assert len(named) > 20 and [name for name in named if not re.search(r">=[\d.]+,<\d", name)] == []
+    assert {"requires-python", "license", "classifiers", "urls", "readme"} <= set(project)
+
+
+def test_the_root_holds_what_belongs_there():
+    git = shutil.which("git")
+    done = git and subprocess.run([git, "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    if not done or done.returncode:
+        pytest.skip("no repository")
+    # RESULTS.md beside the README: all measurements would bury how to use it
+    allowed = {"pyproject.toml", "README.md", "RESULTS.md", "LICENSE", ".gitignore", ".ci", "src", "examples", "tests"}
+    assert {line.split("/")[0] for line in done.stdout.splitlines()} == allowed
 
 
 def test_type_hints_and_licence_are_there():

@@ -12,6 +12,7 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.schedulers import RECOMMENDED
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -69,6 +70,12 @@ def test_statistics_of_the_data_are_in_the_config(folders, prepared):
     torch.testing.assert_close(torch.tensor(config.latent_std), latents.std((0, 2)), rtol=0.1, atol=0.01)
     gains = pipe.feature_extractor.preemphasis_db
     assert min(gains) == 0 and 0 < max(gains) <= 30
+
+
+def test_the_schedulers_of_training_are_those_of_sampling(folders):
+    pipe = TactileTexturePipeline.from_pretrained(str(folders / "pipeline"))
+    for scheduler in (pipe.scheduler, pipe.dale_scheduler):
+        assert {name: scheduler.config[name] for name in RECOMMENDED} == RECOMMENDED
 
 
 def test_dale_leaves_lctg_alone(folders):

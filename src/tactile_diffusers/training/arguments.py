@@ -1,10 +1,10 @@
 """Arguments of the training scripts, with the names of diffusers' own examples.
 
-Defaults are those that the bundled checkpoint was trained with: these networks are a thousand times smaller. Left out
-is what has no meaning here: `--dataset_name` (recordings are files), `--prediction_type` and `--snr_gamma` (velocity in
-the angle variable, whose weight is `--phi_exponent`), `--validation_epochs` (all is counted in updates),
-`--validation_ratings` (every axis is swept), `--offload_ema` (a few megabytes), `--local_rank` (launchers set the
-environment).
+Defaults are those that the bundled checkpoint was trained with: these networks are a thousand times smaller, and a
+training without a seed could not be told again. Left out is what has no meaning here: `--dataset_name` (recordings are
+files), `--prediction_type` and `--snr_gamma` (velocity in the angle variable, whose weight is `--phi_exponent`),
+`--validation_epochs` (all is counted in updates), `--validation_ratings` (every axis is swept), `--offload_ema` (a few
+megabytes), `--local_rank` (launchers set the environment).
 """
 
 import argparse

@@ -208,7 +208,7 @@ def test_parquet_without_pyarrow(tmp_path, monkeypatch):
 
     (tmp_path / "a.parquet").write_bytes(b"PAR1")
     monkeypatch.setattr(pd, "read_parquet", read_parquet)
-    with pytest.raises(ValueError, match="pip install pyarrow"):
+    with pytest.raises(ValueError, match=r"pip install tactile_diffusers\[parquet\]"):
         read_table(tmp_path / "a.parquet")
 
 

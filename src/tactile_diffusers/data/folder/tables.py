@@ -281,7 +281,8 @@ def _read_parquet(path):
     try:
         frame = pd.read_parquet(path)
     except ImportError as error:
-        raise ValueError(f"{path}: parquet files need pyarrow. Install it: pip install pyarrow.") from error
+        needed = "parquet files need pyarrow. Install it: pip install tactile_diffusers[parquet]."
+        raise ValueError(f"{path}: {needed}") from error
     except ValueError as error:
         raise ValueError(f"{path} cannot be read as parquet ({error}). Copy it again, or write it again.") from error
     frame.columns = [str(name) for name in frame.columns]
