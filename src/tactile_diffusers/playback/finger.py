@@ -3,6 +3,9 @@
 import numpy as np
 from scipy import signal
 
+from ..pipelines.inputs import check_positive_integer
+from .reports import ReportWatch, check_clock, check_reports
+
 #: Low-pass of the path, Hz. Of a sensor of 125 Hz and 0.1 mm it leaves jitter that puts 20 dB less energy into the
 #: force than the texture has (`benchmark.py --suite stream`); a higher one is quicker and coarser.
 CUTOFF_HZ = 8.0
@@ -27,14 +30,18 @@ class FingerPath:
     Before the first report, and when reports stop, the finger rests where it was last seen. After more than 0.1 s
     without a report, or a jump at more than 3 m/s, the path begins anew, at rest, where the finger is then seen.
 
+    Times are on the clock of the blocks, which only reading moves. The first report does not set it: one that came
+    late would make everything after it late by as much.
+
     Args:
         sampling_rate (`float`): of the blocks, Hz.
-        sensor_rate (`float`): of the reports, Hz; what is slower is taken for a resting finger in between.
+        sensor_rate (`float`): of the reports, Hz; what is slower is taken for a resting finger in between. Reports
+            that come four times as fast or slowly for a second make a UserWarning.
         cutoff (`float`, *optional*, defaults to 8.0): Hz. Lower = less jitter, later; see `CUTOFF_HZ`.
         dimensions (`int`, *optional*, defaults to 1): coordinates of a position, 1 or 2.
 
     Attributes:
-        latency (`float`): s, delay of the line and the filter.
+        latency (`float`): s, delay of the line and the filter: 1 / sensor_rate + 5 ms + 0.51 / cutoff.
         breaks (`list[int]`): samples of the last block where the path began anew elsewhere.
 
     Raises:
@@ -64,32 +71,36 @@ class FingerPath:
         self._times, self._places = np.empty(0), np.empty((0, dimensions))
         self._state = self._last = None
         self._landings, self.breaks = [], []
+        self._watch = ReportWatch(sensor_rate)
 
     @property
     def time(self):
-        """Time of the next sample of a block, s."""
+        """Time of the next sample of a block, s: samples made so far / `sampling_rate`."""
         return self._samples / self.sampling_rate
 
     def report(self, time, position):
         """Takes reports of the sensor.
 
         Args:
-            time (`float` or `np.ndarray`): (n,), s on the clock of the blocks (`time`), ascending.
-            position (`float` or `np.ndarray`): (n,) or (n, dimensions), mm.
+            time (`float` or `np.ndarray`): (n,), s on the clock of the blocks (`time`), ascending. It may pause while
+                blocks are read on. To report by a clock of your own, set `origin = now - stream.time` at the first
+                report, and again when reading goes on after a pause, and give `now - origin`.
+            position (`float` or `np.ndarray`): (n,) or (n, dimensions), mm; of one report also one number, or (2,).
 
         Raises:
-            ValueError: for a time or position that is not finite, of another shape, or not after the last report. The
-                path is left as it was.
+            ValueError: for a time or position that is not finite, of another shape, or not after the last report; for
+                a first time that is more than 1 s from `time`, or a later one more than 1 s ahead both of it and of
+                the last report. The path is left as it was.
         """
-        times = np.atleast_1d(np.asarray(time, dtype=np.float64))
-        places = np.asarray(position, dtype=np.float64).reshape(-1, self.dimensions)
-        if times.ndim != 1 or len(times) != len(places):
-            raise ValueError(f"`time` and `position` must be of equal number, got {times.shape} and {places.shape}.")
-        if not (np.isfinite(times).all() and np.isfinite(places).all()):
-            raise ValueError("`time` and `position` must be finite: leave out reports without a finger.")
-        if not (np.diff(np.concatenate([self._times[-1:], times])) > 0).all():
-            raise ValueError(f"`time` must ascend, report after report, got {times} after {self._times[-1:]}.")
+        times, places = check_reports(time, position, self.dimensions)
+        if not len(times):
+            return
+        last = self._times[-1:]
+        if not (np.diff(times, prepend=last) > 0).all():
+            raise ValueError(f"`time` must ascend, report after report, got {times} after {last}.")
+        check_clock(times[0], self.time, last)
         self._append(times, places)
+        self._watch.see(times, last, self.time)
 
     def _append(self, times, places):
         known = np.concatenate([self._times[-1:], times])
@@ -112,9 +123,11 @@ class FingerPath:
 
         Returns:
             `tuple[np.ndarray, np.ndarray]`: (samples, dimensions) mm and mm/s.
+
+        Raises:
+            ValueError: if `samples` is no whole number of at least 1.
         """
-        if samples < 1:
-            raise ValueError(f"`samples` must be at least 1, got {samples}.")
+        check_positive_integer("samples", samples)
         wanted = (self._samples + np.arange(samples)) / self.sampling_rate - self._wait
         self._samples += samples
         if not len(self._times):

@@ -1,0 +1,111 @@
+"""What reports of a finger must be: numbers of the right shape, on the stream's clock, at about the sensor's rate."""
+
+import warnings
+
+import numpy as np
+
+#: Farther from the stream's clock, s, no report is early or late: it is on another clock, or in another unit.
+FAR_SECONDS = 1.0
+#: By this factor the reports' rate and `sensor_rate` may differ: sensors skip reports while nothing moves.
+RATE_FACTOR = 4.0
+#: Least span, s, and number of intervals between reports of which their rate is judged.
+WATCHED_SECONDS, LEAST_INTERVALS = 1.0, 8
+_CLOCK = (
+    "It is s on the stream's clock: 0 at the first sample that is read, and standing still while nothing is read. "
+    "Divide milliseconds by 1000. For stamps of another clock set `origin = stamp - stream.time` at the first report, "
+    "and again after a pause in reading, and report at `stamp - origin`."
+)
+
+
+def check_reports(time, position, dimensions):
+    """Times (n,), s, and positions (n, dimensions), mm, float64.
+
+    Raises:
+        ValueError: for another shape, or what is not finite.
+    """
+    times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    places = np.asarray(position, dtype=np.float64)
+    forms = {(len(times), dimensions)} | ({(len(times),)} if dimensions == 1 else set())
+    if len(times) == 1:
+        forms.add(() if dimensions == 1 else (dimensions,))
+    if times.ndim != 1 or places.shape not in forms:
+        wanted = "(n,), mm; for x and y make it with `dimensions=2`"
+        if dimensions == 2:
+            wanted = "(n, 2), x and y in mm; for a line leave `dimensions=2` out"
+        raise ValueError(
+            f"`time` and `position` must be of equal number, (n,) and {wanted}. Got {times.shape} and {places.shape}."
+        )
+    if not (np.isfinite(times).all() and np.isfinite(places).all()):
+        raise ValueError("`time` and `position` must be finite: leave out reports without a finger.")
+    return times, places.reshape(-1, dimensions)
+
+
+def check_clock(time, now, last):
+    """Refuses a report on another clock.
+
+    The first report must lie near the stream's time. Later ones may lag behind it (they came late), and may be ahead
+    if they follow one another (a recording that is reported as a whole and read afterwards).
+
+    Args:
+        time, now (`float`): of the report, and of the stream, s.
+        last (`np.ndarray`): time of the report before, (1,), s, or (0,).
+
+    Raises:
+        ValueError: if it is the first and more than 1 s from `now`, or more than 1 s after `now` and `last`.
+    """
+    if not len(last):
+        if abs(time - now) > FAR_SECONDS:
+            raise ValueError(
+                f"The first `time` must be within {FAR_SECONDS:g} s of {now:.3f} s, got {time:g}. {_CLOCK}"
+            )
+    elif time - max(now, last[0]) > FAR_SECONDS:
+        raise ValueError(
+            f"`time` must be at most {FAR_SECONDS:g} s ahead of `stream.time`, {now:.3f} s, got {time:g}. {_CLOCK}"
+        )
+
+
+class ReportWatch:
+    """Warns, once each, of reports that drift away from the stream's clock or do not come at the sensor's rate.
+
+    Args:
+        sensor_rate (`float`): Hz, as the stream was told.
+    """
+
+    def __init__(self, sensor_rate):
+        self.sensor_rate = sensor_rate
+        self._intervals, self._drift_warned, self._rate_warned = [], False, False
+
+    def see(self, times, last, now):
+        """Looks at reports that were taken.
+
+        Args:
+            times (`np.ndarray`): (n,), s.
+            last (`np.ndarray`): the time before them, (1,), or (0,) before the first report.
+            now (`float`): of the stream, s.
+        """
+        first = times[0]  # the rest of a recording that is given as a whole may lie anywhere
+        if abs(first - now) > FAR_SECONDS and not self._drift_warned:
+            self._drift_warned = True
+            _warn(
+                f"The finger is reported for {first:.2f} s while the stream is at {now:.2f} s: what is read belongs to "
+                "another moment of it. Read as many samples as time passes, or shift the times (a recording that is "
+                "read after it was reported needs neither)."
+            )
+        if self._rate_warned:
+            return
+        self._intervals.extend(np.diff(times, prepend=last).tolist())
+        if len(self._intervals) < LEAST_INTERVALS or sum(self._intervals) <= WATCHED_SECONDS:
+            return
+        rate = 1 / float(np.median(self._intervals))  # rests and lifted fingers do not count
+        self._intervals = []
+        if not 1 / RATE_FACTOR <= rate / self.sensor_rate <= RATE_FACTOR:
+            self._rate_warned = True
+            _warn(
+                f"`sensor_rate` is {self.sensor_rate:g} Hz, but reports come at about {rate:.4g} Hz by their times. "
+                "With too high a rate the finger is taken to rest between reports, with too low a one it is followed "
+                "late. Give the sensor's own rate, and times in s."
+            )
+
+
+def _warn(message):
+    warnings.warn(message, UserWarning, stacklevel=5)  # where `TextureStream.report` is called

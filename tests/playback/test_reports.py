@@ -1,0 +1,158 @@
+"""Reports on another clock, in another unit, of another shape or at another rate."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from tactile_diffusers.playback import FingerPath
+
+RATE, SENSOR = 10_000, 125.0
+
+
+@pytest.fixture
+def path():
+    return FingerPath(RATE, SENSOR)
+
+
+def _state(path):
+    return path.time, path._times.tolist(), path._places.tolist()
+
+
+# the clock
+
+
+@pytest.mark.parametrize("origin", [1.7e9, 5.0, -5.0])
+def test_stamps_of_another_clock_are_refused_and_can_be_converted(path, origin):
+    path.advance(800)
+    with pytest.raises(ValueError, match=r"(?s)first `time`.*within 1 s of 0\.080 s.*stamp - stream\.time"):
+        path.report(origin, 0.0)
+    began, converted = path.time, origin - path.time
+    for number in range(125):
+        path.report(origin + number / SENSOR - converted, 80 * number / SENSOR)
+        place, velocity = path.advance(80)
+    assert place[-1, 0] == pytest.approx(80 * (path.time - began), abs=0.1)
+    assert velocity[-1, 0] == pytest.approx(80, abs=0.1)
+
+
+def test_milliseconds_are_refused(path):
+    path.report(0.0, 0.0)
+    path.advance(80)
+    before = _state(path)
+    with pytest.raises(ValueError, match=r"at most 1 s ahead of `stream.time`.*got 8\. .*milliseconds by 1000"):
+        path.report(8.0, 0.5)
+    assert _state(path) == before
+
+
+def test_milliseconds_of_a_whole_recording_are_warned_of(path):
+    times = np.arange(100) * 8.0
+    with pytest.warns(UserWarning, match=r"`sensor_rate` is 125 Hz, but reports come at about 0\.125 Hz"):
+        path.report(times, 0.5 * times)
+
+
+@pytest.mark.parametrize("pause", [0.5, 3.0, 600.0])
+def test_a_pause_of_the_finger_is_no_other_clock(path, pause):
+    """Blocks are read on; so it is when reports come again on the clock that went on with them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        path.report([0.0, 0.008], [0.0, 0.5])
+        path.advance(round(pause * RATE))
+        path.report(path.time, 40.0)
+        path.advance(80)
+        path.report(path.time, 40.5)
+
+
+def test_a_pause_of_reading_is_told_and_the_clock_set_anew(path):
+    """The stream's clock stands still meanwhile: going on with another one would be late for ever."""
+    for number in range(10):
+        path.report(number / SENSOR, 0.5 * number)
+        path.advance(80)
+    with pytest.raises(ValueError, match="again after a pause in reading"):
+        path.report(20.0, 5.0)
+    origin = 20.0 - path.time
+    for number in range(10):
+        path.report(20.0 + number / SENSOR - origin, 5.0 + 0.5 * number)
+        path.advance(80)
+
+
+def test_a_recording_may_be_reported_before_it_is_read(path):
+    times = np.arange(0, 5, 1 / SENSOR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        path.report(times, 40 * times)
+    with pytest.warns(
+        UserWarning, match="another moment"
+    ) as caught:  # one by one it looks like a clock that runs ahead
+        for number in range(1, 50):
+            path.report(times[-1] + number / SENSOR, 200.0)
+    assert len(caught) == 1
+
+
+def test_late_reports_are_taken(path):
+    """A driver may deliver late what it stamped in time; the finger rests until then."""
+    path.report(0.0, 0.0)
+    path.advance(15_000)
+    with pytest.warns(UserWarning, match="reported for 0.01 s while the stream is at 1.50 s"):
+        path.report(0.008, 1.0)
+    path.report(1.5, 2.0)
+
+
+# the rate
+
+
+@pytest.mark.parametrize("observed", [20.0, 1000.0])
+def test_another_rate_is_warned_of_once(observed):
+    path = FingerPath(RATE, SENSOR)
+    with pytest.warns(
+        UserWarning, match=f"`sensor_rate` is 125 Hz, but reports come at about {observed:.0f} Hz"
+    ) as seen:
+        for number in range(round(3 * observed)):
+            path.report(number / observed, 1.0 * number)
+            path.advance(round(RATE / observed))
+    assert len(seen) == 1
+
+
+def test_jitter_rests_and_a_rate_within_the_factor_are_not(path):
+    rng = np.random.default_rng(0)
+    times = np.arange(0, 8, 1 / 60) + rng.uniform(0, 0.004, 480)
+    times = times[((times < 2) | (times > 2.9)) & ((times < 5) | (rng.random(480) < 0.2))]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for time in times[times < 5]:
+            path.report(time, 40 * time)
+            path.advance(max(1, round((time - path.time) * RATE)))
+
+
+# shapes
+
+
+@pytest.mark.parametrize(
+    ("dimensions", "time", "position", "message"),
+    [
+        (1, 0.1, (1.0, 2.0), r"for x and y make it with `dimensions=2`. Got \(1,\) and \(2,\)"),
+        (1, [0.1, 0.2], np.ones((2, 2)), "make it with `dimensions=2`"),
+        (2, 0.1, 1.0, r"\(n, 2\), x and y in mm; for a line leave `dimensions=2` out. Got \(1,\) and \(\)"),
+        (2, 0.1, (1.0, 2.0, 3.0), "x and y in mm"),
+        (2, [0.1, 0.2], [1.0, 2.0, 3.0, 4.0], "x and y in mm"),
+    ],
+)
+def test_places_of_other_dimensions_are_refused(dimensions, time, position, message):
+    with pytest.raises(ValueError, match=message):
+        FingerPath(RATE, SENSOR, dimensions=dimensions).report(time, position)
+
+
+@pytest.mark.parametrize(
+    ("dimensions", "time", "position"),
+    [(1, 0.1, 1.0), (1, [0.1], [1.0]), (1, [0.1, 0.2], [[1.0], [2.0]]), (2, 0.1, (1.0, 2.0)), (2, [0.1], [[1.0, 2.0]])],
+)
+def test_places_of_every_allowed_shape(dimensions, time, position):
+    path = FingerPath(RATE, SENSOR, dimensions=dimensions)
+    path.report(time, position)
+    assert path._places.shape == (np.size(time), dimensions)
+    path.report([], [] if dimensions == 1 else np.empty((0, 2)))
+
+
+@pytest.mark.parametrize("samples", [80.0, 0, -5, "80", True])
+def test_samples_are_a_whole_number(path, samples):
+    with pytest.raises(ValueError, match="`samples` must be a whole number >= 1"):
+        path.advance(samples)
