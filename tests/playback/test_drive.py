@@ -1,12 +1,16 @@
 """Newtons that become drive become newtons again at the finger, as far as the display goes."""
 
+import re
+import textwrap
 import time
+import warnings
 
 import numpy as np
 import pytest
 import torch
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+from tactile_diffusers.playback import DriveProfile
 from tactile_diffusers.signal import band_edges, band_levels_db, nine_band_error_db
 
 RATE = 10_000
@@ -136,6 +140,7 @@ def test_one_speed_for_a_block_is_reached_at_its_end(make_profile, noise_texture
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("block", [1, 32, 1000])
+@pytest.mark.filterwarnings("ignore:The display cannot make this force")
 def test_blocks_give_what_the_whole_gives(make_profile, noise_texture, kind, block):
     profile = make_profile(kind, cutoffs=[(20.0, 100.0), (90.0, 400.0)])
     texture = noise_texture(samples=3000, rms=0.02)
@@ -173,6 +178,7 @@ def test_a_block_of_32_is_cheap(make_profile, noise_texture):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.filterwarnings("ignore:The display cannot make this force")
 def test_clipping_is_counted_and_the_scale_that_fits_fits(make_profile, noise_texture, kind):
     profile = make_profile(kind)
     texture = noise_texture(rms=0.05)
@@ -189,6 +195,42 @@ def test_clipping_is_counted_and_the_scale_that_fits_fits(make_profile, noise_te
     beyond = profile.drive(1.0001 * report.fitting_scale * texture, SPEED)[1]
     assert fitting.clipped == 0 and fitting.largest_excess == 0
     assert beyond.clipped == 1
+
+
+def test_clipping_is_warned_of_once(make_profile, noise_texture):
+    profile, texture = make_profile(), noise_texture(rms=0.05)
+    stream = profile.stream()
+    with pytest.warns(UserWarning, match=r"% of .* samples clipped.*factor 0\..*read_friction") as seen:
+        for block in texture.reshape(-1, 64):
+            stream.push(block, SPEED)
+    assert len(seen) == 1
+    stream.reset()
+    with pytest.warns(UserWarning, match="samples clipped"):
+        stream.push(texture, SPEED)
+    with warnings.catch_warnings():  # a single peak, or silence, is nobody's fault
+        warnings.simplefilter("error")
+        quiet = np.r_[np.full(5, 0.2), np.zeros(100)]
+        assert 0 < profile.drive(quiet, SPEED)[1].clipped < 10
+
+
+def test_a_force_on_a_plane_is_refused_with_what_to_do(make_profile):
+    with pytest.raises(ValueError, match=r"got \(80, 2\): a display has one drive.*stream.read_friction\(samples\)"):
+        make_profile().stream().push(np.zeros((80, 2)), SPEED)
+
+
+def test_the_example_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # what it writes
+    [code] = re.findall(r"```python\n(.*?)```", DriveProfile.__doc__, flags=re.DOTALL)
+    code = textwrap.dedent(code)
+    assert len(code.splitlines()) <= 16
+    space = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        exec(code, space)
+    # a display that was fitted has a pole of 0.83 and 10 uN/V^2, and makes all of the texture
+    assert space["fit"].profile.cutoffs[0][1] == pytest.approx(-RATE * np.log(0.83) / 2 / np.pi, rel=0.01)
+    assert space["display"].report.clipped == 0 and space["display"].report.samples == RATE
+    assert space["drive"].shape == (80,) and 0 < space["drive"].min() <= space["drive"].max() < 160
 
 
 def test_the_excess_is_in_newtons(make_profile):

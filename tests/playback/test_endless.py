@@ -173,6 +173,13 @@ class TestStream:
             assert friction == changed.friction_coefficient != profile.friction_coefficient
             assert changed.options == profile.options and changed.seed == profile.seed
 
+    def test_a_change_is_in_the_scale_of_the_profile(self, make_pipeline):
+        pipe = make_pipeline(dale_config={"ratings_mean": [3.0, 4.0, 5.0], "ratings_std": [1.5, 2.0, 1.0]})
+        with EndlessStream(EndlessProfile(pipe, [6.0, 4.0, 5.0], rating_scale="raw"), 125.0) as stream:
+            assert stream._profile.ratings.tolist() == [[2.0, 0.0, 0.0]]
+            stream.change([3.0, 8.0, None])
+            _wait_for(lambda: stream._profile.ratings[0, 1] == 2.0)
+
     def test_impossible_ratings_leave_the_stream_as_it_was(self, make_profile):
         profile = make_profile()
         with EndlessStream(profile, 125.0) as stream:
@@ -200,8 +207,9 @@ class TestStream:
             monkeypatch.setattr(EndlessProfile, "generate", fail)
             stream.change([0.0, 0.0, 0.0])
             _wait_for(lambda: stream._failure)
-            with pytest.raises(RuntimeError, match="Generating has failed: OSError"):
-                stream.read(32)
+            for read in (stream.read, stream.read_friction):
+                with pytest.raises(RuntimeError, match="Generating has failed: OSError"):
+                    read(32)
 
     def test_on_a_plane(self, make_profile):
         profile = make_profile()

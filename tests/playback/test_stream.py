@@ -168,8 +168,78 @@ def test_bad_calls_are_refused(make_stream, pink_noise):
         stream.read(0)
     with pytest.raises(ValueError, match="`normal_force`"):
         stream.read(32, normal_force=np.nan)
+    with pytest.raises(ValueError, match="`samples` must be a whole number"):
+        stream.read(80.0)
+    with pytest.raises(
+        ValueError, match=r"`normal_force` must be one number or one for each.*\(32,\), N; got.*\(31,\)"
+    ):
+        stream.read(32, normal_force=np.full(31, 0.5))
+    assert stream.time == 0
     with pytest.raises(ValueError, match="TextureProfile"):
         stream.replace(pink_noise(16_384, RATE)[0], 0.5)
+
+
+def test_a_normal_force_is_reached_without_a_step(make_stream):
+    stream = make_stream(friction=0.8)
+    times = np.arange(0, 1, 1 / SENSOR)
+    stream.report(times, 80 * times)
+    for _ in range(60):
+        stream.read(80)
+    for block, ramp in ((80, 80), (5000, 200)):  # 20 ms at most
+        made = stream.read(block, normal_force=0)
+        assert not made[ramp:].any() and made[0] != 0
+        assert np.abs(np.diff(made[: ramp + 1])).max() < 0.1 + 0.4 / ramp  # the texture's own, and a share of the mean
+        assert not stream.read(80, normal_force=-0.01).any()  # a sensor's noise: no contact
+        stream.read(80)
+
+
+class TestFrictionForADisplay:
+    @staticmethod
+    def _two(make_stream, motion, **options):
+        streams = [make_stream(**options) for _ in range(2)]
+        times, force, friction, speed = np.arange(0, 2, 1 / SENSOR), [], [], []
+        places = np.array([motion(t) for t in times])
+        for stream in streams:
+            stream.report(times, places)
+        for _ in range(190):
+            force.append(streams[0].read(80, 0.6))
+            one, two = streams[1].read_friction(80, 0.6)
+            friction.append(one)
+            speed.append(two)
+        return map(np.concatenate, (force, friction, speed))
+
+    def test_it_is_the_force_against_the_motion_about_its_mean(self, make_stream):
+        force, friction, speed = self._two(make_stream, lambda t: 40 * np.cos(np.pi * t), friction=0.8)
+        forth = np.arange(len(force)) > 10_000 * (1 + 0.05)  # back at first: the force is positive there
+        sliding = speed > 5
+        against = np.where(forth, -force, force)
+        late = sliding & (np.abs(np.arange(len(force)) - 10_000) > 1500)
+        np.testing.assert_allclose(friction[late], against[late] - 0.8 * 0.6, atol=1e-6)  # float32
+        assert np.abs(friction[late].mean()) < 0.1 * friction[late].std() and speed.min() >= 0
+        assert speed.max() == pytest.approx(40 * np.pi, rel=0.1)  # the lead swings beyond
+        assert np.abs(friction[speed < 0.01]).max(initial=0) < 1e-3  # at rest nothing
+
+    @pytest.mark.parametrize("degrees", [30, 75])
+    def test_on_a_plane_it_is_the_component_along_the_motion(self, make_stream, degrees):
+        heading = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+        options = {"friction": 0.8, "dimensions": 2}
+        force, friction, speed = self._two(make_stream, lambda t: 80 * t * heading, **options)
+        np.testing.assert_allclose(friction[5000:], -(force @ heading)[5000:] - 0.48, atol=1e-4)
+        np.testing.assert_allclose(speed[9000:], 80, rtol=1e-3)
+
+    def test_blocks_may_be_read_in_either_way(self, make_stream):
+        """A second landing while the first one fades: what fades is kept for both."""
+        times = np.arange(0, 1, 1 / SENSOR)
+        places = 80 * times + 500 * (times > 0.5) + 500 * (times > 0.51)
+        streams = [make_stream(friction=0.8) for _ in range(2)]
+        for stream in streams:
+            stream.report(times, places)
+        one = [streams[0].read(32) for _ in range(300)]
+        mixed = [streams[1].read(32) if block % 2 else streams[1].read_friction(32)[0] for block in range(300)]
+        for block in range(1, 300, 2):
+            np.testing.assert_array_equal(one[block], mixed[block])
+        friction = np.concatenate([streams[0].read_friction(32)[0] for _ in range(10)])
+        assert np.isfinite(friction).all()
 
 
 def test_a_jump_of_a_metre_is_felt_without_a_step(make_stream, profile):

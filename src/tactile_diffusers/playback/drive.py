@@ -29,6 +29,27 @@ class DriveProfile:
     The drive is the amplitude that was commanded in the calibration: if the device modulates a carrier, calibrate with
     that carrier.
 
+    From a sweep to volts under a moving finger (here the finger and the display are a formula):
+
+    ```python
+    import numpy as np
+    from scipy.signal import lfilter
+    from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+    from tactile_diffusers.playback import DriveProfile, TextureProfile, TextureStream, fit_drive_profile
+
+    volts = np.random.default_rng(0).choice([60.0, 160.0], 200_000)  # sent at 10 kHz, under a finger that slides
+    measured = 0.3 + 1e-5 * lfilter([0.17], [1, -0.83], volts**2)  # N, lateral, mean included: take your sensor's
+    fit = fit_drive_profile(volts, measured, 10_000, kind="electroadhesion", normal_force=0.5, speed=80.0)
+    fit.profile.save("display.json")
+    display = DriveProfile.load("display.json").stream()
+    out = TactileTexturePipeline.from_pretrained(bundled_checkpoint())([[1.5, 0.0, -1.0]])
+    profile = TextureProfile(out.textures[0], out.sampling_rate, out.reference_speed)
+    stream = TextureStream(profile, out.friction_coefficient[0], sensor_rate=125)
+    for number in range(125):
+        stream.report(number / 125, 40 * np.sin(np.pi * number / 125))  # s, mm
+        drive = display.push(*stream.read_friction(80, normal_force=0.5))  # (80,) V; `display.report`: what clipped
+    ```
+
     Args:
         kind (`str`): `"electroadhesion"` (drive in V) or `"ultrasonic"` (relative amplitude, 0-1).
         gain (`float`): N/V^2, or a factor on the lookup (1 = as in the lookup).

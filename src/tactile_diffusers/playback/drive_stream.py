@@ -1,6 +1,7 @@
 """The running conversion from newtons to drive: limited inverse of the low-pass, bias, clipping, static curve."""
 
 import math
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from .drive_checks import check_number, check_samples
 #: Up to this finger speed (mm/s) nothing is inverted, above the second all is, with a smooth step in between. A finger
 #: that hardly moves sticks and slips; 20 mm/s is the slowest at which the low-pass was measured (arXiv 2505.11162).
 INVERSE_FROM, INVERSE_FULL = 10.0, 20.0
+#: Share of samples that may clip without a word, and least time, s, that it is a share of: a few peaks do no harm.
+CLIPPED_SHARE, CLIPPED_OF_SECONDS = 0.01, 0.1
 _DAMPING = math.sqrt(2)  # Butterworth: as flat as a second order gets
 
 
@@ -96,10 +99,13 @@ class DriveStream:
         self._state = (0.0, 0.0, 0.0)
         self._speed = None
         self._samples = self._clipped = 0
+        self._warned = False
         self._lowest = self._highest = self._peak = 0.0
 
     def push(self, force, speed):
-        """Converts the next block.
+        """Converts the next block: `push(*stream.read_friction(samples))` for one of a [`TextureStream`].
+
+        A UserWarning comes, once, when more than 1 % of the samples so far were clipped.
 
         Args:
             force (`np.ndarray`): (samples,) lateral force about its mean, N; positive = more friction.
@@ -121,6 +127,16 @@ class DriveStream:
         self._speed = float(speed[-1])
         wanted = self._invert(force, speed)
         self._count(force, wanted)
+        allowed = CLIPPED_SHARE * max(self._samples, CLIPPED_OF_SECONDS * self.sampling_rate)
+        if self._clipped > allowed and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"The display cannot make this force: {self.report}. Multiply it by that factor (`fitting_scale` of "
+                "the report), and give friction about its mean, positive = more, as `TextureStream.read_friction` "
+                "does: `read` gives a force against the motion.",
+                UserWarning,
+                stacklevel=2,
+            )
         low, high = self.profile.force_range
         return self.profile.steady_drive(np.clip(wanted + self.bias, low, high))
 
@@ -164,6 +180,12 @@ class DriveStream:
 
 
 def _check_force(force):
+    if np.ndim(force) == 2:
+        raise ValueError(
+            f"`force` must have the shape (samples,), got {np.shape(force)}: a display has one drive. Pass one channel "
+            "of it, or of a stream with `dimensions=2` the friction along the motion: `force, speed = "
+            "stream.read_friction(samples)`."
+        )
     force = check_samples("force", force)
     largest = float(np.abs(force).max())
     if largest > LARGEST_FORCE_N:

@@ -30,7 +30,8 @@ _PAUSE = 0.01
 class EndlessProfile:
     """A profile over position that never repeats: window after window, each generated when the finger nears it.
 
-    Windows are as long as a segment (131 mm at 80 mm/s) and overlap by a quarter. All are takes of the same ratings
+    Windows are as long as a segment (133 mm with the bundled checkpoint: 1.64 s at its reference speed of 81.3 mm/s)
+    and overlap by a quarter. All are takes of the same ratings
     with level, mean spectrum and friction coefficient of the first: one surface. Where they overlap their latents fade
     into each other at constant variance, and both windows are decoded there from the same latents and the same noise,
     so that they nearly agree when the profile passes from one to the other. A window depends on the seed and its place
@@ -258,6 +259,7 @@ class EndlessStream(TextureStream):
 
     Raises:
         ValueError: for impossible options.
+        RuntimeError: of `read` and `read_friction`, if generating has failed.
     """
 
     def __init__(self, profile, sensor_rate, **options):
@@ -287,6 +289,9 @@ class EndlessStream(TextureStream):
     def change(self, ratings):
         """Other ratings from now on, with everything else as it was; returns at once.
 
+        Args:
+            ratings: of one texture, in the `rating_scale` that the [`EndlessProfile`] was made with.
+
         Raises:
             ValueError: for impossible ratings; the stream goes on as it was.
         """
@@ -295,15 +300,10 @@ class EndlessStream(TextureStream):
         now.interrupt()  # what is being generated is not needed any more
         self._wake.set()
 
-    def read(self, samples, *arguments, **options):
-        """As [`TextureStream.read`].
-
-        Raises:
-            RuntimeError: if generating has failed.
-        """
+    def _block(self, samples, normal_force):
         if self._failure is not None:
             raise RuntimeError(f"Generating has failed: {self._failure!r}.") from self._failure
-        return super().read(samples, *arguments, **options)
+        return super()._block(samples, normal_force)
 
     def _work(self):
         try:

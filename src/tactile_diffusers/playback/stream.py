@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 
+from ..pipelines.inputs import check_positive_integer
 from ..signal import BAND_HZ, DEVICE_RATE
 from .finger import CUTOFF_HZ, FingerPath
 
@@ -16,7 +17,8 @@ REFERENCE_FORCE = 0.5
 #: Exponents a, b of a texture's amplitude on normal force and speed, of virtual surfaces (`data.virtual.laws`).
 #: Measure them for a real material, or set 0.
 FORCE_EXPONENT, SPEED_EXPONENT = 0.8, 0.3
-#: Time in which another profile takes over, s: half of what goes unnoticed as a delay (40 ms, Okamoto et al. 2009).
+#: Time in which another profile or normal force takes over, s: half of what goes unnoticed as a delay (40 ms, Okamoto
+#: et al. 2009).
 FADE_SECONDS = 0.02
 _AXES = np.stack([(np.cos(angle), np.sin(angle)) for angle in (0, np.pi / 3, 2 * np.pi / 3)])
 
@@ -27,6 +29,8 @@ class TextureStream:
 
     force = -direction (friction_coefficient x Fn + texture(position) x (Fn / 0.5 N)^a x (v / reference speed)^b)
 
+    `read` gives that force, as a motor would make it; `read_friction` gives what a friction display needs.
+
     The texture is a profile over position ([`TextureProfile`]): the same place feels the same in both directions and
     whenever it is passed again, and every frequency follows the speed. Direction turns smoothly through 5 mm/s. The
     profile repeats after `profile.length` mm. On a plane (`dimensions=2`) the surface is alike in all directions: it
@@ -34,6 +38,7 @@ class TextureStream:
     axes reads both, 13 % more slowly.
 
     Reports of the finger (`report`), another profile (`replace`) and blocks (`read`) may come from different threads.
+    Blocks of any length give the same: read as many samples as time has passed, whether reports come evenly or not.
 
     Args:
         profile (`TextureProfile`): what is under the finger.
@@ -47,6 +52,8 @@ class TextureStream:
 
     Attributes:
         latency (`float`): s until a change of the finger's speed is felt; a steady finger is followed without delay.
+            1 / sensor_rate + 5 ms + 0.51 / cutoff: 77 ms for 125 Hz and the 8 Hz of the default. A `cutoff` of 16 Hz
+            makes it 45 ms, and lets more jitter of a coarse sensor (0.1 mm) through; one of 1 kHz takes off 7 ms.
 
     Raises:
         ValueError: for a friction coefficient that is negative or not finite, or an impossible rate.
@@ -71,7 +78,9 @@ class TextureStream:
         self._lock = threading.Lock()
         self._surface = _checked(profile, friction_coefficient)
         self._next, self._faded = None, 0
-        self._felt, self._left = 0.0, np.zeros((0, dimensions))  # the last force, and what still fades of an older one
+        # the last force and friction, and what still fades of older ones
+        self._felt, self._left = np.zeros(dimensions + 1), np.zeros((0, dimensions + 1))
+        self._pressed = None
 
     @property
     def latency(self):
@@ -79,11 +88,15 @@ class TextureStream:
 
     @property
     def time(self):
-        """Time of the next sample, s."""
+        """Time of the next sample, s: samples read so far / `sampling_rate`."""
         return self._finger.time
 
     def report(self, time, position):
-        """Takes reports of the finger: seconds on the clock of `time`, mm. See `FingerPath.report`."""
+        """Takes reports of the finger: seconds on the clock of `time`, mm. See `FingerPath.report`.
+
+        Raises:
+            ValueError: for bad reports, or times that are on another clock or in another unit.
+        """
         with self._lock:
             self._finger.report(time, position)
 
@@ -106,34 +119,82 @@ class TextureStream:
         return round(FADE_SECONDS * self.sampling_rate)
 
     def read(self, samples, normal_force=REFERENCE_FORCE):
-        """The next block of force.
+        """The next block of force on the finger.
 
         Args:
             samples (`int`): of the block, at least 1.
-            normal_force (`float` or `np.ndarray`, *optional*): N, one or (samples,); negative counts as 0.
+            normal_force (`float` or `np.ndarray`, *optional*): N, (samples,), or one number, which is reached linearly
+                within the block, and within 20 ms: no steps, so no clicks. 0 = no contact. Negative counts as 0,
+                because a sensor's noise goes below it where nothing presses.
 
         Returns:
-            `np.ndarray`: (samples,), or (samples, 2) on a plane, float32, N, against the direction of motion.
+            `np.ndarray`: (samples,), or (samples, 2) on a plane, float32, N, mean friction included. It points against
+            the motion: negative while the position grows.
 
         Raises:
-            ValueError: if `samples` is below 1 or `normal_force` is not finite.
+            ValueError: if `samples` is no whole number of at least 1, or `normal_force` not finite or of another shape.
         """
-        normal_force = np.maximum(np.asarray(normal_force, dtype=np.float64), 0)
-        if not np.isfinite(normal_force).all():
-            raise ValueError("`normal_force` must be finite; 0 = no contact.")
+        force = self._block(samples, normal_force)[0][:, :-1]
+        return force[:, 0] if self._finger.dimensions == 1 else force
+
+    def read_friction(self, samples, normal_force=REFERENCE_FORCE):
+        """The next block as a friction display takes it: `drive = display.push(*stream.read_friction(samples))`.
+
+        It moves on like `read`: read each block by one of the two.
+
+        Args:
+            samples, normal_force: as for `read`.
+
+        Returns:
+            `tuple[np.ndarray, np.ndarray]`: (samples,) float32 each, also on a plane, where a display has one drive,
+            too: the friction along the motion about its mean, N, positive = more friction whichever way the finger
+            moves; and the finger's speed, mm/s, at least 0. The mean, `friction_coefficient x Fn`, is the display's
+            bias: see `DriveProfile.drive`.
+
+        Raises:
+            ValueError: as for `read`.
+        """
+        made, speed = self._block(samples, normal_force)
+        return made[:, -1], speed
+
+    def _block(self, samples, normal_force):
+        """Force and, as the last column, friction about its mean: (samples, dimensions + 1); speed (samples,)."""
+        check_positive_integer("samples", samples)
         with self._lock:
+            normal_force = self._normal_force(normal_force, samples)
             place, velocity = self._finger.advance(samples)
             speed = np.sqrt(np.square(velocity).sum(axis=1))
-            force = self._force(self._surface, place, velocity, speed, normal_force)
+            friction = self._friction(self._surface, place, velocity, speed, normal_force)
             if self._next is not None:
                 share = np.clip((self._faded + 1 + np.arange(samples)) / self._fade_samples, 0, 1)
                 share = np.sin(0.5 * np.pi * share) ** 2
-                force = (1 - share) * force + share * self._force(self._next, place, velocity, speed, normal_force)
+                other = self._friction(self._next, place, velocity, speed, normal_force)
+                friction = (1 - share) * friction + share * other
                 self._faded += samples
                 if self._faded >= self._fade_samples:
                     self._surface, self._next = self._next, None
-            force = self._joined(-_direction(velocity, speed) * force[:, None]).astype(np.float32)
-        return force[:, 0] if self._finger.dimensions == 1 else force
+            (total, texture), turned = friction, _turned(speed)
+            direction = velocity * (turned / np.maximum(speed, 1e-12))[:, None]
+            made = self._joined(np.column_stack([-direction * total[:, None], turned * texture]))
+        return made.astype(np.float32), speed.astype(np.float32)
+
+    def _normal_force(self, given, samples):
+        """N, one or (samples,): a number is reached smoothly."""
+        force = np.asarray(given, dtype=np.float64)
+        if force.shape not in ((), (samples,)):
+            raise ValueError(
+                f"`normal_force` must be one number or one for each sample of the block, ({samples},), N; got the "
+                f"shape {force.shape}."
+            )
+        if not np.isfinite(force).all():
+            raise ValueError("`normal_force` must be finite; 0 = no contact.")
+        force = np.maximum(force, 0)
+        last = force.flat[0] if self._pressed is None else self._pressed
+        self._pressed = float(force.flat[-1])
+        if not force.ndim and last != self._pressed:
+            share = np.minimum((1 + np.arange(samples)) / min(samples, self._fade_samples), 1)
+            force = last + (self._pressed - last) * share
+        return force
 
     def _joined(self, force):
         """Where the finger is put down elsewhere, what it felt before fades within 20 ms: no step."""
@@ -149,12 +210,13 @@ class TextureStream:
         self._felt = force[-1].copy()
         return force
 
-    def _force(self, surface, place, velocity, speed, normal_force):
-        """Magnitude of friction: (samples,), N."""
+    def _friction(self, surface, place, velocity, speed, normal_force):
+        """Magnitude of friction, in all and without its mean: (2, samples), N."""
         profile, friction_coefficient = surface
         pressed = (normal_force / REFERENCE_FORCE) ** self.force_exponent
         moved = (np.maximum(speed, SLOWEST_SLIDING) / profile.reference_speed) ** self.speed_exponent
-        return friction_coefficient * normal_force + _read(profile, place, velocity) * pressed * moved
+        texture = _read(profile, place, velocity) * pressed * moved
+        return np.stack([friction_coefficient * normal_force + texture, texture])
 
 
 def _read(profile, place, velocity):
@@ -176,7 +238,7 @@ def _checked(profile, friction_coefficient):
     return profile, float(friction_coefficient)
 
 
-def _direction(velocity, speed):
-    """Unit vectors (samples, dimensions), or shorter: smooth through rest, and of length 1 from `TURNING_SPEED` on."""
+def _turned(speed):
+    """Length of the direction: from 0 at rest smoothly to 1 at `TURNING_SPEED`."""
     ratio = np.minimum(speed / TURNING_SPEED, 1)
-    return velocity * ((1.5 * ratio - 0.5 * ratio**3) / np.maximum(speed, 1e-12))[:, None]
+    return 1.5 * ratio - 0.5 * ratio**3
