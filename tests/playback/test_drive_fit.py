@@ -116,6 +116,8 @@ def test_low_coherence_is_refused_and_the_band_named(recording, excitation):
         ({"sampling_rate": 1000}, "`sampling_rate` must be.*above 2000"),
         ({"sampling_rate": 100_000}, "`command` of 0.6 s is too short: record at least 2.1 s"),
         ({"speed": 0.0}, "`speed` must be a finite number above 0 in mm/s"),
+        ({"speed": 0.08}, "`speed` must be that of a sliding finger, 1 to 3000 mm/s, got 0.08. Multiply m/s by 1000"),
+        ({"speed": 80_000.0}, "sliding finger"),
         ({"normal_force": -0.5}, "`normal_force` must be.*got -0.5"),
         ({"kind": "magnetic"}, "`kind` must be one of"),
         ({"kind": "ultrasonic"}, "`lookup` is missing"),
@@ -135,6 +137,13 @@ def test_bad_recordings(recording):
         fit_drive_profile(**{**arguments, "measured": -arguments["measured"]})
     with pytest.raises(ValueError, match="`offset`"):  # without its mean
         fit_drive_profile(**{**arguments, "measured": arguments["measured"] - arguments["measured"].mean()})
+    milli = 1000 * arguments["measured"]
+    with pytest.raises(ValueError, match="`measured` of 369.2 N on average.*no finger's.*Divide mN by 1000"):
+        fit_drive_profile(**{**arguments, "measured": milli})
+    with pytest.raises(ValueError, match="friction coefficient of 36.9,.*`measured` is probably in mN"):
+        fit_drive_profile(**{**arguments, "measured": milli / 20})
+    with pytest.raises(ValueError, match="coefficient of 0.00738.*`normal_force` is probably in mN"):
+        fit_drive_profile(**{**arguments, "normal_force": 50.0})
     with pytest.raises(ValueError, match="corner at or below 20 Hz"):
         fit_drive_profile(**recording(cutoff=4.0))
     ultrasonic = recording("ultrasonic")

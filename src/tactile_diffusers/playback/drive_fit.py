@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, signal
 
+from ..data.checks import LARGEST_FORCE_N
 from ..signal import BAND_HZ, band_edges
 from .drive import DriveProfile
 from .drive_checks import check_number, check_samples
@@ -16,6 +17,11 @@ from .drive_curves import check_kind, check_lookup, friction_change
 WINDOW_SECONDS = 0.2
 #: A shorter recording has fewer than 20 windows: too few to tell coherence from chance, which gives 1 / windows.
 SHORTEST_SECONDS = 2.1
+#: Friction coefficients of fingers lie within 0.05 (on a film of air) and 3 (soft and moist on glass, lightly pressed):
+#: beyond these wide limits a unit is wrong.
+FRICTION_COEFFICIENTS = (0.01, 10.0)
+#: Speeds of a sliding finger, mm/s: slower it sticks, and faster no hand is.
+SLIDING_SPEEDS = (1.0, 3000.0)
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ def fit_drive_profile(
         sampling_rate (`float`): Hz, above 2000.
         kind (`str`): `"electroadhesion"` or `"ultrasonic"`.
         normal_force (`float`): mean normal force, N.
-        speed (`float`): mean finger speed, mm/s.
+        speed (`float`): mean finger speed, mm/s, 1-3000.
         lookup (`Sequence[tuple[float, float]]`, *optional*): for ultrasonic displays, see `DriveProfile`; the fitted
             gain scales it.
         max_drive (`float`, *optional*): the device's limit; by default the largest drive in `command`, beyond which
@@ -77,13 +83,20 @@ def fit_drive_profile(
 
     Raises:
         ValueError: if an argument is bad, the recording too short, the coherence too low in a band (which is named),
-            or the response not that of such a display: the wrong sign, or a corner at or below the band.
+            or the response not that of such a display: the wrong sign, or a corner at or below the band; if force,
+            normal force or speed cannot be a finger's in N and mm/s.
     """
     check_kind(kind)
     lookup = check_lookup(kind, lookup)
     rate = check_number("sampling_rate", sampling_rate, "Hz", above=2 * BAND_HZ[1])
     speed = check_number("speed", speed, "mm/s", above=0)
     min_coherence = check_number("min_coherence", min_coherence, "1", at_least=0)
+    if not SLIDING_SPEEDS[0] <= speed <= SLIDING_SPEEDS[1]:
+        raise ValueError(
+            f"`speed` must be that of a sliding finger, {SLIDING_SPEEDS[0]:g} to {SLIDING_SPEEDS[1]:g} mm/s, got "
+            f"{speed:g}. Multiply m/s by 1000."
+        )
+    normal_force = check_number("normal_force", normal_force, "N", above=0)
     command, measured = _check_recording(command, measured, rate, kind, lookup)
 
     change = friction_change(kind, lookup, command)
@@ -100,6 +113,7 @@ def fit_drive_profile(
         normal_force=normal_force,
         lookup=lookup,
     )
+    _check_units(profile, measured)
     return DriveFit(profile, frequencies, response, coherence, misfit_db)
 
 
@@ -126,6 +140,26 @@ def _check_recording(command, measured, rate, kind, lookup):
             "alike, so switch between two levels of the same sign."
         )
     return command, measured
+
+
+def _check_units(profile, measured):
+    """Refuses what is fitted well, but to mN, or with a normal force in g."""
+    mean, normal_force = float(measured.mean()), profile.normal_force
+    if max(mean, normal_force) > LARGEST_FORCE_N:
+        raise ValueError(
+            f"`measured` of {mean:.4g} N on average, at a `normal_force` of {normal_force:.4g} N, is no finger's: none "
+            f"makes {LARGEST_FORCE_N:g} N. Divide mN by 1000."
+        )
+    least, most = FRICTION_COEFFICIENTS
+    # with the drive's own part: a gain that is too large shows as well
+    coefficient = max(mean, np.ptp(profile.force_range)) / normal_force
+    if not least <= coefficient <= most:
+        which, other = ("measured", "normal_force") if coefficient > most else ("normal_force", "measured")
+        raise ValueError(
+            f"`measured` of {mean:.4g} N on average at a `normal_force` of {normal_force:.4g} N is a friction "
+            f"coefficient of {coefficient:.3g}, and fingers have {least:g} to {most:g}. `{which}` is probably in mN: "
+            f"divide it by 1000; or `{other}` in a larger unit. Both must be in N."
+        )
 
 
 def _transfer(change, measured, rate):
