@@ -177,6 +177,19 @@ def test_what_is_decoded_does_not_wait_for_what_is_not(scene, monkeypatch):
     assert set(scene.decoded) == {"film", "denim"}
 
 
+def test_ratings_of_any_scale_are_the_same_scene(make_pipeline, tmp_path):
+    statistics = {"ratings_mean": [3.0, 4.0, 5.0], "ratings_std": [1.5, 2.0, 1.0]}
+    pipe = make_pipeline(dale_config=statistics)
+    given = {"denim": [6.0, 4.0, None], "film": {"slipperiness": 4.0}}
+    raw = TextureScene(given, pipe, rating_scale="raw")
+    np.testing.assert_allclose(raw.ratings, [[2, 0, np.nan], [np.nan, np.nan, -1]], rtol=1e-6)
+    z = TextureScene({"denim": [2.0, 0.0, None], "film": {"slipperiness": -1.0}}, pipe)
+    raw.save(tmp_path / "s.safetensors")
+    loaded = TextureScene.load(tmp_path / "s.safetensors", pipe)
+    np.testing.assert_array_equal(loaded.ratings, z.ratings)
+    np.testing.assert_array_equal(_samples(loaded.profile("denim")), _samples(z.profile("denim")))
+
+
 def test_a_scene_plays(scene):
     stream = TextureStream(scene.profile("table"), scene.friction_coefficient("table"), 125, dimensions=2)
     for number in range(10):

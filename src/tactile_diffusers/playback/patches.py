@@ -72,7 +72,8 @@ class Patches:
             raise ValueError("This scene has no `patches`: give them to TextureScene, or ask for surfaces by name.")
         vector = np.atleast_1d(np.asarray(value, dtype=np.float64))
         if vector.shape != (self.dimensions,) or not np.isfinite(vector).all():
-            raise ValueError(f"`{name}` must be {self.dimensions} finite number(s), got {value!r}.")
+            form = "on a plane: (x, y)" if self.dimensions == 2 else "on a line"
+            raise ValueError(f"`{name}` must be {self.dimensions} finite number(s), got {value!r}: patches lie {form}.")
         return vector
 
 

@@ -23,18 +23,18 @@ class TextureScene:
     r"""
     Surfaces given by ratings, as textures for `TextureStream`, each made when it is needed and not before.
 
-    At the first need DALE makes the latents of all surfaces, in one batch (patches longer than one segment, 118 mm with
-    the bundled checkpoint: one batch for each length). LCTG decodes a surface when its profile is first asked for, as
-    long as the longest stroke within its patch and at least one segment; `cache_size` profiles are kept, those asked
-    for last. What a surface is depends on `seed`, its name, ratings and patch alone: the same profile whatever is
-    touched in which order, after it was dropped from the cache, and from a file. Bit for bit within a process; among
-    other surfaces, or in another process, sums are rounded otherwise, 100 dB below the texture.
+    At the first need DALE makes the latents of all surfaces, in one batch (patches longer than the profile of one
+    segment, 120 mm with the bundled checkpoint: one batch for each length). LCTG decodes a surface when its profile is
+    first asked for, as long as the longest stroke within its patch and at least one segment; `cache_size` profiles are
+    kept, those asked for last. What a surface is depends on `seed`, its name, ratings and patch alone: the same profile
+    whatever is touched in which order, after it was dropped from the cache, and from a file. Bit for bit within a
+    process; among other surfaces, or in another process, sums are rounded otherwise, 100 dB below the texture.
 
     All calls may come from different threads. `profile` of a surface in the cache does not wait for one that is being
     decoded, so that `prepare` can run in a thread of its own. The pipeline must not be used otherwise meanwhile.
 
     Args:
-        surfaces (`Mapping[str, Any]`): name -> ratings of one texture, z-scores in any form that the pipeline takes:
+        surfaces (`Mapping[str, Any]`): name -> ratings of one texture in any form that the pipeline takes:
             `[r, b, s]`, `{"roughness": 1.2}`; `None` or NaN = not specified.
         pipe (`TactileTexturePipeline`): with `dale`, which a scene from a file (`load`) can do without.
         patches (`Mapping[str, Sequence[float]]`, *optional*): name -> (x, y, width, height), or (start, length) on a
@@ -44,6 +44,8 @@ class TextureScene:
         num_inference_steps (`int`, *optional*): as in the pipeline; `None` = 5, or what LCTG was distilled to.
         guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): as in the pipeline; 1.0 = off.
         cache_size (`int`, *optional*, defaults to 8): profiles kept, 1.4 MB for each segment.
+        rating_scale (`str`, *optional*, defaults to `"z"`): of `surfaces`: `"z"`, `"raw"` or `"percentile"`, as in the
+            pipeline. The scene and its file hold z-scores.
 
     Attributes:
         names (`tuple[str, ...]`): of the surfaces.
@@ -65,6 +67,7 @@ class TextureScene:
         num_inference_steps=None,
         guidance_scale=1.0,
         cache_size=8,
+        rating_scale="z",
     ):
         _check_pipe(pipe)
         pipe.check_inputs(num_inference_steps, None, guidance_scale, 1, None, "latent", ())
@@ -73,7 +76,7 @@ class TextureScene:
         config = pipe.dale.config
         if config.reference_speed is None:
             raise ValueError("`pipe` does not know its reference speed (config of `dale`): it cannot be laid in space.")
-        names, ratings = _parse_surfaces(surfaces, config)
+        names, ratings = _parse_surfaces(surfaces, config, rating_scale)
         state = SceneState(
             names=names,
             ratings=ratings,
@@ -153,7 +156,9 @@ class TextureScene:
         write_scene(path, self._state, self._pipe)
 
     def at(self, position):
-        """Name of the surface under a position, or `None`.
+        """Name of the surface under a position, or `None` outside all patches.
+
+        There a stream goes on with the last surface: read it with `normal_force=0` if nothing is to be felt.
 
         Args:
             position (`float` or `Sequence[float]`): (dimensions,), mm.
@@ -306,8 +311,8 @@ def _noise_seed(seed, name, use):
     return int.from_bytes(hashlib.sha256(f"{seed}/{use}/{name}".encode()).digest()[:4], "big")
 
 
-def _parse_surfaces(surfaces, config):
-    """Names, and ratings (surfaces, axes) float32."""
+def _parse_surfaces(surfaces, config, rating_scale):
+    """Names, and ratings (surfaces, axes) float32, z-scores."""
     if not isinstance(surfaces, Mapping) or not surfaces:
         raise ValueError(f'`surfaces` must map names to ratings, {{"denim": [1.0, 0.5, -1.0]}}, got {surfaces!r}.')
     rows = []
@@ -315,7 +320,7 @@ def _parse_surfaces(surfaces, config):
         if not isinstance(name, str) or not name:
             raise ValueError(f"`surfaces` must have names that are not empty, got {name!r}.")
         try:
-            row = parse_ratings(ratings, config)
+            row = parse_ratings(ratings, config, rating_scale)
         except ValueError as error:
             raise ValueError(f"`surfaces[{name!r}]`: {error}") from error
         if len(row) != 1:
