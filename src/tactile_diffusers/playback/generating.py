@@ -13,9 +13,10 @@ class GeneratingProcess:
     """A second process that generates windows for [`EndlessProfile`]s, in place of a pipeline.
 
     Threads of one Python process take turns: a block that is read while another thread generates may come
-    milliseconds late. This process and the reading one share nothing but the finished windows. Starting it takes a few
-    seconds and the memory of another pipeline, and, as always in Python, a script that does so keeps its own work
-    behind `if __name__ == "__main__":`. Close it, or use it in a `with`.
+    milliseconds late. This process and the reading one share nothing but the finished windows. Making one waits
+    until it has started, several seconds in which it imports PyTorch, half a minute on a busy machine: make it when the
+    program starts, not when a finger comes. It takes the memory of another pipeline, and, as always in Python, a script
+    that does so keeps its own work behind `if __name__ == "__main__":`. Close it, or use it in a `with`.
 
     Args:
         pipe (`TactileTexturePipeline`): on the CPU, or a device that several processes may use; it is copied.

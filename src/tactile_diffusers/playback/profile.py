@@ -53,7 +53,8 @@ class TextureProfile:
             a seed; without `repeats` only.
 
     Attributes:
-        length (`float`): mm after which the profile repeats.
+        length (`float`): mm after which the profile repeats: the texture's own, less a tenth in which its end fades
+            into its beginning. 120 of 133 mm (16384 samples at 81.3 mm/s) with the bundled checkpoint.
         pitch (`float`): mm between samples of the finest resolution.
         cutoffs (`np.ndarray`): (levels,) cycles/mm, falling: the largest spatial frequency of each resolution.
 
