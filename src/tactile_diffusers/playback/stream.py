@@ -38,7 +38,8 @@ class TextureStream:
     axes reads both, 13 % more slowly.
 
     Reports of the finger (`report`), another profile (`replace`) and blocks (`read`) may come from different threads.
-    Blocks of any length give the same: read as many samples as time has passed, whether reports come evenly or not.
+    Read as many samples as time passes, whether reports come or not. Reports may come unevenly, their times count; a
+    block's length and a report's lateness may make 5 ms together, beyond which the finger rests until it is seen again.
 
     Args:
         profile (`TextureProfile`): what is under the finger.
