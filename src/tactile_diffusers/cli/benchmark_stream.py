@@ -324,8 +324,8 @@ def markdown(report):
         "meet, against the middle of windows:\n\n" + markdown_table({"joints": report["joints"]})
     )
     parts.append(
-        "From ratings to the first sample, and from new ratings until they alone are felt, on a warm pipeline:\n\n"
-        + markdown_table(report["starts"], 1)
+        f"{title('Starting and changing', 4)}From ratings to the first sample, and from new ratings until they alone "
+        "are felt, on a warm pipeline:\n\n" + markdown_table(report["starts"], 1)
     )
     parts.append(
         f"{title('In real time', 4)}Under random motion, ratings changed every {benchmark_endless.CHANGE_SECONDS:g} s, "
