@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 
-from ..data.files import write_text
+from ..data.files import read_json, reading, write_text
 from .checks import check_file
 from .envelopes import LOSSY, envelopes, from_unit, play, to_unit
-from .metadata import METADATA_KEY, check_arguments, metadata_from_json, metadata_to_json
+from .metadata import METADATA_KEY, check_arguments, check_read, check_span, metadata_from_json, metadata_to_json
 
 #: Hz at sharpness 0 and 1, as the MPEG reference encoder reads AHAP (`AhapEncoder.cpp`); Apple gives none.
 FREQUENCY_HZ = (65.0, 300.0)
@@ -102,17 +102,17 @@ def read_ahap(path):
         ValueError: if this package did not write it.
     """
     path = check_file(path)
-    try:
-        contents = json.loads(path.read_text(encoding="utf-8"))
+    with reading(path, "AHAP file that this package wrote", "Write the texture again."):
+        contents = read_json(path, "JSON file")
         found = contents["Metadata"][METADATA_KEY]
         times, intensity = _joined(contents["Pattern"], _INTENSITY)
         _, sharpness = _joined(contents["Pattern"], _SHARPNESS)
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no AHAP file that this package wrote ({error!r}).") from error
-    metadata = metadata_from_json(found, path, ("newtons_per_full_scale", "samples"))
-    amplitude = np.square(intensity) * metadata["newtons_per_full_scale"]
-    frequency = from_unit(sharpness, FREQUENCY_HZ)
-    return play(times, amplitude, frequency, metadata["sampling_rate"], metadata["samples"]), metadata
+        metadata = metadata_from_json(found, path, ("newtons_per_full_scale", "samples"))
+        check_span(times[-1], metadata)
+        amplitude = np.square(intensity) * metadata["newtons_per_full_scale"]
+        frequency = from_unit(sharpness, FREQUENCY_HZ)
+        texture = play(times, amplitude, frequency, metadata["sampling_rate"], metadata["samples"])
+        return check_read(texture, metadata)
 
 
 def _joined(pattern, parameter):

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 
-from ..data.files import write_text
+from ..data.files import read_json, reading, write_text
 from ..version import __version__
 from .checks import check_file
 from .envelopes import LOSSY, envelopes, from_unit, play, to_unit
-from .metadata import METADATA_KEY, check_arguments, metadata_from_json, metadata_to_json
+from .metadata import METADATA_KEY, check_arguments, check_read, check_span, metadata_from_json, metadata_to_json
 
 #: Hz at frequency 0 and 1 of Meta's controllers (`resources/acf/MetaQuest.acf` of the same repository).
 FREQUENCY_HZ = (55.0, 200.0)
@@ -76,15 +76,15 @@ def read_haptic(path):
         ValueError: if this package did not write it.
     """
     path = check_file(path)
-    try:
-        contents = json.loads(path.read_text(encoding="utf-8"))
+    with reading(path, ".haptic file that this package wrote", "Write the texture again."):
+        contents = read_json(path, "JSON file")
         found = contents["metadata"][METADATA_KEY]
         points = contents["signals"]["continuous"]["envelopes"]
         times, amplitude = (np.array([point[name] for point in points["amplitude"]]) for name in ("time", "amplitude"))
         frequency = np.array([point["frequency"] for point in points["frequency"]])
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no .haptic file that this package wrote ({error!r}).") from error
-    metadata = metadata_from_json(found, path, ("newtons_per_full_scale", "samples"))
-    amplitude = amplitude * metadata["newtons_per_full_scale"]
-    frequency = from_unit(frequency, FREQUENCY_HZ)
-    return play(times, amplitude, frequency, metadata["sampling_rate"], metadata["samples"]), metadata
+        metadata = metadata_from_json(found, path, ("newtons_per_full_scale", "samples"))
+        check_span(times[-1], metadata)
+        amplitude = amplitude * metadata["newtons_per_full_scale"]
+        frequency = from_unit(frequency, FREQUENCY_HZ)
+        texture = play(times, amplitude, frequency, metadata["sampling_rate"], metadata["samples"])
+        return check_read(texture, metadata)

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 
-from ..data.files import open_whole, whole_file
+from ..data.files import check_sizes, open_whole, reading, whole_file
 from ..signal import RATING_AXES
-from .metadata import UNITS, check_arguments, metadata_from_json
+from .metadata import UNITS, check_arguments, check_read, metadata_from_json
 
 FORMAT, VERSION = "tactile-texture", 1
 
@@ -51,7 +51,8 @@ def read_hdf5(path):
         FileNotFoundError: if there is no file.
         ValueError: if it is not of this format.
     """
-    with open_whole(path) as file:
+    with reading(path, "HDF5 file of a texture", "Write the texture again."), open_whole(path) as file:
+        check_sizes(file)
         if file.attrs.get("format") != FORMAT or "texture" not in file:
             raise ValueError(
                 f"{path} is not a file of format {FORMAT}. Of a folder that examples/generate_dataset.py wrote, give "
@@ -60,5 +61,5 @@ def read_hdf5(path):
         found = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in file.attrs.items()}
         for name in ("format", "version", "rating_axes"):
             found.pop(name, None)
-        found["sampling_rate"] = int(file["texture"].attrs["rate"])
-        return file["texture"][()], metadata_from_json(found, path)
+        found["sampling_rate"] = file["texture"].attrs["rate"].item()
+        return check_read(file["texture"][()], metadata_from_json(found, path))

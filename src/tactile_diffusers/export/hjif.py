@@ -10,11 +10,19 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from ..data.files import write_text
+from ..data.files import read_json, reading, write_text
 from ..playback.stream import REFERENCE_FORCE
 from ..signal import BAND_HZ
 from .checks import check_above_zero, check_file
-from .metadata import check_arguments, check_known_speed, mean_friction, metadata_from_json, metadata_to_json
+from .metadata import (
+    check_arguments,
+    check_known_speed,
+    check_read,
+    check_span,
+    mean_friction,
+    metadata_from_json,
+    metadata_to_json,
+)
 from .resampling import resample_freely
 
 #: Key frames per s; over position at least as many at the reference speed.
@@ -151,21 +159,19 @@ def read_hjif(path):
         ValueError: if this package did not write it.
     """
     path = check_file(path)
-    try:
-        experience = json.loads(path.read_text(encoding="utf-8"))
+    with reading(path, ".hjif file that this package wrote", "Write the texture again."):
+        experience = read_json(path, "JSON file")
         found = json.loads(experience["description"])
         (perception,) = experience["perceptions"]
         (channel,) = perception["channels"]
         frames = channel["bands"][0]["effects"][0]["keyframes"]
-        amplitudes = np.array([frame["amplitude_modulation"] for frame in frames])
+        values = np.array([frame["amplitude_modulation"] for frame in frames]) * channel["gain"]
         rate = experience["timescale"] / (frames[1]["relative_position"] if len(frames) > 1 else 1)
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        raise ValueError(f"{path} is no .hjif file that this package wrote ({error!r}).") from error
-    modality = perception["perception_modality"]
-    metadata = metadata_from_json(found, path, ("samples", *(("normal_force",) if modality == "Friction" else ())))
-    values = amplitudes * channel["gain"]
-    if modality == "Friction":
-        values = (values - mean_friction(metadata)) * metadata["normal_force"]
-    metadata |= {"modality": modality, "gain": channel["gain"], "key_frame_rate": rate}
-    texture = resample_freely(values, rate, metadata["sampling_rate"], metadata["samples"])
-    return texture.astype(np.float32), metadata
+        modality = perception["perception_modality"]
+        metadata = metadata_from_json(found, path, ("samples", *(("normal_force",) if modality == "Friction" else ())))
+        check_span(len(frames) / check_above_zero("timescale", rate), metadata)
+        if modality == "Friction":
+            values = (values - mean_friction(metadata)) * metadata["normal_force"]
+        metadata |= {"modality": modality, "gain": channel["gain"], "key_frame_rate": rate}
+        texture = resample_freely(values, rate, metadata["sampling_rate"], metadata["samples"])
+        return check_read(texture, metadata)

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from .checks import check_positive_or_unknown, check_ratings, check_seed, check_texture
 
 #: Key under which a file of another's format holds what belongs to the texture, as JSON.
@@ -49,6 +51,40 @@ def check_arguments(texture, sampling_rate, friction_coefficient, reference_spee
         "seed": check_seed(seed),
         "checkpoint": checkpoint or None,
     }
+
+
+def check_read(texture, metadata):
+    """The same demands on what was read: a damaged file may say anything.
+
+    Returns:
+        `tuple[np.ndarray, dict]`: the texture as float32, and `metadata` with its numbers in the types of the writers.
+
+    Raises:
+        ValueError: as `check_arguments`.
+    """
+    names = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
+    texture, checked = check_arguments(texture, **{name: metadata[name] for name in names})
+    with np.errstate(over="ignore"):
+        texture = texture.astype(np.float32)
+    if not np.isfinite(texture).all():
+        raise ValueError("its numbers are too large for float32")
+    return texture, {**metadata, **checked}
+
+
+def check_span(seconds, metadata):
+    """Refuses `samples` of a lossy format that do not fit what the file holds: a header that claims any number.
+
+    Args:
+        seconds (`float`): what the file holds, at the reference speed if it is over position.
+        metadata (`dict`): with `samples` and `sampling_rate`.
+
+    Raises:
+        ValueError: if they differ by more than what is lost at the end: one key frame or pixel, or 10 %.
+    """
+    samples, rate = metadata["samples"], metadata["sampling_rate"]
+    check_seed(samples)  # a whole number
+    if not (samples >= 1 and rate > 0 and samples / rate <= 1.1 * seconds + 0.1):
+        raise ValueError(f"`samples` is {samples} at {rate} Hz, but it holds {seconds:.3g} s")
 
 
 def check_known_speed(metadata):

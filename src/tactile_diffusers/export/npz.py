@@ -1,13 +1,12 @@
 """NumPy archives: a texture with all that is needed to play or to make it again."""
 
 import json
-import zipfile
 
 import numpy as np
 
-from ..data.files import atomic_path
+from ..data.files import atomic_path, check_archive, reading
 from .checks import check_file
-from .metadata import UNITS, check_arguments, metadata_from_json
+from .metadata import UNITS, check_arguments, check_read, metadata_from_json
 
 
 def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, seed, reference_speed, checkpoint=None):
@@ -62,14 +61,13 @@ def read_npz(path):
         ValueError: if it is no archive of a texture.
     """
     path = check_file(path)
-    try:
+    with reading(path, "NumPy archive of a texture", "Write the texture again."):
+        check_archive(path)
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
-    except (zipfile.BadZipFile, EOFError, ValueError, TypeError) as error:
-        raise ValueError(f"{path} is truncated or no NumPy archive ({error}). Write the texture again.") from error
-    found = {name: value.tolist() for name, value in arrays.items() if name != "texture"}
-    metadata = metadata_from_json(found, path)
-    if "texture" not in arrays:
-        raise ValueError(f"{path} lacks texture. Write the texture again.")
-    metadata["checkpoint"] = metadata["checkpoint"] or None
-    return arrays["texture"], metadata
+        if "texture" not in arrays:
+            raise ValueError(f"{path} lacks texture. Write the texture again.")
+        texture = arrays.pop("texture")
+        metadata = metadata_from_json({name: value.tolist() for name, value in arrays.items()}, path)
+        metadata["checkpoint"] = metadata["checkpoint"] or None
+        return check_read(texture, metadata)

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from ..data.files import atomic_path
+from ..data.files import atomic_path, reading
 from ..playback.stream import REFERENCE_FORCE
 from ..signal import BAND_HZ, rms
 from .checks import check_above_zero, check_file
@@ -14,6 +14,8 @@ from .metadata import (
     METADATA_KEY,
     check_arguments,
     check_known_speed,
+    check_read,
+    check_span,
     mean_friction,
     metadata_from_json,
     metadata_to_json,
@@ -147,21 +149,20 @@ def read_png(path):
         FileNotFoundError: if there is no file.
         ValueError: if it is no friction map of this package.
     """
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     path = check_file(path)
-    try:
-        with Image.open(path) as picture:
-            row, text = np.asarray(picture), picture.info.get(METADATA_KEY)
-    except (UnidentifiedImageError, OSError) as error:
-        raise ValueError(f"{path} is truncated or no picture ({error}). Write the texture again.") from error
-    if text is None or row.ndim != 2:
-        raise ValueError(f"{path} is no friction map that this package wrote: its scale in newtons is unknown.")
-    needed = ("friction_at_zero", "friction_per_count", "normal_force", "pixel_pitch", "samples", "reference_speed")
-    metadata = metadata_from_json(json.loads(text), path, needed)
-    friction = metadata["friction_at_zero"] + row[0] * metadata["friction_per_count"]
-    speed, pitch = metadata["reference_speed"], metadata["pixel_pitch"]
-    metadata["highest_frequency"] = highest_frequency(speed, pitch)
-    newtons = (friction - mean_friction(metadata)) * metadata["normal_force"]
-    texture = resample_freely(newtons, speed / pitch, metadata["sampling_rate"], metadata["samples"])
-    return texture.astype(np.float32), metadata
+    with reading(path, "friction map that this package wrote", "Write the texture again."):
+        with Image.open(path, formats=["PNG"]) as picture:
+            if (picture.mode, picture.info.get(METADATA_KEY) is None) != ("L", False):
+                raise ValueError("its scale in newtons is unknown")
+            row, text = np.asarray(picture)[0], picture.info[METADATA_KEY]
+        needed = ("friction_at_zero", "friction_per_count", "normal_force", "pixel_pitch", "samples", "reference_speed")
+        metadata = metadata_from_json(json.loads(text), path, needed)
+        friction = metadata["friction_at_zero"] + row * metadata["friction_per_count"]
+        speed, pitch = check_known_speed(metadata), check_above_zero("pixel_pitch", metadata["pixel_pitch"])
+        check_span(len(row) * pitch / speed, metadata)
+        metadata["highest_frequency"] = highest_frequency(speed, pitch)
+        newtons = (friction - mean_friction(metadata)) * metadata["normal_force"]
+        texture = resample_freely(newtons, speed / pitch, metadata["sampling_rate"], metadata["samples"])
+        return check_read(texture, metadata)

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..data.files import atomic_path
+from ..data.files import atomic_path, read_json, reading
+from ..data.wav_header import check_wav
 from .checks import check_above_zero, check_file
-from .metadata import check_arguments, metadata_from_json, metadata_to_json
+from .metadata import check_arguments, check_read, metadata_from_json, metadata_to_json
 
 #: Counts of full scale in a 16-bit file; the largest positive count is one less.
 FULL_SCALE_COUNTS = 2**15
@@ -103,12 +104,19 @@ def read_wav(path):
     path = check_file(path)
     if not sidecar_path(path).is_file():
         raise FileNotFoundError(f"{sidecar_path(path)}, which holds the scale of {path} in newtons, does not exist.")
-    sidecar = json.loads(sidecar_path(path).read_text(encoding="utf-8"))
-    metadata = metadata_from_json(sidecar, sidecar_path(path), ("newtons_per_full_scale",))
-    samples, sampling_rate = soundfile.read(path, dtype="float64")
-    if sampling_rate != metadata["sampling_rate"]:
-        raise ValueError(
-            f"{path} has {sampling_rate} Hz, but its sidecar says {metadata['sampling_rate']} Hz: "
-            "they do not belong together. Write the texture again."
-        )
-    return (samples * metadata["newtons_per_full_scale"]).astype(np.float32), metadata
+    side = sidecar_path(path)
+    with reading(side, "JSON file that belongs to a WAV file", "Write the texture again."):
+        sidecar = read_json(side, "JSON file")
+        metadata = metadata_from_json(sidecar, side, ("newtons_per_full_scale",))
+        scale = check_above_zero("newtons_per_full_scale", metadata["newtons_per_full_scale"])
+        metadata = check_read(np.zeros(1), metadata)[1]
+    with reading(path, "WAV file", "Write the texture again."):
+        with path.open("rb") as file:
+            check_wav(file)
+        samples, sampling_rate = soundfile.read(path, dtype="float64")
+        if sampling_rate != metadata["sampling_rate"]:
+            raise ValueError(
+                f"{path} has {sampling_rate} Hz, but its sidecar says {metadata['sampling_rate']} Hz: "
+                "they do not belong together. Write the texture again."
+            )
+        return check_read(samples * scale, metadata)

@@ -39,6 +39,9 @@ def delimited_format(path, delimiter, header, head_lines):
 
     Returns:
         `DelimitedFormat`.
+
+    Raises:
+        ValueError: if the file is no text.
     """
     encoding = _encoding(path)
     with path.open(encoding=encoding, newline="") as file:
@@ -103,6 +106,8 @@ def _encoding(path):
         start = file.read(1 << 16)
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
+    if b"\0" in start:
+        raise ValueError("it holds zero bytes, which no text does")
     try:
         codecs.getincrementaldecoder("utf-8")().decode(start)  # a character cut at the end is no error
     except UnicodeDecodeError:

@@ -3,7 +3,6 @@
 Nothing is guessed about meaning here: `layout.toml` says which column is what. Pickles are never read.
 """
 
-import csv
 import difflib
 import unicodedata
 from collections import Counter
@@ -13,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ..files import check_archive, check_size, reading
+from ..wav_header import check_wav
 from .delimited import DECIMAL_COMMA, delimited_format, find_header
 from .trees import open_tree, tree_columns, tree_node, tree_nodes, tree_rate, tree_tables
 
@@ -37,6 +38,7 @@ KINDS = {
 TREE_KINDS = ("mat", "hdf5", "npz")
 #: Cells of a column of numbers that are empty rather than unreadable.
 EMPTY = ("", "nan", "NaN", "NA")
+_REMEDY = "Check that it is whole, and what its layout says about it."
 #: Rows of a csv or xlsx file in which the delimiter and the names are looked for.
 HEAD_ROWS = 60
 
@@ -102,7 +104,8 @@ class Table:
             ValueError: if there is no such column, or it holds text only.
         """
         name = self.name(column)
-        values = np.asarray(self._load(name))
+        with self._reading():
+            values = np.asarray(self._load(name))
         if values.dtype.kind in "fiub":
             numbers = values.astype(np.float64)
             odd = np.isinf(numbers)
@@ -120,7 +123,12 @@ class Table:
     def text(self, column):
         """A column as it is written: (rows,) list of `str` in NFC, without spaces around them, "" = empty."""
         name = self.name(column)
-        return [unicodedata.normalize("NFC", _as_text(value)) for value in (self._load_text or self._load)(name)]
+        with self._reading():
+            values = (self._load_text or self._load)(name)
+        return [unicodedata.normalize("NFC", _as_text(value)) for value in values]
+
+    def _reading(self):
+        return reading(self.path, "whole table", _REMEDY)
 
 
 def kind_of(path):
@@ -155,7 +163,7 @@ def read_table(path, kind=None, *, inside=None, sheet=None, delimiter=None, head
         raise ValueError(f"{path}: its kind is unknown ({kind!r}). Give `kind`, one of {known}.")
     if not path.is_file():
         raise FileNotFoundError(f"There is no file {path}.")
-    try:
+    with reading(path, kind, _REMEDY):
         if kind == "csv":
             return _read_csv(path, delimiter, header, max_rows)
         if kind == "xlsx":
@@ -163,10 +171,6 @@ def read_table(path, kind=None, *, inside=None, sheet=None, delimiter=None, head
         if kind in TREE_KINDS:
             return _read_tree(path, kind, inside)
         return {"npy": _read_npy, "wav": _read_wav, "parquet": _read_parquet}[kind](path)
-    except (UnicodeDecodeError, OSError, pd.errors.ParserError, csv.Error) as error:
-        raise ValueError(
-            f"{path} cannot be read as {kind} ({error}). Check that it is whole, and what its layout says about it."
-        ) from error
 
 
 def list_tables(path, kind=None, **options):
@@ -187,7 +191,7 @@ def list_tables(path, kind=None, **options):
     if kind == "xlsx" and path.is_file():
         return [read_table(path, kind, sheet=sheet, **options) for sheet in _sheets(path)]
     if kind in TREE_KINDS and path.is_file():
-        with open_tree(path, kind) as tree:
+        with reading(path, kind, _REMEDY), open_tree(path, kind) as tree:
             inside = tree_tables(tree)
         return [read_table(path, kind, inside=name, **options) for name in inside]
     return [read_table(path, kind, **options)]
@@ -202,12 +206,13 @@ def paths_inside(path, kind=None):
     path, kind = Path(path), kind or kind_of(path)
     if kind == "xlsx":
         return _sheets(path)
-    with open_tree(path, kind) as tree:
+    with reading(path, kind, _REMEDY), open_tree(path, kind) as tree:
         return [name for name, _ in tree_nodes(tree)]
 
 
 def _sheets(path):
     try:
+        check_archive(path)
         with pd.ExcelFile(path, engine="openpyxl") as book:
             return [str(name) for name in book.sheet_names]
     except Exception as error:  # openpyxl, zipfile and the XML reader raise many kinds
@@ -257,6 +262,7 @@ def _has_decimal_comma(frame):
 def _read_xlsx(path, sheet, header, max_rows):
     rows = None if max_rows is None else max_rows + HEAD_ROWS
     try:
+        check_archive(path)
         with pd.ExcelFile(path, engine="openpyxl") as book:
             name = book.sheet_names[0] if sheet is None else sheet
             if name not in book.sheet_names:
@@ -279,6 +285,10 @@ def _no_workbook(path, error):
 
 def _read_parquet(path):
     try:
+        import pyarrow.parquet
+
+        described = pyarrow.parquet.read_metadata(path)
+        check_size(path, 8 * described.num_rows * described.num_columns)  # equal numbers take no room
         frame = pd.read_parquet(path)
     except ImportError as error:
         needed = "parquet files need pyarrow. Install it: pip install tactile_diffusers[parquet]."
@@ -308,10 +318,11 @@ def _read_npy(path):
 def _read_wav(path):
     import soundfile
 
-    try:
+    with reading(path, "wav", "Copy it again, or save it as PCM or float WAV."):
+        with path.open("rb") as file:
+            check_wav(file)
         info = soundfile.info(path)
-    except soundfile.SoundFileError as error:
-        raise ValueError(f"{path} cannot be read as wav ({error}). Save it as PCM or float WAV.") from error
+        check_size(path, 8 * info.frames * info.channels)
 
     def load(name):
         return soundfile.read(path, dtype="float64", always_2d=True)[0][:, int(name)]
@@ -333,6 +344,7 @@ def _read_tree(path, kind, inside):
 
     def load(name):
         with open_tree(path, kind) as again:
+            check_size(path, 8 * columns[name][0])
             return tree_columns(tree_node(again, inside))[name][1]()
 
     return Table(path, inside or None, list(columns), rate, _longest(columns), _load=load)

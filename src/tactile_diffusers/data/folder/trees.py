@@ -13,10 +13,12 @@ import h5py
 import numpy as np
 from scipy import io
 
-from ..files import open_whole
+from ..files import check_archive, open_whole
 
 #: Attributes of HDF5 groups and arrays, and scalars beside arrays, that give the sampling rate in Hz.
 RATE_NAMES = ("rate", "sampling_rate", "sampling_rate_hz", "fs", "Fs")
+#: What has more is no table; a damaged header may claim any number.
+MOST_COLUMNS = 10_000
 
 
 @contextmanager
@@ -45,6 +47,7 @@ def _in_memory(path, kind, _changed):
     """The tree of an npz, or of a mat below v7.3."""
     try:
         if kind == "npz":
+            check_archive(path)
             with np.load(path, allow_pickle=False) as arrays:
                 return _nested({name: arrays[name] for name in arrays.files})
         return {name: value for name, value in io.loadmat(path, simplify_cells=True).items() if name[:2] != "__"}
@@ -133,7 +136,7 @@ def _array_columns(array):
         return {}
     if _is_vector(array):
         return {"0": (array.size, lambda: np.ravel(array[()]))}
-    if array.ndim != 2 or min(array.shape) == 0 or array.size == 1:
+    if array.ndim != 2 or not 0 < min(array.shape) <= MOST_COLUMNS or array.size == 1:
         return {}
     time = int(array.shape[1] > array.shape[0])
     part = {0: lambda i: array[:, i], 1: lambda i: array[i, :]}[time]
@@ -158,7 +161,10 @@ def tree_rate(node):
     if isinstance(node, Mapping):
         found |= {name: node[name] for name in RATE_NAMES if name in node}
     for name in RATE_NAMES:
-        value = np.asarray(found[name][()] if isinstance(found.get(name), h5py.Dataset) else found.get(name))
+        value = found.get(name)
+        if isinstance(value, h5py.Dataset):
+            value = value[()] if value.size == 1 else None
+        value = np.asarray(value)
         if value.dtype.kind in "fiu" and value.size == 1:
             return float(value.ravel()[0])
     return None
