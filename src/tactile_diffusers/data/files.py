@@ -47,7 +47,7 @@ def reading(path, kind, remedy="Copy it again, or write it again."):
         if type(error) is ValueError and str(path) in str(error):
             raise
         reason = f"{error} is missing" if type(error) is KeyError else str(error) or type(error).__name__
-        raise ValueError(f"{path} is damaged or no {kind} ({reason[:_LONGEST_REASON]}). {remedy}") from error
+        raise ValueError(f"{path} cannot be read as {kind} ({reason[:_LONGEST_REASON]}). {remedy}") from error
 
 
 def read_json(path, kind, remedy="Copy it again, or write it again."):

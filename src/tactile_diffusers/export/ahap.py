@@ -102,8 +102,8 @@ def read_ahap(path):
         ValueError: if this package did not write it.
     """
     path = check_file(path)
-    with reading(path, "AHAP file that this package wrote", "Write the texture again."):
-        contents = read_json(path, "JSON file")
+    with reading(path, "an AHAP file that this package wrote", "Write the texture again."):
+        contents = read_json(path, "JSON")
         found = contents["Metadata"][METADATA_KEY]
         times, intensity = _joined(contents["Pattern"], _INTENSITY)
         _, sharpness = _joined(contents["Pattern"], _SHARPNESS)

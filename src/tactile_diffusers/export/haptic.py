@@ -76,8 +76,8 @@ def read_haptic(path):
         ValueError: if this package did not write it.
     """
     path = check_file(path)
-    with reading(path, ".haptic file that this package wrote", "Write the texture again."):
-        contents = read_json(path, "JSON file")
+    with reading(path, "a .haptic file that this package wrote", "Write the texture again."):
+        contents = read_json(path, "JSON")
         found = contents["metadata"][METADATA_KEY]
         points = contents["signals"]["continuous"]["envelopes"]
         times, amplitude = (np.array([point[name] for point in points["amplitude"]]) for name in ("time", "amplitude"))

@@ -51,7 +51,7 @@ def read_hdf5(path):
         FileNotFoundError: if there is no file.
         ValueError: if it is not of this format.
     """
-    with reading(path, "HDF5 file of a texture", "Write the texture again."), open_whole(path) as file:
+    with reading(path, "an HDF5 file of a texture", "Write the texture again."), open_whole(path) as file:
         check_sizes(file)
         if file.attrs.get("format") != FORMAT or "texture" not in file:
             raise ValueError(

@@ -159,8 +159,8 @@ def read_hjif(path):
         ValueError: if this package did not write it.
     """
     path = check_file(path)
-    with reading(path, ".hjif file that this package wrote", "Write the texture again."):
-        experience = read_json(path, "JSON file")
+    with reading(path, "a .hjif file that this package wrote", "Write the texture again."):
+        experience = read_json(path, "JSON")
         found = json.loads(experience["description"])
         (perception,) = experience["perceptions"]
         (channel,) = perception["channels"]

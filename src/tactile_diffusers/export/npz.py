@@ -61,7 +61,7 @@ def read_npz(path):
         ValueError: if it is no archive of a texture.
     """
     path = check_file(path)
-    with reading(path, "NumPy archive of a texture", "Write the texture again."):
+    with reading(path, "a NumPy archive of a texture", "Write the texture again."):
         check_archive(path)
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)

@@ -152,7 +152,7 @@ def read_png(path):
     from PIL import Image
 
     path = check_file(path)
-    with reading(path, "friction map that this package wrote", "Write the texture again."):
+    with reading(path, "a friction map that this package wrote", "Write the texture again."):
         with Image.open(path, formats=["PNG"]) as picture:
             if (picture.mode, picture.info.get(METADATA_KEY) is None) != ("L", False):
                 raise ValueError("its scale in newtons is unknown")

@@ -105,12 +105,12 @@ def read_wav(path):
     if not sidecar_path(path).is_file():
         raise FileNotFoundError(f"{sidecar_path(path)}, which holds the scale of {path} in newtons, does not exist.")
     side = sidecar_path(path)
-    with reading(side, "JSON file that belongs to a WAV file", "Write the texture again."):
-        sidecar = read_json(side, "JSON file")
+    with reading(side, "a JSON file that belongs to a WAV file", "Write the texture again."):
+        sidecar = read_json(side, "JSON")
         metadata = metadata_from_json(sidecar, side, ("newtons_per_full_scale",))
         scale = check_above_zero("newtons_per_full_scale", metadata["newtons_per_full_scale"])
         metadata = check_read(np.zeros(1), metadata)[1]
-    with reading(path, "WAV file", "Write the texture again."):
+    with reading(path, "a WAV file", "Write the texture again."):
         with path.open("rb") as file:
             check_wav(file)
         samples, sampling_rate = soundfile.read(path, dtype="float64")

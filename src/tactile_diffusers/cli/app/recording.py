@@ -4,6 +4,7 @@ import io
 
 import numpy as np
 
+from ...data.wav_header import check_wav
 from ...signal import BAND_HZ, band_pass
 
 #: Seconds of a recording that are used, and that it must have at least (four periods of the lowest frequency).
@@ -58,6 +59,7 @@ def _read_wav(content):
     import soundfile
 
     try:
+        check_wav(io.BytesIO(content))
         with soundfile.SoundFile(io.BytesIO(content)) as file:
             rate = file.samplerate
             _check_rate(rate)

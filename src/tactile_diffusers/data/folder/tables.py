@@ -128,7 +128,7 @@ class Table:
         return [unicodedata.normalize("NFC", _as_text(value)) for value in values]
 
     def _reading(self):
-        return reading(self.path, "whole table", _REMEDY)
+        return reading(self.path, "a whole table", _REMEDY)
 
 
 def kind_of(path):
@@ -309,6 +309,8 @@ def _frame_table(path, inside, frame, first_line, load_text=None):
 def _read_npy(path):
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
+        if not isinstance(array, np.ndarray):
+            raise ValueError("it is an archive, npz")
     except ValueError as error:
         raise ValueError(f"{path} cannot be read as npy ({error}). Save it as numbers, not as objects.") from error
     columns = tree_columns(array)

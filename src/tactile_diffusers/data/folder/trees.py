@@ -88,11 +88,13 @@ def is_text(array):
     return array.dtype.kind in "SU" or (array.dtype == object and all(isinstance(value, str) for value in array.flat))
 
 
-def tree_nodes(node, name=""):
-    """All places of a tree, depth first: yields (name, node); "" = the top."""
+def tree_nodes(node, name="", above=()):
+    """All places of a tree, depth first: yields (name, node); "" = the top. Links back to a group above end there."""
     yield name, node
+    above = (*above, node) if isinstance(node, h5py.Group) else ()
     for member, child in _members(node).items():
-        yield from tree_nodes(child, f"{name}/{member}" if name else member)
+        if not (isinstance(child, h5py.Group) and child in above):
+            yield from tree_nodes(child, f"{name}/{member}" if name else member, above)
 
 
 def tree_node(node, name):
