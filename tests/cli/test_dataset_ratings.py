@@ -68,7 +68,7 @@ def test_bad_files_are_refused(tmp_path):
     np.save(tmp_path / "b.npy", np.zeros((2, 4)))
     np.save(tmp_path / "c.npy", np.array([{"roughness": 1}], dtype=object), allow_pickle=True)
     (tmp_path / "d.txt").write_text("1 2 3")
-    for name, message in (("a.json", "Expecting"), ("b.npy", "3 values"), ("c.npy", "pickle"), ("d.txt", "end in")):
+    for name, message in (("a.json", "Expecting"), ("b.npy", "3 values"), ("c.npy", "objects"), ("d.txt", "end in")):
         with pytest.raises(ValueError, match=rf"--ratings_file .*{name}.*{message}"):
             read_ratings_file(tmp_path / name, CONFIG, 2)
 

@@ -58,19 +58,20 @@ def _refusal(read, path):
 
 
 class Damager:
-    """Damages copies of a good file; `read` takes the path of the copy and what lies beside it lies there too."""
+    """Damages copies of a good file; `read` takes the path of the copy. What lies below `root` is copied along."""
 
-    def __init__(self, good, read, folder, sane=None, whole=True):
+    def __init__(self, good, read, folder, sane=None, whole=True, root=None):
         self.good, self.read, self.folder, self.whole = good, read, folder, whole
+        self.root = root or good.parent
         self.sane = sane or (lambda result: all(np.isfinite(array).all() for array in _numbers(result)))
         self.content = good.read_bytes()
-        self.path = folder / good.name
+        self.path = folder / good.relative_to(self.root)
         self.expected = self.read(self.fresh())
 
     def fresh(self):
         """The copy, as good as new."""
         shutil.rmtree(self.folder, ignore_errors=True)
-        shutil.copytree(self.good.parent, self.folder)
+        shutil.copytree(self.root, self.folder)
         return self.path
 
     def put(self, content):
@@ -138,7 +139,7 @@ FOREIGN = {
 
 @pytest.fixture
 def damaged(tmp_path):
-    """Makes a `Damager` of a file: (path, read, sane=None, whole=True)."""
+    """Makes a `Damager` of a file: (path, read, sane=None, whole=True, root=None)."""
     return lambda good, read, **options: Damager(good, read, tmp_path / "damaged", **options)
 
 

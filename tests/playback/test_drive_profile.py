@@ -92,9 +92,9 @@ def test_what_no_profile_can_hold(make_profile, kind, change, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda text: "", "is empty, truncated or no JSON"),
-        (lambda text: text[: len(text) // 2], "is empty, truncated or no JSON"),
-        (lambda text: "[]", "must be a JSON object with"),
+        (lambda text: "", "cannot be read as JSON"),
+        (lambda text: text[: len(text) // 2], "cannot be read as JSON"),
+        (lambda text: "[]", "not an object"),
         (lambda text: text.replace("tactile-drive-profile", "tactile-recordings"), '"format": "tactile-drive-profile"'),
         (lambda text: text.replace('"version": 1', '"version": 2'), '"version": 1'),
         (lambda text: text.replace('"force": "N"', '"force": "mN"'), "`units` must be.*'force': 'N'.*got.*'mN'"),
@@ -146,7 +146,7 @@ def test_a_lookup_from_a_spreadsheet_or_none(tmp_path, make_profile):
     table.write_bytes(text.replace("\n", "\r\n").encode("utf-8-sig") + b"\r\n")
     assert DriveProfile.load(tmp_path / "display.json") == profile
     table.write_bytes(b"\xff\xfe\x00\xd8")
-    with pytest.raises(ValueError, match="display.lookup.csv is no CSV file in UTF-8"):
+    with pytest.raises(ValueError, match="display.lookup.csv cannot be read as CSV in UTF-8"):
         DriveProfile.load(tmp_path / "display.json")
 
 

@@ -100,7 +100,7 @@ def test_bad_tables_are_named(filled, tmp_path):
     with pytest.raises(ValueError, match=r"semicolons.csv lacks the columns .*export it with commas"):
         read_tables(tmp_path)
     (tmp_path / "semicolons.csv").write_bytes(b"")
-    with pytest.raises(ValueError, match="semicolons.csv is no table"):
+    with pytest.raises(ValueError, match="semicolons.csv cannot be read as a table"):
         read_tables(tmp_path)
 
 

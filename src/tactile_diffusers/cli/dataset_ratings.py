@@ -9,6 +9,7 @@ from scipy.special import ndtr
 
 from ..data.ratings import from_percentile
 from ..pipelines.inputs import parse_ratings
+from ..reading import reading
 from ..signal import coverage_distance
 
 SUFFIXES = (".csv", ".json", ".npy")
@@ -40,11 +41,9 @@ def read_ratings_file(path, config, count):
     path = Path(path)
     if path.suffix not in SUFFIXES:
         raise ValueError(f"--ratings_file {path} must end in one of {', '.join(SUFFIXES)}.")
-    try:
+    with reading(f"--ratings_file {path}", "ratings", "Correct it, or write it again."):
         rows = {".csv": _read_csv, ".json": _read_json, ".npy": _read_npy}[path.suffix](path, config.rating_axes)
         rows = parse_ratings(rows, config).numpy()
-    except ValueError as error:
-        raise ValueError(f"--ratings_file {path}: {error}") from error
     if len(rows) > count:
         raise ValueError(
             f"--ratings_file {path} has {len(rows)} rows, more than --num_textures {count}: give --num_textures "
@@ -80,7 +79,8 @@ def _read_json(path, axes):
 
 
 def _read_npy(path, axes):
-    return np.load(path, allow_pickle=False)
+    # mapped: a header may claim any number of rows
+    return np.array(np.load(path, mmap_mode="r", allow_pickle=False))
 
 
 def draw_ratings(config, count, seed):

@@ -4,6 +4,8 @@ import numpy as np
 
 from .masks import mask_of_runs, true_runs
 
+#: The scale of the ratings in SENS3 (paper section 2.1).
+RATING_SCALE = (0.0, 8.0)
 #: No fingertip presses with more (N).
 LARGEST_FORCE_N = 100.0
 #: Nor explores with a larger mean normal force (N); the paper's is 0.4-0.6 N (recipe).
@@ -126,3 +128,16 @@ def saturated(values, rate):
         return mask
     between = np.concatenate([[False], values[1:] == values[:-1]]) & (values != low) & (values != high)
     return mask if len(true_runs(between, shortest - 1)) >= len(runs) else mask_of_runs(runs, len(values))
+
+
+def check_ratings(values, shape, where):
+    """Raises a `ValueError` unless answers have this shape and lie on the scale; NaN = missing."""
+    if values.shape != shape:
+        raise ValueError(f"{where} has shape {values.shape}, the names of raters, surfaces and axes give {shape}.")
+    low, high = RATING_SCALE
+    outside = values[(values < low) | (values > high)]
+    if outside.size:
+        raise ValueError(
+            f"{where} {outside.size} ratings lie outside {low:g}-{high:g} (for example {outside[0]:g}). "
+            "Map the scale to 0-8 and write missing answers as NaN."
+        )

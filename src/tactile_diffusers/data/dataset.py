@@ -5,8 +5,9 @@ import json
 import numpy as np
 import torch
 
+from ..reading import reading
 from ..signal import resample
-from .files import as_strings, open_whole
+from .files import as_strings, check_sizes, open_whole
 from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, read_account, read_ratings, samples_at
 from .splits import SPLITS, Splits
 
@@ -68,11 +69,17 @@ class PreparedDataset(torch.utils.data.Dataset):
         self.path, self.split, self.subset = str(path), split, subset
         self._lateral = None
         with open_whole(path) as file:
-            self._check_file(file)
+            with self._reading():
+                self._check_file(file)
+                check_sizes(file)
             self._set_rate(sampling_rate)
-            self._read_surfaces(file)
-            self._read_windows(file, max_samples, max_surfaces)
-            self._find_textures(file)
+            with self._reading():
+                self._read_surfaces(file)
+                self._read_windows(file, max_samples, max_surfaces)
+                self._find_textures(file)
+
+    def _reading(self):
+        return reading(self.path, "a prepared data set", "Copy it again, or prepare the data again.")
 
     def _check_file(self, file):
         attributes = file.attrs
@@ -143,6 +150,7 @@ class PreparedDataset(torch.utils.data.Dataset):
             self._mapped = {"dtype": stored.dtype, "offset": stored.id.get_offset(), "shape": stored.shape}
             self._places = file[f"offset/{self.sampling_rate}"][()][self.recording_ids] + self.starts
             self._map()  # at once, so that index and textures are of one file even if it is replaced later
+            self._check_places()
             return
         native, lateral = file[f"offset/{self._native_rate}"][()], file[f"lateral/{self._native_rate}"]
         needed = np.unique(self.recording_ids)
@@ -153,6 +161,12 @@ class PreparedDataset(torch.utils.data.Dataset):
             whole = lateral[native[recording] : native[recording + 1]]
             self._lateral[place:end] = resample(whole, self._native_rate, self.sampling_rate)
         self._places = places[np.searchsorted(needed, self.recording_ids)] + self.starts
+        self._check_places()
+
+    def _check_places(self):
+        # resampling rounds both ends of a segment
+        if self._places.min() < 0 or self._places.max() + self.segment_samples > len(self._lateral) + 1:
+            raise ValueError(f"{self.path} is damaged: segments lie outside of its recordings. Prepare it again.")
 
     def _map(self):
         self._lateral = np.memmap(self.path, mode="r", **self._mapped)
@@ -171,6 +185,8 @@ class PreparedDataset(torch.utils.data.Dataset):
         textures = np.empty((len(indices), self.segment_samples), dtype=np.float32)
         for row, place in enumerate(self._places[indices]):
             textures[row] = self._lateral[place : place + self.segment_samples]
+        if not np.isfinite(textures).all():
+            raise ValueError(f"{self.path} is damaged: it holds lateral force that is no number. Copy it again.")
         return textures
 
     def turnaround_positions(self, index):

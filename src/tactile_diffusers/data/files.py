@@ -1,6 +1,5 @@
 """Files that are either whole or absent, and refusals of those that are damaged."""
 
-import json
 import os
 import zipfile
 from contextlib import contextmanager
@@ -11,8 +10,6 @@ import h5py
 #: A file may unpack to so many bytes, or to so many times its size, whichever is more: recordings and texts do not
 #: compress a hundredfold, a header that claims absurd sizes and an archive made to fill the memory do.
 MOST_UNPACKED, MOST_RATIO = 2**26, 100
-# of a library's message: some quote the file
-_LONGEST_REASON = 300
 
 
 @contextmanager
@@ -31,37 +28,6 @@ def write_text(path, text):
     """Writes a text file in UTF-8 in one step: it is whole or, after a failure, as it was."""
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-
-
-@contextmanager
-def reading(path, kind, remedy="Copy it again, or write it again."):
-    """Whatever a damaged file makes the block raise becomes a `ValueError` that names the file, and `kind`.
-
-    A `FileNotFoundError`, and a `ValueError` that names the file already, pass as they are.
-    """
-    try:
-        yield
-    except FileNotFoundError:
-        raise
-    except Exception as error:  # h5py, zipfile, numpy, json and others raise a dozen kinds
-        if type(error) is ValueError and str(path) in str(error):
-            raise
-        reason = f"{error} is missing" if type(error) is KeyError else str(error) or type(error).__name__
-        raise ValueError(f"{path} cannot be read as {kind} ({reason[:_LONGEST_REASON]}). {remedy}") from error
-
-
-def read_json(path, kind, remedy="Copy it again, or write it again."):
-    """A JSON object from a file, a dict.
-
-    Raises:
-        FileNotFoundError: if there is no file.
-        ValueError: if it is truncated, no JSON, or no object.
-    """
-    with reading(path, kind, remedy):
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-        if not isinstance(content, dict):
-            raise ValueError(f"it holds a {type(content).__name__}, not an object")
-    return content
 
 
 def check_size(path, claimed):

@@ -15,17 +15,16 @@ from numbers import Real
 import h5py
 import numpy as np
 
+from ..reading import reading
 from ..signal import SEGMENT_SECONDS
-from .checks import check_forces
-from .files import as_strings, open_whole, whole_file
+from .checks import RATING_SCALE, check_forces, check_ratings  # noqa: F401 (the scale of this store)
+from .files import as_strings, check_size, open_whole, whole_file
 
 FORMAT = "tactile-recordings"
 VERSION = 1
 #: Units of the contact force: newtons, or "1" for uncalibrated sensor counts.
 FORCE_UNITS = ("N", "1")
 VELOCITY_UNIT = "mm/s"
-#: The scale of the ratings in SENS3 (paper section 2.1).
-RATING_SCALE = (0.0, 8.0)
 
 
 @dataclass
@@ -169,7 +168,7 @@ class RecordingsWriter:
             ValueError: if the shape does not fit the names or a value lies outside the scale.
         """
         values = np.asarray(values, dtype=np.float32)
-        _check_ratings(values, (len(raters), len(surfaces), len(axes)), "`values`")
+        check_ratings(values, (len(raters), len(surfaces), len(axes)), "`values`")
         group = self._file.create_group("ratings")
         group.create_dataset("values", data=values)
         for name, strings in (("raters", raters), ("surfaces", surfaces), ("axes", axes)):
@@ -216,7 +215,8 @@ class RecordingsFile:
         self.path = path
         self._file = open_whole(path)
         try:
-            self._check_structure()
+            with self._reading():
+                self._check_structure()
         except Exception:
             self._file.close()
             raise
@@ -226,6 +226,9 @@ class RecordingsFile:
 
     def __exit__(self, *exception):
         self.close()
+
+    def _reading(self):
+        return reading(self.path, "a store of recordings", "Copy it again, or write it again from its source.")
 
     def close(self):
         self._file.close()
@@ -278,9 +281,10 @@ class RecordingsFile:
             if name not in group:
                 continue
             dataset = group[name]
+            check_size(self.path, dataset.nbytes)
             units = FORCE_UNITS if name != "velocity" else (VELOCITY_UNIT,)
             rate = dataset.attrs.get("rate")
-            if not isinstance(rate, Real) or not rate > 0:
+            if not isinstance(rate, Real) or not 0 < rate < np.inf:
                 self._fail(dataset.name, "has no positive attribute `rate`", "Add the sampling rate in Hz.")
             if dataset.attrs.get("unit") not in units:
                 found = dataset.attrs.get("unit")
@@ -315,6 +319,10 @@ class RecordingsFile:
         Raises:
             ValueError: if the force cannot be a finger's: see `check_forces`.
         """
+        with self._reading():
+            return self._read(name)
+
+    def _read(self, name):
         group = self._file[f"recordings/{name}"]
         surface, explorer, trial = name.split("/")
         field = "force" if "force" in group else "lateral"
@@ -342,9 +350,14 @@ class RecordingsFile:
         Raises:
             ValueError: if the surfaces have no recording, or a field has another length.
         """
+        with self._reading():
+            return self._read_truth()
+
+    def _read_truth(self):
         if "truth" not in self._file:
             return None
         group = self._file["truth"]
+        check_size(self.path, sum(dataset.nbytes for dataset in group.values()))
         if "surfaces" not in group:
             self._fail("/truth", "lacks 'surfaces'", "Write it with RecordingsWriter.set_truth.")
         surfaces, fields = as_strings(group["surfaces"]), {}
@@ -366,10 +379,11 @@ class RecordingsFile:
         missing = {"values", "raters", "surfaces", "axes"} - set(group)
         if missing:
             self._fail("/ratings", f"lacks {sorted(missing)}", "Store them, or leave out the group.")
+        check_size(self.path, sum(dataset.nbytes for dataset in group.values()))
         values = group["values"][()].astype(np.float32)
         names = [as_strings(group[name]) for name in ("raters", "surfaces", "axes")]
         try:
-            _check_ratings(values, tuple(len(strings) for strings in names), f"{self.path}, /ratings/values:")
+            check_ratings(values, tuple(len(strings) for strings in names), f"{self.path}, /ratings/values:")
         except ValueError:
             self._file.close()
             raise
@@ -384,15 +398,3 @@ def _finite(dataset):
     values = dataset[()].astype(np.float32, copy=False)
     values[np.isinf(values)] = np.nan
     return values
-
-
-def _check_ratings(values, shape, where):
-    if values.shape != shape:
-        raise ValueError(f"{where} has shape {values.shape}, the names of raters, surfaces and axes give {shape}.")
-    low, high = RATING_SCALE
-    outside = values[(values < low) | (values > high)]
-    if outside.size:
-        raise ValueError(
-            f"{where} {outside.size} ratings lie outside {low:g}-{high:g} (for example {outside[0]:g}). "
-            "Map the scale to 0-8 and write missing answers as NaN."
-        )

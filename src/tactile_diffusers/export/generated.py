@@ -7,11 +7,13 @@
 """
 
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from ..data.files import open_whole, whole_file, write_text
+from ..data.files import check_sizes, open_whole, whole_file, write_text
+from ..reading import read_json, reading
 
 FORMAT, VERSION = "tactile-generated", 1
 MANIFEST = "manifest.json"
@@ -70,22 +72,28 @@ def _read_manifest(folder):
     path = folder / MANIFEST
     if not path.is_file():
         raise FileNotFoundError(f"There is no {path}: {folder} holds no generated textures.")
-    try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-        known = (manifest["format"], manifest["version"]) == (FORMAT, VERSION)
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no manifest of generated textures ({error}).") from error
-    if not known:
-        raise ValueError(f"{path} has format {manifest['format']} {manifest['version']}, not {FORMAT} {VERSION}.")
+    with reading(path, "a manifest of generated textures", "Copy it again, or generate the textures again."):
+        manifest = read_json(path, "JSON")
+        if (manifest["format"], manifest["version"]) != (FORMAT, VERSION):
+            raise ValueError(f"{path} has format {manifest['format']} {manifest['version']}, not {FORMAT} {VERSION}.")
+        settings = manifest["settings"]
+        num_textures, num_shards = settings["num_textures"], len(manifest["shards"])
+        # counted before they are planned: the numbers may be absurd
+        if num_shards != -(-num_textures // settings["textures_per_shard"]) or manifest["shards"] != plan_shards(
+            num_textures, settings["textures_per_shard"]
+        ):
+            raise ValueError(f"its {num_shards} shards do not hold the {num_textures} textures")
+        if not (isinstance(manifest["about"], dict) and 0 < settings["sampling_rate"] < float("inf")):
+            raise ValueError("`about` is no object, or `sampling_rate` not above 0")
     return manifest
 
 
 def _is_whole(path, count):
     """Whether a shard is done. A file that a power cut truncated is not."""
     try:
-        with open_whole(path) as file:
+        with reading(path, "a shard"), open_whole(path) as file:
             return len(file["textures"]) == count
-    except (FileNotFoundError, ValueError, KeyError):
+    except (FileNotFoundError, ValueError):
         return False
 
 
@@ -159,8 +167,18 @@ class GeneratedTextures:
                 "the command that began them again, and it goes on."
             )
         self.sampling_rate = self.settings["sampling_rate"]
-        with open_whole(self.folder / self._shards[0]["file"]) as file:
-            self.shape = (self.settings["num_textures"], file["textures"].shape[1])
+        with self._open(self._shards[0]) as file:
+            self.shape, self._names = (self.settings["num_textures"], file["textures"].shape[1]), sorted(file)
+
+    @contextmanager
+    def _open(self, shard):
+        path = self.folder / shard["file"]
+        with reading(path, "a shard of generated textures", "Delete it and generate it again."):
+            with open_whole(path) as file:
+                check_sizes(file)
+                if len(file["textures"]) != shard["count"]:
+                    raise ValueError(f"it holds {len(file['textures'])} textures, not {shard['count']}")
+                yield file
 
     def __len__(self):
         return self.shape[0]
@@ -172,11 +190,13 @@ class GeneratedTextures:
         for number in np.unique(numbers):
             shard, places = self._shards[number], np.flatnonzero(numbers == number)
             within, back = np.unique(rows.ravel()[places] - shard["first"], return_inverse=True)
-            with open_whole(self.folder / shard["file"]) as file:
+            with self._open(shard) as file:
                 # one slice is far quicker than a list of rows
                 low, high = within[0], within[-1] + 1
                 whole = len(within) == high - low
                 found[places] = (file["textures"][low:high] if whole else file["textures"][within])[back]
+                if not np.isfinite(found[places]).all():
+                    raise ValueError("some textures are no numbers")
         return found.reshape(*rows.shape, self.shape[1])
 
     def column(self, name):
@@ -185,10 +205,12 @@ class GeneratedTextures:
         Raises:
             ValueError: for an unknown name.
         """
+        if name not in self._names:
+            raise ValueError(f"`name` must be one of {self._names}, got {name!r}.")
         parts = []
         for shard in self._shards:
-            with open_whole(self.folder / shard["file"]) as file:
-                if name not in file:
-                    raise ValueError(f"`name` must be one of {sorted(set(file))}, got {name!r}.")
+            with self._open(shard) as file:
                 parts.append(file[name][()])
+                if len(parts[-1]) != shard["count"]:
+                    raise ValueError(f"`{name}` has {len(parts[-1])} rows, not {shard['count']}")
         return np.concatenate(parts)

@@ -10,8 +10,9 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from ..data.files import read_json, reading, write_text
+from ..data.files import write_text
 from ..playback.stream import REFERENCE_FORCE
+from ..reading import read_json, reading
 from ..signal import BAND_HZ
 from .checks import check_above_zero, check_file
 from .metadata import (

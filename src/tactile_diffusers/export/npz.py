@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 
-from ..data.files import atomic_path, check_archive, reading
+from ..data.files import atomic_path, check_archive
+from ..reading import reading
 from .checks import check_file
 from .metadata import UNITS, check_arguments, check_read, metadata_from_json
 

@@ -6,8 +6,9 @@ import warnings
 
 import numpy as np
 
-from ..data.files import atomic_path, reading
+from ..data.files import atomic_path
 from ..playback.stream import REFERENCE_FORCE
+from ..reading import reading
 from ..signal import BAND_HZ, rms
 from .checks import check_above_zero, check_file
 from .metadata import (

@@ -15,6 +15,7 @@ from diffusers.utils import BaseOutput
 
 from ..signal import RATING_AXES
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
+from .loading import SafeLoadingMixin
 from .unet_1d import UNet1D, from_patches, to_patches
 
 #: numbers that describe a whole texture and are generated with the latents: level and log friction coefficient
@@ -86,7 +87,7 @@ class DALEConditions(NamedTuple):
     blocks: list
 
 
-class DALEModel(ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
+class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
     r"""
     Velocity network in the latent space of LCTG, steered by perceptual ratings through cross-attention at every level.
 

@@ -13,6 +13,7 @@ from torch import nn
 
 from ..features.low_band import synthesize
 from .embeddings import TimestepEmbedder, expand_timestep
+from .loading import SafeLoadingMixin
 from .unet_1d import ChannelRMSNorm, UNet1D
 
 
@@ -86,7 +87,7 @@ class TactileEncoder(nn.Module):
         return torch.tanh(self.conv_out(self.act(self.norm_out(hidden_states))))
 
 
-class LCTGModel(ModelMixin, ConfigMixin, PeftAdapterMixin):
+class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
     r"""
     Encoder and velocity decoder between a texture and a compact latent.
 

@@ -7,9 +7,10 @@ from torch import nn
 
 from ..signal import RATING_AXES
 from .dale import NUM_SCALARS
+from .loading import SafeLoadingMixin
 
 
-class RatingEstimator(ModelMixin, ConfigMixin):
+class RatingEstimator(SafeLoadingMixin, ModelMixin, ConfigMixin):
     r"""
     A small regression from DALE's clean state to ratings: no judge of quality, but good for round trips in tools.
 

@@ -14,6 +14,8 @@ from .attention import CrossAttention1D
 
 #: up to this number of positions a convolution is computed as a matrix product over patches
 FEW_POSITIONS = 8
+#: each level halves the length: no texture is longer than 2^32 samples
+MOST_LEVELS = 32
 
 
 class ChannelRMSNorm(nn.Module):
@@ -193,6 +195,8 @@ class UNet1D(nn.Module):
         super().__init__()
         if not widths or min(widths) < 1:
             raise ValueError(f"`widths` must hold at least one positive number of channels, got {list(widths)}.")
+        if len(widths) > MOST_LEVELS:
+            raise ValueError(f"`widths` must hold at most {MOST_LEVELS} levels, got {len(widths)}.")
         if kernel_size % 2 == 0:
             raise ValueError(f"`kernel_size` must be odd, got {kernel_size}.")
         strides = [patch_size * 2**i for i in range(len(widths) + 1)]  # time steps per position, level by level

@@ -1,14 +1,18 @@
 """Checks of what a caller gives, before any work starts."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import diffusers
 import numpy as np
 import torch
 from diffusers.utils import logging
 
+from ..features import TactileFeatureExtractor
+from ..models import DALEModel, LCTGModel, RatingEstimator
+from ..reading import read_json, reading
+from ..schedulers import VDDIMScheduler
 from ..signal import coverage_distance
 
 logger = logging.get_logger(__name__)
@@ -17,6 +21,13 @@ logger = logging.get_logger(__name__)
 RATING_SCALES = ("z", "raw", "percentile")
 #: ratings beyond this many z-scores are taken for a mistake of scale (a 0-8 score, say)
 LARGEST_RATING = 6.0
+_AGAIN = "Copy the checkpoint again as a whole."
+# files of the components that are no models
+_CONFIGS = {
+    "scheduler": "scheduler_config.json",
+    "dale_scheduler": "scheduler_config.json",
+    "feature_extractor": "preprocessor_config.json",
+}
 
 
 class _Scale(NamedTuple):
@@ -260,12 +271,41 @@ def check_components(lctg, feature_extractor, dale):
 
 
 def check_folder(folder, given):
-    """Raises an `OSError` if a local checkpoint folder lacks a component that is not `given` by keyword."""
+    """Refuses a local checkpoint folder that is damaged, incomplete or of another package, models' folders excepted.
+
+    Components that are `given` by keyword are not looked at. Models refuse for themselves what they cannot read.
+
+    Raises:
+        OSError: if the folder of a component is missing.
+        ValueError: naming the file and what is wrong with it.
+    """
     folder = Path(folder)
-    if not (folder / "model_index.json").is_file():
+    path = folder / "model_index.json"
+    if not path.is_file():
         return  # a name on the Hub, or a folder that the loader itself refuses
-    index = json.loads((folder / "model_index.json").read_text())
-    components = [name for name, entry in index.items() if isinstance(entry, list) and entry[0] is not None]
-    missing = [name for name in components if name not in given and not (folder / name).is_dir()]
+    with reading(path, "the index of a checkpoint", _AGAIN):
+        index = {name: entry for name, entry in read_json(path, "JSON").items() if not name.startswith("_")}
+        classes = {name: _component_class(name, *entry) for name, entry in index.items() if entry != [None, None]}
+        if "lctg" not in index:
+            raise ValueError("it names no `lctg`")
+    missing = [name for name in classes if name not in given and not (folder / name).is_dir()]
     if missing:
         raise OSError(f"The checkpoint {folder} lacks the folder(s) of {missing}: copy it again as a whole.")
+    for name, cls in classes.items():
+        config = folder / name / _CONFIGS.get(name, "")
+        if name in given or name not in _CONFIGS:
+            continue
+        with reading(config, f"the config of a {cls.__name__}", _AGAIN):
+            make = cls.from_config if hasattr(cls, "from_config") else cls.from_dict
+            make(read_json(config, "JSON"))
+
+
+def _component_class(name, library, class_name):
+    """The class of a component; none but ours and diffusers' schedulers, because to name one is to import it."""
+    ours = (DALEModel, LCTGModel, RatingEstimator, TactileFeatureExtractor, VDDIMScheduler)
+    cls = {("tactile_diffusers", each.__name__): each for each in ours}.get((library, class_name))
+    if cls is None and library == "diffusers" and "scheduler" in name and class_name.endswith("Scheduler"):
+        cls = getattr(diffusers, class_name, None)
+    if cls is None:
+        raise ValueError(f"its component {name!r} is {library}.{class_name}, which is none of this package")
+    return cls

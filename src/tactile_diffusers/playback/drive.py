@@ -233,5 +233,5 @@ class DriveProfile:
         values = read_profile(path)
         try:
             return cls(**values)
-        except ValueError as error:
+        except (ValueError, TypeError) as error:
             raise ValueError(f"{path}: {error}") from error

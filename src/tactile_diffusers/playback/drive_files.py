@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from ..data.files import atomic_path, write_text
+from ..reading import read_json, reading
 from .drive_curves import DRIVE_UNITS, LOOKUP_COLUMNS, check_kind
 
 PROFILE_FORMAT = "tactile-drive-profile"
@@ -87,17 +88,15 @@ def _read_json(path, form, keys):
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"`path` {path} does not exist.")
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path} is empty, truncated or no JSON ({error}). Copy or write it again.") from error
-    if not isinstance(content, dict) or content.get("format") != form or content.get("version") != VERSION:
+    content = read_json(path, "JSON")
+    if content.get("format") != form or content.get("version") != VERSION:
         raise ValueError(f'{path} must be a JSON object with "format": "{form}" and "version": {VERSION}.')
     names = {"format", "version", "units", *keys}
     if content.keys() != names:
         missing, unknown = sorted(names - content.keys()), sorted(content.keys() - names)
         raise ValueError(f"{path} must hold {', '.join(sorted(names))}: it lacks {missing} and has unknown {unknown}.")
-    check_kind(content["kind"])
+    with reading(path, f"a {form}", "Correct its `kind`."):
+        check_kind(content["kind"])
     if content["units"] != _units(content["kind"]):
         raise ValueError(
             f"{path}: `units` must be {_units(content['kind'])} for {content['kind']}, got {content['units']}. "
@@ -122,12 +121,12 @@ def _beside(path, key, name):
 
 def _read_table(path, columns):
     """Numbers of a CSV file with exactly these columns: (rows, columns) float64. Blank lines are skipped."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = csv.reader(file)
-            rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path} is no CSV file in UTF-8 ({error}). Export it as text again.") from error
+    with (
+        reading(path, "CSV in UTF-8", "Export it as text again."),
+        path.open(encoding="utf-8-sig", newline="") as file,
+    ):
+        lines = csv.reader(file)
+        rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
     header = tuple(name.strip() for name in rows[0][1]) if rows else ()
     if header != columns:
         raise ValueError(

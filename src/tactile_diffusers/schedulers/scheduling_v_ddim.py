@@ -12,6 +12,8 @@ from diffusers.utils.torch_utils import randn_tensor
 
 #: What `examples/benchmark.py --suite scheduler` found best on whitened textures: for new checkpoints.
 RECOMMENDED = {"solver_order": 2, "spacing": "both_ends"}
+#: A damaged config may ask for any number, and the timesteps are a table.
+MOST_TIMESTEPS = 1_000_000
 SPACINGS = ("uniform", "both_ends", "dense", "log_snr")
 #: "both_ends" lies half way between even and cosine steps: with more, order 2 amplifies components that are stronger
 #: than average (by 1.5 dB at 4 steps for a plain cosine); with less, weak and strong ones fade.
@@ -99,8 +101,8 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         timestep_spacing: str = "trailing",
         clip_sample: bool = False,
     ):
-        if num_train_timesteps < 1:
-            raise ValueError(f"`num_train_timesteps` must be at least 1, got {num_train_timesteps}.")
+        if not 1 <= num_train_timesteps <= MOST_TIMESTEPS:
+            raise ValueError(f"`num_train_timesteps` must be 1 to {MOST_TIMESTEPS}, got {num_train_timesteps}.")
         if solver_order not in (1, 2):
             raise ValueError(f"`solver_order` must be 1 (DDIM) or 2, got {solver_order}.")
         if spacing not in SPACINGS:

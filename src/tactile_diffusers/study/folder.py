@@ -1,12 +1,12 @@
 """The folder of a study: what lies where, and how it is read again."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas
 
 from ..data.files import atomic_path
+from ..reading import read_json, reading
 from ..signal import RATING_AXES
 
 FORMAT, VERSION = "tactile-study", 1
@@ -70,20 +70,20 @@ def read_study(folder):
     for name in (KEY, SETTINGS):
         if not (folder / name).is_file():
             raise FileNotFoundError(f"There is no {folder / name}: make a study first (examples/make_study.py make).")
-    try:
-        settings = json.loads((folder / SETTINGS).read_text(encoding="utf-8"))
-        known = (settings["format"], settings["version"]) == (FORMAT, VERSION)
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(
-            f"{folder / SETTINGS} holds no settings of a study ({error}). Make the study again."
-        ) from error
-    if not known:
-        raise ValueError(f"{folder / SETTINGS} has format {settings['format']} {settings['version']}, not {FORMAT} 1.")
+    with reading(folder / SETTINGS, "settings of a study", "Make the study again."):
+        settings = read_json(folder / SETTINGS, "JSON")
+        if (settings["format"], settings["version"]) != (FORMAT, VERSION):
+            raise ValueError(f"its format is {settings['format']} {settings['version']}, not {FORMAT} {VERSION}")
     numbers = [column for column in KEY_COLUMNS if column not in _WORDS]
-    key = pandas.read_csv(
-        folder / KEY, dtype=dict.fromkeys(_WORDS, str), keep_default_na=False, na_values=dict.fromkeys(numbers, [""])
-    )
-    missing = [column for column in KEY_COLUMNS if column not in key]
-    if missing:
-        raise ValueError(f"{folder / KEY} lacks the columns {missing}. Make the study again.")
+    with reading(folder / KEY, "the key of a study", "Make the study again."):
+        key = pandas.read_csv(
+            folder / KEY,
+            dtype=dict.fromkeys(_WORDS, str),
+            keep_default_na=False,
+            na_values=dict.fromkeys(numbers, [""]),
+        )
+        missing = [column for column in KEY_COLUMNS if column not in key]
+        if missing:
+            raise ValueError(f"{folder / KEY} lacks the columns {missing}. Make the study again.")
+        key[numbers] = key[numbers].apply(pandas.to_numeric)  # a word among numbers is refused
     return Study(folder, key, settings)

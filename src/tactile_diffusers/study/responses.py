@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 
+from ..reading import reading
 from .trials import ABX, SCALES, TRIAL_COLUMNS
 
 _NEEDED = ("participant", "trial", "response")
@@ -32,11 +33,9 @@ def read_tables(folder):
 
 
 def _read_table(path):
-    try:
+    with reading(path, "a table of comma-separated values, UTF-8", "Export it again."):
         # spreadsheets put a mark before UTF-8
         table = pandas.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig")
-    except (ValueError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no table of comma-separated values, UTF-8 ({error}). Export it again.") from error
     missing = [column for column in _NEEDED if column not in table]
     if missing:
         raise ValueError(

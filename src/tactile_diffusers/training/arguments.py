@@ -8,8 +8,8 @@ megabytes), `--local_rank` (launchers set the environment).
 """
 
 import argparse
-import json
-from pathlib import Path
+
+from ..reading import read_json
 
 
 def add_training_arguments(parser):
@@ -127,7 +127,7 @@ def read_model_config(path, sections):
     Raises:
         ValueError: if it has a section that is not among `sections`.
     """
-    config = json.loads(Path(path).read_text()) if path else {}
+    config = read_json(path, "a model config", "Correct it.") if path else {}
     unknown = set(config) - sections
     if unknown:
         raise ValueError(f"--model_config_name_or_path has unknown sections {sorted(unknown)}.")

@@ -21,6 +21,7 @@ from tqdm.auto import tqdm
 
 from ..data.files import write_text
 from .processes import on_cpu
+from .record import read_log
 
 logger = logging.getLogger(__name__)
 #: Distance between the noise seeds of two training seeds: a prime near the golden section of 2^32, so that trainings of
@@ -122,14 +123,7 @@ def latest_checkpoint(output_dir):
 
 def trim_log(path, step):
     """Drops what a log says of later steps, and a last line that a kill cut off; returns the entries that stay."""
-    entries = []
-    for line in path.read_text().splitlines() if path.is_file() else []:
-        try:
-            entry = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        if entry["step"] <= step:
-            entries.append(entry)
+    entries = [entry for entry in read_log(path.parent) if entry["step"] <= step]
     write_text(path, "".join(json.dumps(entry) + "\n" for entry in entries))
     return entries
 

@@ -3,12 +3,14 @@
 import json
 from pathlib import Path
 
+from ..reading import read_json
+
 
 def read_record(folder):
-    """`training.json` of a folder: a dict, empty if there is none."""
+    """`training.json` of a folder: a dict, empty if there is none that can be read."""
     try:
-        return json.loads((Path(folder) / "training.json").read_text())
-    except (OSError, json.JSONDecodeError):
+        return read_json(Path(folder) / "training.json", "JSON")
+    except (OSError, ValueError):
         return {}
 
 
@@ -16,15 +18,15 @@ def read_log(folder):
     """Entries of `log.jsonl`: a list of dicts, empty if there is none; a line that a kill cut off is left out."""
     entries = []
     try:
-        lines = (Path(folder) / "log.jsonl").read_text().splitlines()
+        lines = (Path(folder) / "log.jsonl").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return entries
     for line in lines:
         try:
             entries.append(json.loads(line))
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             continue
-    return entries
+    return [entry for entry in entries if isinstance(entry, dict) and isinstance(entry.get("step"), int)]
 
 
 def read_losses(folder):

@@ -84,7 +84,7 @@ FAULTS = {
     'missing = ["", "NA"]': ("missing = [0]", "`missing` = .0. must be a list of texts"),
     'rater = "participant"': ("", "`rater` is missing"),
     '= "12"': ("= 12", "must be a text"),
-    'format = "tactile-layout"': ("format = tactile", "is no TOML file"),
+    'format = "tactile-layout"': ("format = tactile", "cannot be read as TOML"),
     'time = { column = "t", unit = "s" }': ('sheet = "a"', "`sheet` is for xlsx, not for csv"),
 }
 

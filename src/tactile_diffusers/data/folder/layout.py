@@ -42,6 +42,7 @@ import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ...reading import reading
 from .keys import Keys, refuse_todo
 from .patterns import Pattern
 from .rating_layout import RatingsLayout, rating_keys
@@ -170,10 +171,8 @@ def load_layout(path):
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"There is no layout {path}.")
-    try:
+    with reading(path, "TOML", "Correct it."):
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no TOML file: {error}.") from error
     refuse_todo(path, content)
     top = Keys(path, "", content)
     if (top.take("format", str), top.take("version", int)) != (FORMAT, VERSION):
