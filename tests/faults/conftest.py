@@ -17,7 +17,11 @@ import pytest
 #: What a refusal may be, and no subclass: UnicodeDecodeError is a ValueError that names no file.
 REFUSALS = (ValueError, OSError, FileNotFoundError)
 SECONDS = 2.0
-FLIPS = 40
+#: Flipped bits of each file, by default and in slow runs.
+FLIPS, MORE_FLIPS = 12, 300
+#: What stands in the place of a value, by default and in slow runs.
+ODD = ("missing", 10**9, "word")
+MORE_ODD = (*ODD, None, -1, 0, 1e300, [], {}, True, 10**15, [[]], [10**9] * 3, [None])
 
 
 def _numbers(result):
@@ -89,7 +93,7 @@ class Damager:
                 fits = _same(result, self.expected) if self.whole else self.sane(result)
                 assert fits, f"cut to {length} of {size} bytes, it passes for whole"
 
-    def flip(self, count=FLIPS):
+    def flip(self, count):
         """Bits at seeded places, half of them in the first kilobyte, where headers are."""
         drawn = random.Random(self.good.name)
         for number in range(count):
@@ -141,6 +145,16 @@ FOREIGN = {
 def damaged(tmp_path):
     """Makes a `Damager` of a file: (path, read, sane=None, whole=True, root=None)."""
     return lambda good, read, **options: Damager(good, read, tmp_path / "damaged", **options)
+
+
+@pytest.fixture(params=[FLIPS, pytest.param(MORE_FLIPS, marks=pytest.mark.slow)])
+def flips(request):
+    return request.param
+
+
+@pytest.fixture(params=[ODD, pytest.param(MORE_ODD, marks=pytest.mark.slow)], ids=["few", "many"])
+def odd_values(request):
+    return request.param
 
 
 @pytest.fixture

@@ -57,8 +57,8 @@ def test_truncated_models(of_model):
     of_model.truncate()
 
 
-def test_flipped_models(of_model):
-    of_model.flip()
+def test_flipped_models(of_model, flips):
+    of_model.flip(flips // 4)
 
 
 def test_replaced_models(of_model, foreign):
@@ -74,8 +74,8 @@ def test_truncated_parts_of_a_pipeline(other):
     other.truncate()
 
 
-def test_flipped_parts_of_a_pipeline(other):
-    other.flip(20)
+def test_flipped_parts_of_a_pipeline(other, flips):
+    other.flip(flips // 4)
 
 
 def test_replaced_parts_of_a_pipeline(other, foreign):
@@ -83,13 +83,13 @@ def test_replaced_parts_of_a_pipeline(other, foreign):
 
 
 @pytest.mark.parametrize("name", [f"{model}/{CONFIG}" for model in MODELS] + list(OTHERS))
-def test_a_key_is_absurd(name, damaged, refusal, request):
+def test_a_key_is_absurd(name, damaged, refusal, odd_values):
     """Values of any size and kind; what does not change the shape of a model may pass, and be refused in use."""
     read = _as_pipeline if name in OTHERS else _as_model
     case = damaged(TINY / name, read, root=TINY)
     content = json.loads(case.content)
     for key in [key for key in content if not key.startswith("_") and not key.endswith("_type")]:
-        for absurd in (10**9, 10**15, "word", {}, [[]], [10**9] * 3):
+        for absurd in odd_values[1:]:  # a key that older versions did not write has a default
             result, message = refusal(read, case.put(json.dumps({**content, key: absurd}).encode()))
             assert message or _sane(result), (key, absurd)
 

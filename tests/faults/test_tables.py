@@ -71,8 +71,8 @@ def test_truncated(case):
     case.truncate()
 
 
-def test_flipped(case):
-    case.flip()
+def test_flipped(case, flips):
+    case.flip(flips)
 
 
 def test_replaced(case, foreign, tables):
@@ -85,18 +85,18 @@ def test_replaced(case, foreign, tables):
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.npy", "a.npz", "v5.mat", "a.h5", "a.wav"])
-def test_a_recording_to_reconstruct(tables, damaged, foreign, name):
+def test_a_recording_to_reconstruct(tables, damaged, foreign, flips, name):
     def read(path):
         return read_recording(path, column=0, rate=RATE)
 
     case = damaged(tables[name], lambda path: read(path)[0], whole=name not in WITHOUT_LENGTH)
     case.truncate()
-    case.flip(20)
+    case.flip(flips)
     case.replace(foreign.values())
 
 
 @pytest.mark.parametrize("name", ["a.csv", "float.wav", "a.wav"])
-def test_an_upload(tables, name, foreign, damaged):
+def test_an_upload(tables, name, foreign, damaged, flips):
     """Visitors see no path: the message begins with what the file is, and the harness adds its name."""
 
     def read(path):
@@ -111,7 +111,7 @@ def test_an_upload(tables, name, foreign, damaged):
         good.write_text("\n".join(good.with_name("a.csv").read_text().replace(",", "\n").split("\n")[2:]))
     case = damaged(good, read, whole=name != "a.csv")
     case.truncate()
-    case.flip()
+    case.flip(flips)
     for content in foreign.values():
         case.refuse(content)
 

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from ..reading import reading
-from ..signal import resample
+from ..signal import RATING_AXES, resample
 from .files import as_strings, check_sizes, open_whole
 from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, read_account, read_ratings, samples_at
 from .splits import SPLITS, Splits
@@ -120,6 +120,8 @@ class PreparedDataset(torch.utils.data.Dataset):
 
     def _read_windows(self, file, max_samples, max_surfaces):
         windows = {name: values[()] for name, values in file[f"windows/{self.subset}"].items()}
+        if any(values.shape != windows["recording"].shape or np.isinf(values).any() for values in windows.values()):
+            raise ValueError("windows differ in number, or hold infinite numbers")
         chosen = np.flatnonzero(self._splits.members(self.split)[windows["recording"]])
         if not len(chosen):
             raise ValueError(f"{self.path} has no {self.subset} segment in the split {self.split!r}: see its report.")
@@ -139,6 +141,18 @@ class PreparedDataset(torch.utils.data.Dataset):
         self.starts = np.round(self._starts * (self.sampling_rate / self._native_rate)).astype(np.int64)
         self._turnaround_offset = file["recordings/turnaround_offset"][()]
         self._turnaround_positions = file["turnarounds"][()]
+        self._check_shapes()
+
+    def _check_shapes(self):
+        ratings = (self.surface_ratings, self.surface_ratings_std, self.surface_ratings_count)
+        if any(
+            np.shape(values) != (len(self.surfaces), len(RATING_AXES)) or np.isinf(values).any() for values in ratings
+        ):
+            raise ValueError("ratings are not those of its surfaces")
+        offset, positions = self._turnaround_offset, self._turnaround_positions
+        whole = offset.dtype.kind in "iu" and positions.dtype.kind in "iu" and positions.ndim == 1
+        if not whole or offset.shape != (len(self.recordings) + 1,):
+            raise ValueError("turnarounds are not those of its recordings")
 
     def _find_textures(self, file):
         """Where each texture begins, in the file or, at a rate that it does not hold, in memory."""

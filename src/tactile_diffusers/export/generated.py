@@ -206,7 +206,8 @@ class GeneratedTextures:
             ValueError: for an unknown name.
         """
         if name not in self._names:
-            raise ValueError(f"`name` must be one of {self._names}, got {name!r}.")
+            first = self.folder / self._shards[0]["file"]
+            raise ValueError(f"`name` must be a column of {first}, one of {self._names}, got {name!r}.")
         parts = []
         for shard in self._shards:
             with self._open(shard) as file:

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from ..data.files import atomic_path
+from ..data.files import atomic_path, check_size
 from ..playback.stream import REFERENCE_FORCE
 from ..reading import reading
 from ..signal import BAND_HZ, rms
@@ -157,6 +157,7 @@ def read_png(path):
         with Image.open(path, formats=["PNG"]) as picture:
             if (picture.mode, picture.info.get(METADATA_KEY) is None) != ("L", False):
                 raise ValueError("its scale in newtons is unknown")
+            check_size(path, picture.width * picture.height)
             row, text = np.asarray(picture)[0], picture.info[METADATA_KEY]
         needed = ("friction_at_zero", "friction_per_count", "normal_force", "pixel_pitch", "samples", "reference_speed")
         metadata = metadata_from_json(json.loads(text), path, needed)

@@ -1,6 +1,7 @@
 """From a texture in N to what the encoder hears, and back from the decoder's waveform to N."""
 
 from functools import lru_cache
+from numbers import Integral, Real
 
 import numpy as np
 import torch
@@ -17,6 +18,8 @@ LOG_FLOOR = 1e-4
 FILTER_SCALES = ("slaney", "htk", "log")
 #: RMS below which a signal counts as silent, N
 SILENCE = 1e-12
+#: Largest rate in Hz, and length of a window in samples: a damaged config may ask for any.
+MOST_RATE = 1_000_000
 
 
 @lru_cache(maxsize=8)
@@ -140,10 +143,17 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             raise ValueError(f"`filter_scale` must be one of {FILTER_SCALES}, got {filter_scale!r}.")
         if not 0 < band[0] < band[1] < sampling_rate / 2:
             raise ValueError(f"`band` must satisfy 0 < low < high < {sampling_rate / 2} Hz, got {tuple(band)}.")
+        for name, value in (("sampling_rate", sampling_rate), ("delivery_rate", delivery_rate)):
+            if not (isinstance(value, Real) and 0 < value <= MOST_RATE):
+                raise ValueError(f"`{name}` must be above 0 and at most {MOST_RATE} Hz, got {value}.")
+        if not (isinstance(frame_multiple, Integral) and frame_multiple >= 1):
+            raise ValueError(f"`frame_multiple` must be a whole number of at least 1, got {frame_multiple}.")
         if hop_length < 1:
             raise ValueError(f"`hop_length` must be at least 1 sample, got {hop_length}.")
         if level_bands < 0:
             raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
+        if max(window_lengths, default=0) > MOST_RATE:
+            raise ValueError(f"`window_lengths` must be at most {MOST_RATE} samples, got {tuple(window_lengths)}.")
         if not window_lengths or min(window_lengths) < hop_length:
             raise ValueError(
                 f"`window_lengths` must hold at least one window, none shorter than a hop ({hop_length} samples), got "

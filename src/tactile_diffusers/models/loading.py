@@ -43,8 +43,8 @@ class SafeLoadingMixin:
         damaged = [*info["missing_keys"], *(name for name, part in model.named_parameters() if _holds_no_numbers(part))]
         if damaged:
             raise ValueError(
-                f"{pretrained_model_name_or_path} lacks weights of {cls.__name__}, or holds what is no number: "
-                f"{damaged[:3]}. {_AGAIN}"
+                f"{WEIGHTS}.safetensors of {pretrained_model_name_or_path} lacks weights of {cls.__name__}, or they "
+                f"are no numbers: {damaged[:3]}. {_AGAIN}"
             )
         return (model, info) if with_info else model
 
@@ -58,8 +58,9 @@ def _check_model_folder(cls, folder, variant, changes):
     """Raises unless config and weights of a local folder are there and fit each other; only headers are read."""
     if not (folder / "config.json").is_file():
         raise FileNotFoundError(f"There is no {folder / 'config.json'}. {_AGAIN}")
-    found = {}
-    for path in _weights(folder, variant):
+    found, paths = {}, _weights(folder, variant)
+    held = paths[0].name if len(paths) == 1 else f"{len(paths)} shards"
+    for path in paths:
         with reading(path, "safetensors", _AGAIN), safe_open(path, framework="pt") as file:
             for name in file.keys():
                 part = file.get_slice(name)
@@ -77,10 +78,11 @@ def _check_model_folder(cls, folder, variant, changes):
         missing = sorted(expected.keys() - found.keys())
         others = [name for name, shape in expected.items() if found.get(name, shape) != shape]
         if missing:
-            raise ValueError(f"{len(missing)} of {len(expected)} weights that it asks for are missing, as {missing[0]}")
+            few = f"{len(missing)} of {len(expected)} weights"
+            raise ValueError(f"{held} lacks {few} that it asks for, {missing[0]} for one")
         if others and not changes.get("ignore_mismatched_sizes"):
             name = others[0]
-            raise ValueError(f"it asks for {name} of shape {expected[name]}, the weights have {found[name]}")
+            raise ValueError(f"it asks for {name} of shape {expected[name]}, {held} has {found[name]}")
 
 
 def _weights(folder, variant):

@@ -284,13 +284,16 @@ def check_folder(folder, given):
     if not path.is_file():
         return  # a name on the Hub, or a folder that the loader itself refuses
     with reading(path, "the index of a checkpoint", _AGAIN):
-        index = {name: entry for name, entry in read_json(path, "JSON").items() if not name.startswith("_")}
+        content = read_json(path, "JSON")
+        if not isinstance(content["_class_name"], str):
+            raise ValueError("`_class_name` is no name")
+        index = {name: entry for name, entry in content.items() if not name.startswith("_")}
         classes = {name: _component_class(name, *entry) for name, entry in index.items() if entry != [None, None]}
         if "lctg" not in index:
             raise ValueError("it names no `lctg`")
     missing = [name for name in classes if name not in given and not (folder / name).is_dir()]
     if missing:
-        raise OSError(f"The checkpoint {folder} lacks the folder(s) of {missing}: copy it again as a whole.")
+        raise OSError(f"The checkpoint {folder} lacks the folder(s) of {missing} that {path.name} names. {_AGAIN}")
     for name, cls in classes.items():
         config = folder / name / _CONFIGS.get(name, "")
         if name in given or name not in _CONFIGS:

@@ -4,6 +4,8 @@ A place in a tree is written "group/array". A vector may be stored as a row or a
 axis is time: MATLAB and HDF5 disagree about which comes first.
 """
 
+import struct
+import zlib
 from collections.abc import Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -13,12 +15,14 @@ import h5py
 import numpy as np
 from scipy import io
 
-from ..files import check_archive, open_whole
+from ..files import check_archive, check_size, open_whole
 
 #: Attributes of HDF5 groups and arrays, and scalars beside arrays, that give the sampling rate in Hz.
 RATE_NAMES = ("rate", "sampling_rate", "sampling_rate_hz", "fs", "Fs")
 #: What has more is no table; a damaged header may claim any number.
 MOST_COLUMNS = 10_000
+# kind of an element of a mat file
+_COMPRESSED = 15
 
 
 @contextmanager
@@ -50,11 +54,30 @@ def _in_memory(path, kind, _changed):
             check_archive(path)
             with np.load(path, allow_pickle=False) as arrays:
                 return _nested({name: arrays[name] for name in arrays.files})
+        _check_mat(path)
         return {name: value for name, value in io.loadmat(path, simplify_cells=True).items() if name[:2] != "__"}
     except Exception as error:  # scipy and zipfile raise many kinds
         raise ValueError(
             f"{path} cannot be read as {kind} ({error}). Write it again, with arrays of numbers and no objects."
         ) from error
+
+
+def _check_mat(path):
+    """`check_size` of a mat file of v5: each variable is compressed for itself, and begins with its size."""
+    with path.open("rb") as file:
+        order = {b"IM": "<", b"MI": ">"}.get(file.read(128)[126:])
+        claimed = 0
+        while order and len(tag := file.read(8)) == 8:  # v4 holds numbers as they are
+            kind, length = struct.unpack(order + "2I", tag)
+            if length == 0:
+                break
+            claimed += length
+            if kind == _COMPRESSED:
+                start = file.read(min(length, 64))
+                claimed += struct.unpack(order + "2I", zlib.decompressobj().decompress(start, 8))[1]
+                length -= len(start)
+            file.seek(length, 1)
+    check_size(path, claimed)
 
 
 def _nested(arrays):
