@@ -1,4 +1,4 @@
-"""Headers that claim 2^40 samples, and archives made to fill the memory: refused in time, before memory is asked for."""
+"""Headers that claim 2^40 samples, archives made to fill the memory: refused in time, before memory is asked for."""
 
 import io as streams
 import json
@@ -111,8 +111,6 @@ def _arrays(folder):
 def _stores(folder):
     with h5py.File(folder / "table.h5", "w") as file:
         _unwritten(file, "force", (HUGE,)).attrs["rate"] = 5000
-    with h5py.File(folder / "wide.h5", "w") as file:
-        _unwritten(file, "force", (2**30, 2**30))
     with h5py.File(folder / "texture.h5", "w") as file:
         file.attrs.update(format="tactile-texture", version=1, friction_coefficient=0.5, ratings=[0.0] * 3, seed=0)
         _unwritten(file, "texture", (HUGE,)).attrs.update(rate=10_000, unit="N")

@@ -132,6 +132,12 @@ def test_links_that_lead_back_end(tmp_path):
     assert [table.inside for table in list_tables(tmp_path / "a.h5")] == ["g/force"]
 
 
+def test_what_is_too_wide_is_no_table(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("force", (2**30, 2**30), "f4", chunks=(1024, 1024))  # nothing of it is written
+    assert list_tables(tmp_path / "a.h5") == []
+
+
 def test_a_tree_too_deep_is_refused(tmp_path, damaged):
     np.savez(tmp_path / "a.npz", **{"/".join("a" * 5000): np.ones(10)})
     with pytest.raises(ValueError, match="a.npz"):

@@ -9,6 +9,7 @@ from tqdm.auto import tqdm
 
 from ..data.files import write_text
 from ..data.splits import SPLITS
+from ..reading import read_json
 from . import readme
 from .program import Parser, program, refuse
 
@@ -116,8 +117,8 @@ def _conditions(plan, arguments):
 def _stored(plan, arguments):
     """A row's result as it was written; `None` if there is none of this row as its file is now."""
     try:
-        result = json.loads((plan[-1].folder.parent / "result.json").read_text(encoding="utf-8"))
-    except (FileNotFoundError, json.JSONDecodeError):
+        result = read_json(plan[-1].folder.parent / "result.json", "JSON")
+    except (FileNotFoundError, ValueError):
         return None
     return result if _conditions(plan, arguments).items() <= result.items() else None
 

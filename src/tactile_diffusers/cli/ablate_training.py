@@ -194,9 +194,11 @@ def training_facts(planned):
         `dict`: "step_seconds" (median over LCTG's intervals between log entries), "training_seconds" of all stages,
         "loss" (LCTG's last velocity loss), and, with a DALE, "dale_loss" likewise.
     """
+    from ..training.record import read_log
+
     seconds, paces, losses = 0.0, [], {}
     for stage in planned:
-        entries = [json.loads(line) for line in (stage.folder / "log.jsonl").read_text().splitlines()]
+        entries = read_log(stage.folder)
         timed = [(0, 0.0)] + [(entry["step"], entry["seconds"]) for entry in entries if "seconds" in entry]
         seconds += timed[-1][1]
         if stage.script == "train_lctg.py":

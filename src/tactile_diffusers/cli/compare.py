@@ -1,8 +1,8 @@
 """`python examples/compare.py`: reports of `evaluate.py` side by side, as one table and pictures."""
 
-import json
 from pathlib import Path
 
+from ..reading import read_json
 from . import readme
 from .program import Parser, program, refuse
 
@@ -39,7 +39,10 @@ def _named(parser, item):
     path = Path(folder) / "report.json"
     if not path.is_file():
         parser.error(f"argument --report: {path} is not a file; write one with examples/evaluate.py")
-    return name, json.loads(path.read_text())
+    try:
+        return name, read_json(path, "a report", "Run examples/evaluate.py again.")
+    except ValueError as error:
+        parser.error(f"argument --report: {error}")
 
 
 def main(argv=None):

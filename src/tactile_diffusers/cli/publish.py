@@ -1,6 +1,5 @@
 """`python examples/publish.py`: a trained pipeline as a small, documented checkpoint folder."""
 
-import json
 import os
 import re
 import shutil
@@ -8,6 +7,7 @@ import sys
 from pathlib import Path
 
 from ..checkpoints import DISTILLED
+from ..reading import read_json, reading
 from . import readme
 from .program import Parser, program
 
@@ -101,9 +101,10 @@ def _warnings(folder, data):
     """
     from ..data.card.markdown import warnings_in_words
 
-    card = json.loads((folder / "card.json").read_text(encoding="utf-8"))
-    described, given = card["recordings"]["attributes"].get("source"), data.source
-    surfaces = (card["recordings"]["surfaces"], len(data.surfaces))
+    with reading(folder / "card.json", "a data card", "Write it again with examples/inspect_data.py."):
+        card = read_json(folder / "card.json", "JSON")
+        described, given = card["recordings"]["attributes"].get("source"), data.source
+        surfaces = (card["recordings"]["surfaces"], len(data.surfaces))
     if described != given or surfaces[0] != surfaces[1]:
         raise ValueError(
             f"--data_card {folder} describes {surfaces[0]} surfaces of {described!r}, --data holds {surfaces[1]} of "
@@ -125,8 +126,10 @@ def _report(folder, digests, output):
     """
     from ..evaluation.summary import readme_markdown
 
-    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
-    if report["checkpoint"]["sha256"] not in digests:
+    with reading(folder / "report.json", "a report", "Run examples/evaluate.py again."):
+        report = read_json(folder / "report.json", "JSON")
+        evaluated = report["checkpoint"]["sha256"]
+    if evaluated not in digests:
         raise ValueError(
             f"--report {folder} is of another checkpoint ({report['checkpoint']['name']}): evaluate this one with "
             "examples/evaluate.py."

@@ -13,6 +13,7 @@ import torch
 from tqdm.auto import tqdm
 
 from ..data.files import write_text
+from ..reading import read_json
 from .figures import plot_beside
 from .sections import SECTIONS, WITHOUT_RATINGS, anchors
 from .statistics import is_leaf
@@ -108,10 +109,10 @@ def _can_steer(context):
 def _kept(path, conditions, make, context):
     """The result in a file if it was made under these conditions, else a new one, which replaces it."""
     try:
-        stored = json.loads(path.read_text())
-    except (FileNotFoundError, json.JSONDecodeError):
+        stored = read_json(path, "JSON")
+    except (FileNotFoundError, ValueError):
         stored = {}
-    if stored.get("conditions") == conditions:
+    if stored.get("conditions") == conditions and "result" in stored:
         return stored["result"]
     result = make(context)
     write_text(path, json.dumps({"conditions": conditions, "result": result}, allow_nan=False))

@@ -11,6 +11,11 @@ import argparse
 
 from ..reading import read_json
 
+_RESUME_HELP = (
+    "a checkpoint folder, or 'latest'; of your own trainings alone: optimiser and random state are pickles, which may "
+    "run any code when they are read"
+)
+
 
 def add_training_arguments(parser):
     """Adds what both scripts share to `parser` and returns it."""
@@ -46,7 +51,7 @@ def add_training_arguments(parser):
     add("--dataloader_num_workers", type=int, default=0)
     add("--checkpointing_steps", type=int, default=500)
     add("--checkpoints_total_limit", type=int, default=2)
-    add("--resume_from_checkpoint", help="a checkpoint folder, or 'latest'")
+    add("--resume_from_checkpoint", help=_RESUME_HELP)
     add("--validation_steps", type=int, default=500)
     add("--validation_samples", type=int, default=64, help="held-out segments per validation; 0 = none")
     add("--report_to", choices=["tensorboard", "wandb", "all", "none"], default="tensorboard")

@@ -225,6 +225,7 @@ class Trainer:
                 shutil.rmtree(old)
 
     def _resume(self):
+        # accelerate unpickles optimiser and random state: the folder is trusted, as the help of the argument says
         wanted = self.args.resume_from_checkpoint
         log = self.output / "log.jsonl"
         if not wanted:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from ...reading import read_json
 from ...signal import DEVICE_RATE, RATING_AXES
 from ..files import write_text
 from ..recordings import RecordingsFile, RecordingsWriter
@@ -96,7 +97,7 @@ def _open_parts(path, collection):
     parts = path.with_name(path.name + ".partial")
     settings, stored = parts / SETTINGS_FILE, {}
     if settings.is_file():
-        stored = json.loads(settings.read_text())
+        stored = read_json(settings, "settings of virtual surfaces", f"Delete the folder {parts}.")
     else:
         parts.mkdir(exist_ok=True)
         write_text(settings, json.dumps(collection.attributes, indent=1) + "\n")
