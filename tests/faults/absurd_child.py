@@ -53,11 +53,11 @@ def status(name):
 warnings.simplefilter("ignore")
 resource.setrlimit(resource.RLIMIT_AS, (status("VmSize") + 2**33,) * 2)
 for name, path in json.loads(sys.argv[1]):
-    before, start = status("VmHWM"), time.perf_counter()
+    before, start = status("VmHWM"), time.process_time()
     try:
         READERS[name](Path(path))
         found = {"type": "nothing", "message": "", "cause": ""}
     except Exception as error:
         found = {"type": type(error).__name__, "message": str(error), "cause": type(error.__cause__).__name__}
-    found |= {"seconds": time.perf_counter() - start, "bytes": status("VmHWM") - before}
+    found |= {"seconds": time.process_time() - start, "bytes": status("VmHWM") - before}
     print(json.dumps({"reader": name, "path": path, **found}), flush=True)

@@ -2,7 +2,6 @@
 
 import argparse
 import hashlib
-import json
 import logging
 import time
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..reading import read_json
 from .program import Parser, program, refuse
 
 EPILOG = """\
@@ -113,7 +113,9 @@ def checkpoint_digest(folder):
 
 
 def _components(folder):
-    return {name for name in json.loads((folder / "model_index.json").read_text()) if not name.startswith("_")}
+    return {
+        name for name in read_json(folder / "model_index.json", "the index of a checkpoint") if not name.startswith("_")
+    }
 
 
 def _prepare(arguments, state):

@@ -1,11 +1,13 @@
 """Files that are either whole or absent, and refusals of those that are damaged."""
 
+import math
 import os
 import zipfile
 from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
+from numpy.lib import format as npy
 
 #: A file may unpack to so many bytes, or to so many times its size, whichever is more: recordings and texts do not
 #: compress a hundredfold, a header that claims absurd sizes and an archive made to fill the memory do.
@@ -55,6 +57,20 @@ def check_archive(path):
     """`check_size` of a zip archive: npz, xlsx."""
     with zipfile.ZipFile(path) as archive:
         check_size(path, sum(member.file_size for member in archive.infolist()))
+
+
+def check_npz(path):
+    """`check_archive` of a NumPy archive, whose arrays must also be as large as their headers say."""
+    check_archive(path)
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            with archive.open(member) as file:
+                if npy.read_magic(file)[0] == 1:
+                    shape, _, dtype = npy.read_array_header_1_0(file)
+                else:
+                    shape, _, dtype = npy.read_array_header_2_0(file)
+            if math.prod(shape) * dtype.itemsize > member.file_size and not dtype.hasobject:
+                raise ValueError(f"{path}: {member.filename} claims the shape {shape}, but is smaller. Write it again.")
 
 
 @contextmanager

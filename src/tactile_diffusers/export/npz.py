@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from ..data.files import atomic_path, check_archive
+from ..data.files import atomic_path, check_npz
 from ..reading import reading
 from .checks import check_file
 from .metadata import UNITS, check_arguments, check_read, metadata_from_json
@@ -63,7 +63,7 @@ def read_npz(path):
     """
     path = check_file(path)
     with reading(path, "a NumPy archive of a texture", "Write the texture again."):
-        check_archive(path)
+        check_npz(path)
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
         if "texture" not in arrays:

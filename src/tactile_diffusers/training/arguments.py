@@ -135,5 +135,5 @@ def read_model_config(path, sections):
     config = read_json(path, "a model config", "Correct it.") if path else {}
     unknown = set(config) - sections
     if unknown:
-        raise ValueError(f"--model_config_name_or_path has unknown sections {sorted(unknown)}.")
+        raise ValueError(f"--model_config_name_or_path {path} has unknown sections {sorted(unknown)}.")
     return config

@@ -50,6 +50,8 @@ from .table_layout import table_keys
 
 FORMAT = "tactile-layout"
 VERSION = 1
+#: Of a line: tomllib takes the square of a key's length, minutes for 200 kB of dots.
+LONGEST_LINE = 10_000
 #: N per unit of force; "1" = uncalibrated counts.
 FORCE_SCALES = {"N": 1.0, "mN": 1e-3, "gf": 9.80665e-3, "1": 1.0}
 #: mm per unit of position, and mm/s per unit of velocity.
@@ -172,7 +174,10 @@ def load_layout(path):
     if not path.is_file():
         raise FileNotFoundError(f"There is no layout {path}.")
     with reading(path, "TOML", "Correct it."):
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        if max(map(len, text.splitlines()), default=0) > LONGEST_LINE:
+            raise ValueError(f"a line has more than {LONGEST_LINE} characters")
+        content = tomllib.loads(text)
     refuse_todo(path, content)
     top = Keys(path, "", content)
     if (top.take("format", str), top.take("version", int)) != (FORMAT, VERSION):

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from scipy import io
 
-from ..files import check_archive, check_size, open_whole
+from ..files import check_npz, check_size, open_whole
 
 #: Attributes of HDF5 groups and arrays, and scalars beside arrays, that give the sampling rate in Hz.
 RATE_NAMES = ("rate", "sampling_rate", "sampling_rate_hz", "fs", "Fs")
@@ -51,7 +51,7 @@ def _in_memory(path, kind, _changed):
     """The tree of an npz, or of a mat below v7.3."""
     try:
         if kind == "npz":
-            check_archive(path)
+            check_npz(path)
             with np.load(path, allow_pickle=False) as arrays:
                 return _nested({name: arrays[name] for name in arrays.files})
         _check_mat(path)
