@@ -73,7 +73,7 @@ def _check_mat(path):
                 break
             claimed += length
             if kind == _COMPRESSED:
-                start = file.read(min(length, 64))
+                start = file.read(min(length, 4096))  # eight bytes may need a whole table of codes
                 claimed += struct.unpack(order + "2I", zlib.decompressobj().decompress(start, 8))[1]
                 length -= len(start)
             file.seek(length, 1)
