@@ -186,7 +186,6 @@ def test_shards_are_read_and_indices_that_lead_elsewhere_refused(damaged, refusa
         "../x.safetensors",
         str(index.parents[1] / "x.safetensors"),
         "x.bin",
-        "absent.safetensors",
         7,
         "..",
         "",
@@ -194,6 +193,10 @@ def test_shards_are_read_and_indices_that_lead_elsewhere_refused(damaged, refusa
         index.write_text(json.dumps({**content, "weight_map": dict.fromkeys(content["weight_map"], name)}))
         message = refusal(_as_model, index)[1]
         assert message and (name != "x.bin" or "pickle runs whatever code" in message), name
+    index.with_name("x.bin").unlink()
+    index.write_text(json.dumps({**content, "weight_map": dict.fromkeys(content["weight_map"], "absent.safetensors")}))
+    with pytest.raises(FileNotFoundError, match="absent.safetensors"):
+        _as_model(index)
     for changed in ([], {}, {"weight_map": {}, "metadata": {}}, {"weight_map": content["weight_map"]}):
         index.write_text(json.dumps(changed))
         assert refusal(_as_model, index)[1], changed

@@ -91,7 +91,10 @@ class PreparedDataset(torch.utils.data.Dataset):
             )
         self._native_rate = int(attributes["sampling_rate"])
         self._native_samples = int(attributes["segment_samples"])
-        self.band = tuple(float(edge) for edge in attributes["band"])
+        low, high = (float(edge) for edge in attributes["band"])
+        if not (0 < low < high < self._native_rate / 2 and self._native_samples > 0):
+            raise ValueError(f"its band of {low:g}-{high:g} Hz or its segments are impossible")
+        self.band = (low, high)
         self.unit, self.source = str(attributes["unit"]), str(attributes["source"])
         self.attributes = _plain(attributes)
 
