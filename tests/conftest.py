@@ -11,8 +11,22 @@ os.environ.setdefault("HF_HUB_OFFLINE", "1")  # before huggingface_hub is import
 import numpy as np
 import pytest
 import torch
+from hypothesis import HealthCheck, settings
 
 from tactile_diffusers import DALEModel, LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler
+
+# How many examples a property is tried on: "few" where one takes long, "many" where it does not. The same ones in every
+# run; FUZZ=50 tries fifty times as many, others each time.
+_FACTOR = int(os.environ.get("FUZZ", "1"))
+for _name, _examples in (("few", 25), ("many", 100)):
+    settings.register_profile(
+        _name,
+        max_examples=_examples * _FACTOR,
+        derandomize=_FACTOR == 1,
+        database=None,
+        deadline=None,
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large],
+    )
 
 LCTG = {
     "feature_channels": 24,

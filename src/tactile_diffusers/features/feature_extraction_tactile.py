@@ -18,8 +18,11 @@ LOG_FLOOR = 1e-4
 FILTER_SCALES = ("slaney", "htk", "log")
 #: RMS below which a signal counts as silent, N
 SILENCE = 1e-12
-#: Largest rate in Hz, and length of a window in samples: a damaged config may ask for any.
+#: Largest rate in Hz, and length of a window in samples: a damaged config may ask for any, and a rate without a common
+#: divisor with ours takes a filter of gigabytes beyond.
 MOST_RATE = 1_000_000
+#: Larger samples have no place in the float32 of features and textures, and their squares none in float64.
+LARGEST_SAMPLE = float(np.finfo(np.float32).max)
 
 
 @lru_cache(maxsize=8)
@@ -340,21 +343,36 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             raise ValueError(
                 "`sampling_rate` is missing: pass the rate of `texture` in Hz; a wrong guess would go unnoticed."
             )
-        if not (sampling_rate >= 2 * self.band[1] and sampling_rate % 1 == 0):  # NaN and infinity fail too
+        least = 2 * self.band[1]
+        number = isinstance(sampling_rate, Real) and least <= sampling_rate <= MOST_RATE  # NaN fails too
+        if not number or sampling_rate % 1:
             raise ValueError(
-                f"`sampling_rate` must be at least {2 * self.band[1]} Hz, and a whole number, to hold the band "
-                f"{self.band} Hz, got {sampling_rate}."
+                f"`sampling_rate` must be at least {least:g} Hz, to hold the band {self.band} Hz, at most {MOST_RATE} "
+                f"Hz and a whole number, got {sampling_rate}."
             )
-        if isinstance(texture, torch.Tensor):
-            texture = texture.detach().cpu().double().numpy()
-        texture = np.asarray(texture, dtype=np.float64)
+        texture = _real(texture)
         texture = texture[None] if texture.ndim == 1 else texture
         if texture.ndim != 2 or 0 in texture.shape:
             raise ValueError(f"`texture` must be (samples,) or (batch, samples), not empty; got {texture.shape}.")
-        if not np.isfinite(texture).all():
-            rows = np.flatnonzero(~np.isfinite(texture).all(-1)).tolist()
+        usable = np.abs(texture) <= LARGEST_SAMPLE  # NaN is not
+        if not usable.all():
+            rows = np.flatnonzero(~usable.all(-1)).tolist()
             raise ValueError(f"`texture` has NaN or infinite samples in row(s) {rows[:8]}; remove or repair them.")
         return texture
+
+
+def _real(texture):
+    """A texture in any form as float64; what is no real number is refused, not cut to its real part."""
+    if isinstance(texture, torch.Tensor):
+        texture = texture.detach().cpu()
+        texture = (texture if texture.is_complex() else texture.double()).numpy()
+    try:
+        array = np.asarray(texture)
+        if np.iscomplexobj(array):
+            raise TypeError(f"got {array.dtype}")
+        return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"`texture` must be real numbers, (samples,) or (batch, samples) ({error}).") from error
 
 
 def _as_float64(values):

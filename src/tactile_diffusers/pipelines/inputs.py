@@ -1,5 +1,6 @@
 """Checks of what a caller gives, before any work starts."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +22,8 @@ logger = logging.get_logger(__name__)
 RATING_SCALES = ("z", "raw", "percentile")
 #: ratings beyond this many z-scores are taken for a mistake of scale (a 0-8 score, say)
 LARGEST_RATING = 6.0
+#: longest texture of one call, s: all of it is in memory; an `EndlessStream` has no end
+LONGEST_SECONDS = 3600.0
 _AGAIN = "Copy the checkpoint again as a whole."
 # files of the components that are no models
 _CONFIGS = {
@@ -55,7 +58,7 @@ def _scale(name):
 
 
 def _row_from_mapping(mapping, axes):
-    unknown = sorted(set(mapping) - set(axes))
+    unknown = sorted(str(name) for name in set(mapping) - set(axes))
     if unknown:
         raise ValueError(f"`ratings` has unknown axes {unknown}; the axes are {list(axes)}.")
     return [mapping.get(axis) for axis in axes]
@@ -143,6 +146,9 @@ def _as_array(ratings, axes):
     """Ratings in any accepted form as a (batch, axes) float64 array, NaN = not specified."""
     if ratings is None:
         ratings = {}
+    if isinstance(ratings, torch.Tensor | np.ndarray):
+        if "complex" in str(ratings.dtype):  # a conversion would drop a part of it with no more than a warning
+            raise ValueError(f"`ratings` must be real numbers, got {ratings.dtype}.")
     if isinstance(ratings, torch.Tensor):
         ratings = ratings.detach().float().cpu().numpy()
     if isinstance(ratings, dict):
@@ -156,7 +162,7 @@ def _as_array(ratings, axes):
     rows = [_row_from_mapping(row, axes) if isinstance(row, dict) else _row_from_values(row, axes) for row in ratings]
     try:
         return np.array([[np.nan if value is None else float(value) for value in row] for row in rows], np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"`ratings` must be numbers, NaN or None, got {ratings!r}.") from error
 
 
@@ -189,8 +195,12 @@ def parse_guidance(guidance_scale, axes):
 
 def check_number(name, value, low, low_allowed, meaning, high=float("inf")):
     """Raises a `ValueError` unless `value` is a finite number, above `low` (or at it, if allowed), up to `high`."""
-    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    if not number or not np.isfinite(value) or value < low or (value == low and not low_allowed) or value > high:
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    try:
+        size = float(value) if number else math.nan
+    except OverflowError:  # a whole number beyond every float
+        size = math.nan
+    if not (math.isfinite(size) and low <= size <= high and (low_allowed or size > low)):
         raise ValueError(
             f"`{name}` must be a finite number {'>=' if low_allowed else '>'} {low}{meaning}, got {value!r}."
         )
@@ -215,24 +225,44 @@ def check_generator(generator, batch_size):
     return generator
 
 
-def check_decoding(latents, level, channels, num_inference_steps, output_type, samples):
+def check_decoding(latents, level, friction_coefficient, channels, num_inference_steps, output_type, samples):
     """Raises a `ValueError` for impossible arguments of `decode`, where LCTG has `channels` latent channels."""
     check_positive_integer("num_inference_steps", num_inference_steps)
     if samples is not None:
         check_positive_integer("samples", samples)
+    for name, value in (("latents", latents), ("level", level), ("friction_coefficient", friction_coefficient)):
+        if not isinstance(value, torch.Tensor) and not (value is None and name == "friction_coefficient"):
+            raise ValueError(f"`{name}` must be a torch.Tensor, got {type(value).__name__}.")
     if latents.ndim != 3 or latents.shape[1] != channels or 0 in latents.shape:
         raise ValueError(f"`latents` must be (batch, {channels}, frames), got {tuple(latents.shape)}.")
-    if tuple(level.shape) != (len(latents),):
-        raise ValueError(f"`level` must be ({len(latents)},), one for each texture, got {tuple(level.shape)}.")
+    for name, value in (("level", level), ("friction_coefficient", friction_coefficient)):
+        if value is not None and tuple(value.shape) != (len(latents),):
+            raise ValueError(f"`{name}` must be ({len(latents)},), one for each texture, got {tuple(value.shape)}.")
+    for name, value in (("latents", latents), ("level", level)):
+        if not torch.isfinite(value).all():
+            raise ValueError(f"`{name}` must be finite, it holds NaN or infinity.")
     if output_type not in ("np", "pt"):
         raise ValueError(f'`output_type` must be "np" or "pt", got {output_type!r}.')
 
 
 def check_callback_inputs(names, allowed):
     """Raises a `ValueError` if a callback asks for a tensor that it cannot have."""
-    unknown = sorted(set(names) - set(allowed))
-    if unknown:
-        raise ValueError(f"`callback_on_step_end_tensor_inputs` must be among {allowed}, got {unknown}.")
+    if not isinstance(names, list | tuple) or any(name not in allowed for name in names):
+        raise ValueError(
+            f"`callback_on_step_end_tensor_inputs` must be a list of names among {allowed}, got {names!r}."
+        )
+
+
+def check_noise(name, noise, shape):
+    """Raises a `ValueError` unless `noise` is a tensor of finite real numbers of this shape."""
+    if not isinstance(noise, torch.Tensor) or noise.is_complex():
+        raise ValueError(
+            f"`{name}` must be a torch.Tensor of real numbers, got {getattr(noise, 'dtype', type(noise))}."
+        )
+    if tuple(noise.shape) != tuple(shape):
+        raise ValueError(f"`{name}` must have the shape {tuple(shape)}, got {tuple(noise.shape)}.")
+    if not torch.isfinite(noise).all():
+        raise ValueError(f"`{name}` must be finite, it holds NaN or infinity.")
 
 
 def check_components(lctg, feature_extractor, dale):

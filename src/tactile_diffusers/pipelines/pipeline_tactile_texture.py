@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import torch
 from diffusers import DiffusionPipeline
 from diffusers.utils import replace_example_docstring
@@ -13,10 +14,12 @@ from ..schedulers import VDDIMScheduler
 from .guidance import Guidance
 from .hub import HubMixin
 from .inputs import (
+    LONGEST_SECONDS,
     check_callback_inputs,
     check_components,
     check_folder,
     check_generator,
+    check_noise,
     check_number,
     check_positive_integer,
     parse_guidance,
@@ -152,7 +155,8 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
             found = type(self.dale_scheduler).__name__
             raise ValueError(f"`guidance_rescale` needs a VDDIMScheduler as `dale_scheduler`, got {found}.")
         if duration_s is not None:
-            check_number("duration_s", duration_s, 0, False, " (seconds), or None")
+            most = f" (seconds), at most {LONGEST_SECONDS:g}, or None"
+            check_number("duration_s", duration_s, 0, False, most, LONGEST_SECONDS)
         if output_type not in ("np", "pt", "latent"):
             raise ValueError(f'`output_type` must be "np", "pt" or "latent", got {output_type!r}.')
         check_callback_inputs(callback_on_step_end_tensor_inputs, self._callback_tensor_inputs)
@@ -161,12 +165,11 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
         """The initial noise of DALE: drawn, or the caller's own, cast and moved.
 
         Raises:
-            ValueError: if given latents have another shape.
+            ValueError: if given latents are not finite real numbers or have another shape.
         """
         if latents is None:
             return randn_tensor(shape, generator=generator, device=device, dtype=dtype)
-        if tuple(latents.shape) != tuple(shape):
-            raise ValueError(f"`latents` must have the shape {tuple(shape)}, got {tuple(latents.shape)}.")
+        check_noise("latents", latents, shape)
         return latents.to(device=device, dtype=dtype)
 
     def _denoise(self, scheduler, velocity, latents, timesteps, bar, callback=None, callback_inputs=(), first_index=0):
@@ -222,7 +225,8 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
             guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): above 1 exaggerates the
                 ratings; 1.0 = off. A dict, `{"bumpiness": 1.5}`, does so for these axes alone.
             num_textures_per_rating (`int`, *optional*, defaults to 1): takes of each rating.
-            duration_s (`float`, *optional*): seconds; `None` = one segment. Longer textures are continuous.
+            duration_s (`float`, *optional*): seconds, at most an hour; `None` = one segment. Longer textures are
+                continuous.
             generator (`torch.Generator` or list, *optional*): one generator draws (N, ...) noise for DALE, then for
                 LCTG; a list has N entries, each draws its own DALE noise, then its own LCTG noise: as N single calls.
             latents (`torch.Tensor`, *optional*): initial noise of DALE, (N, dale.config.in_channels, latent_frames).
@@ -256,6 +260,8 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
             callback_on_step_end_tensor_inputs,
             guidance_rescale,
         )
+        if callback_on_step_end is not None and not callable(callback_on_step_end):
+            raise ValueError(f"`callback_on_step_end` must be callable, got {callback_on_step_end!r}.")
         scale = parse_guidance(guidance_scale, self.dale.config.rating_axes)
         ratings = parse_ratings(ratings, self.dale.config, rating_scale)
         if ratings.numpy().tobytes() != self._warned_of:  # once, not for every take of a stream
@@ -338,6 +344,11 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
 
     def _postprocess(self, waveform, band_levels, contrast, level, friction_coefficient, samples, output_type):
         textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels, contrast)
+        if not np.isfinite(textures).all():
+            raise FloatingPointError(
+                f"Textures overflow at `level` of up to {level.max():.4g} (log RMS in N). Look for a large "
+                "`guidance_scale`, `latents` far from unit variance or a broken checkpoint."
+            )
         level, friction_coefficient = level.float().cpu(), friction_coefficient.float().cpu()
         if output_type == "pt":
             textures = torch.from_numpy(textures)

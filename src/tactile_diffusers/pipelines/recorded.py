@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from .inputs import check_decoding, check_generator, check_positive_integer
+from .inputs import check_decoding, check_generator, check_noise, check_positive_integer
 from .pipeline_output import TactileLatents
 
 #: Steps of both stages. `examples/benchmark.py --suite scheduler`: with the second order, nine-band error and KTD of
@@ -87,11 +87,12 @@ class RecordedTexturesMixin:
             ValueError: for any impossible argument, before any work starts.
         """
         num_inference_steps, _ = self.resolve_steps(num_inference_steps)
-        check_decoding(latents, level, self.lctg.config.latent_channels, num_inference_steps, output_type, samples)
+        channels = self.lctg.config.latent_channels
+        check_decoding(latents, level, friction_coefficient, channels, num_inference_steps, output_type, samples)
         generator = check_generator(generator, len(latents))
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
-        if noise is not None and tuple(noise.shape) != shape:
-            raise ValueError(f"`noise` must have the shape {shape}, got {tuple(noise.shape)}.")
+        if noise is not None:
+            check_noise("noise", noise, shape)
         self._interrupt = False
         latents = latents.to(self._execution_device)
         if friction_coefficient is None:
@@ -139,7 +140,10 @@ class RecordedTexturesMixin:
             )
         made = self.encode(texture, sampling_rate)
         level = made.level
-        friction = torch.as_tensor(math.nan if friction_coefficient is None else friction_coefficient).to(level)
+        try:
+            friction = torch.as_tensor(math.nan if friction_coefficient is None else friction_coefficient).to(level)
+        except (TypeError, ValueError, RuntimeError) as error:
+            raise ValueError(f"`friction_coefficient` must be numbers, got {friction_coefficient!r}.") from error
         if friction.ndim and friction.shape != level.shape:
             raise ValueError(
                 f"`friction_coefficient` must be one number or ({len(level)},), one for each texture, got "
