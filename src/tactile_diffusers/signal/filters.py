@@ -24,7 +24,8 @@ def band_pass(texture, sampling_rate, band=BAND_HZ, order=4, passes=2):
         `np.ndarray`: float64, the shape of `texture`.
 
     Raises:
-        ValueError: if the band does not lie inside (0, sampling_rate / 2), or `passes` is neither 1 nor 2.
+        ValueError: if the band does not lie inside (0, sampling_rate / 2), `passes` is neither 1 nor 2, or there is no
+            sample.
     """
     low, high = band
     if not 0 < low < high < sampling_rate / 2:
@@ -33,6 +34,8 @@ def band_pass(texture, sampling_rate, band=BAND_HZ, order=4, passes=2):
         raise ValueError(f"`passes` must be 1 (causal) or 2 (zero phase), got {passes}.")
     sections = signal.butter(order, (low, high), btype="bandpass", fs=sampling_rate, output="sos")
     texture = np.asarray(texture, dtype=np.float64)
+    if not texture.size:
+        raise ValueError(f"`texture` must hold at least one sample, got the shape {texture.shape}.")
     if passes == 1:
         return signal.sosfilt(sections, texture, axis=-1)
     # the ring of the low edge lasts about two of its periods; pad at least that much
@@ -66,7 +69,7 @@ def resample(texture, rate_in, rate_out):
         ValueError: if a rate is not a positive whole number.
     """
     for name, rate in (("rate_in", rate_in), ("rate_out", rate_out)):
-        if not rate > 0 or int(rate) != rate:
+        if not rate > 0 or rate % 1:  # of infinity, NaN
             raise ValueError(f"`{name}` must be a positive whole number of Hz, got {rate}.")
     texture = np.asarray(texture, dtype=np.float64)
     divisor = gcd(int(rate_in), int(rate_out))

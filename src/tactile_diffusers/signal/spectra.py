@@ -57,7 +57,7 @@ def band_levels_db(texture, sampling_rate, edges=None):
     edges = band_edges() if edges is None else np.asarray(edges, dtype=np.float64)
     texture = np.asarray(texture, dtype=np.float64)
     frequencies, power = signal.periodogram(texture, fs=sampling_rate, window="hann", axis=-1)
-    width = frequencies[1] - frequencies[0]
+    width = sampling_rate / texture.shape[-1]
     members = [(frequencies >= low) & (frequencies < high) for low, high in zip(edges[:-1], edges[1:], strict=True)]
     if not all(member.any() for member in members):
         raise ValueError(
