@@ -1,6 +1,7 @@
 """What every writer asks of its arguments before it touches the disk."""
 
 import math
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ def check_texture(texture, sampling_rate):
             f"`texture` must be finite, got {texture[bad[0]]} at sample {bad[0]} ({bad.size} such samples in all). "
             "Remove or interpolate them first."
         )
-    if not (math.isfinite(sampling_rate) and sampling_rate > 0 and int(sampling_rate) == sampling_rate):
+    if not (0 < _as_float(sampling_rate) < math.inf and int(sampling_rate) == sampling_rate):
         raise ValueError(
             f"`sampling_rate` must be a positive whole number of Hz, got {sampling_rate}. "
             "Pass the rate that came with the texture."
@@ -49,13 +50,16 @@ def check_ratings(ratings):
     Raises:
         ValueError: if there is not one value for each axis, or one is infinite.
     """
-    ratings = np.asarray([np.nan if value is None else value for value in ratings], dtype=np.float64)
-    if ratings.shape != (len(RATING_AXES),) or np.isinf(ratings).any():
+    try:
+        found = np.array([math.nan if value is None else float(value) for value in ratings])
+    except (TypeError, ValueError, OverflowError):
+        found = np.empty(0)
+    if len(found) != len(RATING_AXES) or np.isinf(found).any():
         raise ValueError(
-            f"`ratings` must be {len(RATING_AXES)} numbers, {', '.join(RATING_AXES)}, got {ratings.tolist()}. "
+            f"`ratings` must be {len(RATING_AXES)} numbers, {', '.join(RATING_AXES)}, got {ratings!r}. "
             "Give NaN for an axis that is not specified."
         )
-    return ratings
+    return found
 
 
 def check_positive_or_unknown(name, value):
@@ -64,10 +68,10 @@ def check_positive_or_unknown(name, value):
     Raises:
         ValueError: if `value` is infinite, zero or negative; the message calls it `name`.
     """
-    value = float(value)
-    if not (math.isnan(value) or (value > 0 and math.isfinite(value))):
-        raise ValueError(f"`{name}` must be above zero, or NaN if unknown, got {value}.")
-    return value
+    number = _as_float(value)
+    if not (math.isnan(number) or 0 < number < math.inf):
+        raise ValueError(f"`{name}` must be above zero, or NaN if unknown, got {value!r}.")
+    return number
 
 
 def check_seed(seed):
@@ -76,7 +80,8 @@ def check_seed(seed):
     Raises:
         ValueError: if `seed` is not a whole number of at most 64 bits.
     """
-    if isinstance(seed, bool) or int(seed) != seed or not -(2**63) <= seed < 2**64:
+    number = isinstance(seed, Real) and not isinstance(seed, bool)
+    if not number or not -(2**63) <= seed < 2**64 or seed % 1:  # NaN fails too
         raise ValueError(f"`seed` must be a whole number of at most 64 bits, got {seed}.")
     return int(seed)
 
@@ -87,10 +92,18 @@ def check_above_zero(name, value):
     Raises:
         ValueError: if `value` is not finite, zero or negative; the message calls it `name`.
     """
-    value = float(value)
-    if not (value > 0 and math.isfinite(value)):
-        raise ValueError(f"`{name}` must be above zero, got {value}.")
-    return value
+    number = _as_float(value)
+    if not 0 < number < math.inf:
+        raise ValueError(f"`{name}` must be above zero, got {value!r}.")
+    return number
+
+
+def _as_float(value):
+    """A float; infinity for what is none, which no check lets pass."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.inf
 
 
 def check_file(path):
