@@ -1,6 +1,6 @@
 """What the conversion from newtons to drive asks of its arguments."""
 
-import math
+import sys
 from numbers import Real
 
 import numpy as np
@@ -13,8 +13,14 @@ def check_number(name, value, unit, *, above=None, at_least=None):
         ValueError: if `value` is no finite number or beyond the bound; the message calls it `name`, in `unit`.
     """
     bound = f" above {above:g}" if above is not None else f" of at least {at_least:g}" if at_least is not None else ""
-    number = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
-    if not number or (above is not None and value <= above) or (at_least is not None and value < at_least):
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    # a whole number beyond every float is no finite one; NaN fails
+    if (
+        not number
+        or not abs(value) <= sys.float_info.max
+        or (above is not None and value <= above)
+        or (at_least is not None and value < at_least)
+    ):
         raise ValueError(f"`{name}` must be a finite number{bound} in {unit}, got {value!r}. Give it in {unit}.")
     return float(value)
 
@@ -50,7 +56,7 @@ def check_rows(name, rows, columns):
     """
     try:
         table = np.asarray(rows, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"`{name}` must be rows of ({', '.join(columns)}), got {rows!r}.") from error
     if table.ndim != 2 or table.shape[1] != len(columns) or not len(table):
         raise ValueError(f"`{name}` must be rows of ({', '.join(columns)}), got the shape {table.shape}.")
