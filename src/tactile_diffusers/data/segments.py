@@ -1,6 +1,7 @@
 """From a recording to segments: lateral force, limits of force and speed, windows (paper section 2.1)."""
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from scipy import signal
@@ -51,14 +52,17 @@ class SegmentLimits:
     def __post_init__(self):
         for name in ("normal_force", "speed"):
             limits = getattr(self, name)
-            if limits is not None and not 0 <= limits[0] < limits[1]:
-                raise ValueError(f"`{name}` must be (low, high) with 0 <= low < high, or None, got {limits}.")
-        if not self.longest_excursion >= 0:
-            raise ValueError(f"`longest_excursion` must be 0 s or more, got {self.longest_excursion}.")
-        if not self.seconds > 0:
-            raise ValueError(f"`seconds` must be positive, got {self.seconds}.")
-        if not 0 <= self.overlap < 1:
-            raise ValueError(f"`overlap` must be at least 0 and below 1, got {self.overlap}.")
+            pair = np.ndim(limits) == 1 and len(limits) == 2 and all(isinstance(limit, Real) for limit in limits)
+            if limits is not None and not (pair and 0 <= limits[0] < limits[1]):
+                raise ValueError(f"`{name}` must be (low, high) with 0 <= low < high, or None, got {limits!r}.")
+        if not (isinstance(self.longest_excursion, Real) and 0 <= self.longest_excursion < np.inf):
+            raise ValueError(
+                f"`longest_excursion` must be a finite time of 0 s or more, got {self.longest_excursion!r}."
+            )
+        if not (isinstance(self.seconds, Real) and 0 < self.seconds < np.inf):
+            raise ValueError(f"`seconds` must be positive and finite, got {self.seconds!r}.")
+        if not (isinstance(self.overlap, Real) and 0 <= self.overlap < 1):
+            raise ValueError(f"`overlap` must be at least 0 and below 1, got {self.overlap!r}.")
 
     def samples(self, rate):
         """Samples of a segment at `rate` Hz."""
@@ -316,8 +320,8 @@ def _measured(data, filtered, rate, window, start):
     friction = speed = np.full(len(start), np.nan)
     apart = ~around(data.turnarounds, DIP_SECONDS, rate, len(filtered))
     if data.normal is not None:
-        with np.errstate(invalid="ignore"):  # 0 / 0 where a short window lies within 60 ms of a turnaround
-            friction = total(data.lateral * apart) / total(data.normal * apart)
+        pressed = total(data.normal * apart)  # 0 also where a short window lies within 60 ms of a turnaround
+        friction = total(data.lateral * apart) / np.where(pressed > 0, pressed, np.nan)
     if data.speed is not None:
         speed = total(data.speed) / window
     squares = np.square(filtered, dtype=np.float64)
