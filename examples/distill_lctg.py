@@ -41,6 +41,7 @@ from tactile_diffusers.training.arguments import (
 )
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import write_card
+from tactile_diffusers.training.checkpoints import save_result
 from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_losses
@@ -225,8 +226,12 @@ def main(argv=None):
         if pipe.dale is not None:  # told no details, this decoder has another modulation than its teacher's
             rows = dataset.non_overlapping(1)[:CONTRAST_TEXTURES]
             fit_level_contrast(pipe, pipe.dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
-        model.save_pretrained(str(Path(args.output_dir) / DISTILLED))
-        pipe.scheduler.save_pretrained(str(Path(args.output_dir) / "scheduler"))
+
+        def save(folder):
+            model.save_pretrained(str(Path(folder) / DISTILLED))
+            pipe.scheduler.save_pretrained(str(Path(folder) / "scheduler"))
+
+        save_result(args.output_dir, save)
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
         write_card(args.output_dir, pipe, dataset, [args.output_dir], teacher=args.pretrained_model_name_or_path)
 

@@ -28,6 +28,7 @@ from tactile_diffusers.training.arguments import (
     read_model_config,
 )
 from tactile_diffusers.training.card import send_to_hub, write_card
+from tactile_diffusers.training.checkpoints import save_result
 from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
@@ -320,7 +321,7 @@ def main(argv=None):
             dale_scheduler=dale_scheduler,
             rating_estimator=None if head is None else head.cpu(),
         )
-        whole.save_pretrained(str(args.output_dir))
+        save_result(args.output_dir, whole.save_pretrained)
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
         runs = [folder for folder, record in phases(args.output_dir) if record]
         write_card(args.output_dir, whole, dataset, runs, place=args.hub_model_id)

@@ -32,6 +32,7 @@ from tactile_diffusers.training.arguments import (
 )
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import send_to_hub, write_card
+from tactile_diffusers.training.checkpoints import save_result
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
@@ -241,7 +242,7 @@ def main(argv=None):
     model = trainer.run()
     if accelerator.is_main_process:
         pipe = TactileTexturePipeline(lctg=model, scheduler=scheduler, feature_extractor=extractor)
-        pipe.save_pretrained(str(args.output_dir))
+        save_result(args.output_dir, pipe.save_pretrained)
         plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
         runs = [folder for folder, record in phases(args.output_dir) if record]
         write_card(args.output_dir, pipe, dataset, runs, place=args.hub_model_id)

@@ -105,11 +105,10 @@ def test_weights_learn_and_the_rate_follows_its_schedule(make_trainer, tmp_path)
 
 
 def test_a_kill_while_writing_leaves_the_checkpoint_before(make_trainer, tmp_path, monkeypatch):
-    replace, calls = os.replace, []
+    replace = os.replace
 
     def dying(source, target):
-        calls.append(target)
-        if len(calls) > 2:
+        if target == tmp_path / "checkpoint-3":
             raise Killed
         replace(source, target)
 
@@ -125,15 +124,6 @@ def test_a_kill_while_writing_leaves_the_checkpoint_before(make_trainer, tmp_pat
     assert sorted(path.name for path in tmp_path.glob("*checkpoint-*")) == ["checkpoint-5"]
     shutil.rmtree(tmp_path)
     _assert_equal(_state(model), _state(make_trainer(tmp_path, max_train_steps=5).run()))
-
-
-@pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_a_loss_that_is_no_number_stops_with_its_step(make_trainer, tmp_path, value):
-    trainer = make_trainer(tmp_path, at={3: lambda loss: loss * value}, checkpointing_steps=1)
-    with pytest.raises(FloatingPointError, match=rf"The loss is {value} at step 2\..*checkpoint-2"):
-        trainer.run()
-    assert latest_checkpoint(tmp_path).name == "checkpoint-2"
-    assert all(p.isfinite().all() for p in trainer.module.parameters())
 
 
 def test_tensorboard_gets_scalars(make_trainer, tmp_path):

@@ -19,7 +19,7 @@ CARD_FILE = "README.md"
 BESIDE = (CARD_FILE, "*.png", "report/*.png", f"{DISTILLED}/*")
 # what is sent: a training's folder holds its optimiser and logs too, and training.json names folders of this machine
 _SENT = [CARD_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
-_NOT_SENT = ["checkpoint-*", "unfinished-checkpoint-*"]
+_NOT_SENT = ["checkpoint-*", "unfinished-*"]
 
 
 def forget_folders(folder):

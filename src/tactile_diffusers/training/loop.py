@@ -1,11 +1,11 @@
 """The training loop of both stages: optimiser steps, EMA, checkpoints that survive a kill, exact resume."""
 
+import itertools
 import json
 import logging
 import math
 import os
 import platform
-import re
 import shutil
 import sys
 import time
@@ -20,14 +20,24 @@ from diffusers.training_utils import EMAModel
 from tqdm.auto import tqdm
 
 from ..data.files import write_text
+from .checkpoints import (
+    checkpoints,
+    clear_unfinished,
+    finish_checkpoint,
+    last_good,
+    latest_checkpoint,
+    remove_checkpoint,
+    step_of,
+    unfinished_checkpoint,
+    writing,
+)
 from .processes import on_cpu
-from .record import read_log
+from .record import trim_log
 
 logger = logging.getLogger(__name__)
 #: Distance between the noise seeds of two training seeds: a prime near the golden section of 2^32, so that trainings of
 #: neighbouring seeds never meet.
 _SEED_STRIDE = 0x9E3779B1
-CHECKPOINT = re.compile(r"checkpoint-(\d+)")
 
 
 class EndlessBatches(torch.utils.data.Sampler):
@@ -58,15 +68,27 @@ class EndlessBatches(torch.utils.data.Sampler):
         self.drop_last = True  # read by accelerate when it shares batches between processes
 
     def __iter__(self):
+        known, order = None, None
+        for number in itertools.count(self.start):
+            epoch, place = self._place(number)
+            if epoch != known:
+                known, order = epoch, self._order(epoch)
+            yield self._cut(order, place)
+
+    def batch(self, number):
+        """The indices of the n-th batch, counted from the beginning of the training."""
+        epoch, place = self._place(number)
+        return self._cut(self._order(epoch), place)
+
+    def _place(self, number):
         # epochs end with a whole global batch, so that they end alike for any number of processes
-        per_epoch = self.length // (self.batch_size * self.processes) * self.processes
-        batch = self.start
-        while True:
-            epoch, offset = divmod(batch, per_epoch)
-            order = torch.randperm(self.length, generator=torch.Generator().manual_seed(self.seed * 7919 + epoch))
-            for index in range(offset, per_epoch):
-                yield order[index * self.batch_size : (index + 1) * self.batch_size].tolist()
-                batch += 1
+        return divmod(number, self.length // (self.batch_size * self.processes) * self.processes)
+
+    def _order(self, epoch):
+        return torch.randperm(self.length, generator=torch.Generator().manual_seed(self.seed * 7919 + epoch))
+
+    def _cut(self, order, place):
+        return order[place * self.batch_size : (place + 1) * self.batch_size].tolist()
 
 
 def make_accelerator(args):
@@ -77,7 +99,7 @@ def make_accelerator(args):
         ImportError: if the tracker is not installed, naming the extra.
     """
     output = Path(args.output_dir)
-    used = output.is_dir() and any(CHECKPOINT.fullmatch(p.name) or p.name == "log.jsonl" for p in output.iterdir())
+    used = output.is_dir() and any(step_of(p) is not None or p.name == "log.jsonl" for p in output.iterdir())
     if used and not args.overwrite_output_dir and not args.resume_from_checkpoint:
         raise ValueError(
             f"--output_dir {output} already holds a training. Give --resume_from_checkpoint latest to go on, or "
@@ -108,24 +130,6 @@ def make_accelerator(args):
     logging.basicConfig(format="%(asctime)s %(message)s", level=logging.INFO if accelerator.is_main_process else 40)
     set_seed(args.seed)
     return accelerator
-
-
-def checkpoints(output_dir):
-    """The checkpoint folders in `output_dir`, by step. Half-written ones and foreign folders have other names."""
-    found = [path for path in Path(output_dir).glob("checkpoint-*") if CHECKPOINT.fullmatch(path.name)]
-    return sorted(found, key=lambda path: int(CHECKPOINT.fullmatch(path.name)[1]))
-
-
-def latest_checkpoint(output_dir):
-    """The checkpoint folder of the largest step in `output_dir`, or `None`."""
-    return (checkpoints(output_dir) or [None])[-1]
-
-
-def trim_log(path, step):
-    """Drops what a log says of later steps, and a last line that a kill cut off; returns the entries that stay."""
-    entries = [entry for entry in read_log(path.parent) if entry["step"] <= step]
-    write_text(path, "".join(json.dumps(entry) + "\n" for entry in entries))
-    return entries
 
 
 class Trainer:
@@ -181,7 +185,7 @@ class Trainer:
             self.ema.to(accelerator.device)
         accelerator.register_save_state_pre_hook(self._save_models)
         accelerator.register_load_state_pre_hook(self._load_models)
-        self.step, self.seconds = 0, 0.0
+        self.step, self.seconds, self.owes_validation = 0, 0.0, False
 
     # accelerate's own files hold optimiser, learning rate and random state; the weights go to diffusers' format
     def _save_models(self, models, weights, folder):
@@ -204,50 +208,61 @@ class Trainer:
             self.ema.to(self.accelerator.device)
 
     def save_checkpoint(self):
-        """Writes `checkpoint-<step>` under a temporary name, renames it, and only then removes the oldest ones."""
-        final = self.output / f"checkpoint-{self.step}"
-        temporary = self.output / f"unfinished-checkpoint-{self.step}"
-        if self.accelerator.is_main_process:
-            shutil.rmtree(temporary, ignore_errors=True)
-        self.accelerator.wait_for_everyone()
-        self.accelerator.save_state(str(temporary), safe_serialization=True)
-        self.accelerator.wait_for_everyone()
-        if not self.accelerator.is_main_process:
-            return
-        for path in temporary.rglob("*"):  # on disk before the name says that it is whole
-            if path.is_file():
-                with open(path, "rb") as file:
-                    os.fsync(file.fileno())
-        shutil.rmtree(final, ignore_errors=True)
-        os.replace(temporary, final)
+        """Writes `checkpoint-<step>` under a temporary name, renames it, and only then removes the oldest ones.
+
+        Raises:
+            FloatingPointError: if a weight is not finite.
+            OSError: if it cannot be written, telling how to go on.
+        """
+        if not all(parameter.isfinite().all() for parameter in self.module.parameters()):
+            raise FloatingPointError(
+                f"Weights are not finite after step {self.step}, so that no checkpoint was written. Lower "
+                f"--learning_rate. {last_good(self.output)}"
+            )
+        main, temporary = self.accelerator.is_main_process, unfinished_checkpoint(self.output, self.step)
+        with writing(f"The checkpoint of step {self.step}", self.output, temporary if main else None):
+            self.accelerator.save_state(str(temporary), safe_serialization=True)
+            self.accelerator.wait_for_everyone()
+            if not main:
+                return
+            finish_checkpoint(temporary)
         if self.args.checkpoints_total_limit:
             for old in checkpoints(self.output)[: -self.args.checkpoints_total_limit]:
-                shutil.rmtree(old)
+                remove_checkpoint(old)
 
     def _resume(self):
-        # accelerate unpickles optimiser and random state: the folder is trusted, as the help of the argument says
-        wanted = self.args.resume_from_checkpoint
-        log = self.output / "log.jsonl"
+        wanted, main = self.args.resume_from_checkpoint, self.accelerator.is_main_process
+        if main:
+            clear_unfinished(self.output)
         if not wanted:
-            if self.accelerator.is_main_process:  # only now, when nothing is left that could refuse to start
-                for path in [*checkpoints(self.output), self.output / self.args.logging_dir]:
-                    shutil.rmtree(path, ignore_errors=True)
-                log.unlink(missing_ok=True)
+            if main:  # only now, when nothing is left that could refuse to start
+                for path in checkpoints(self.output):
+                    remove_checkpoint(path)
+                shutil.rmtree(self.output / self.args.logging_dir, ignore_errors=True)
+                (self.output / "log.jsonl").unlink(missing_ok=True)
             return
         folder = latest_checkpoint(self.output) if wanted == "latest" else Path(wanted)
         if folder is None:
             logger.info("No checkpoint in %s yet: starting from the beginning.", self.output)
-            if self.accelerator.is_main_process:
-                trim_log(log, 0)
+            if main:
+                trim_log(self.output, 0)
             return
-        if not folder.is_dir() or not CHECKPOINT.fullmatch(folder.name):
+        if not folder.is_dir() or step_of(folder) is None:
             raise ValueError(f"--resume_from_checkpoint {wanted} is neither 'latest' nor a folder checkpoint-<step>.")
         self.accelerator.load_state(str(folder))
-        self.step = int(CHECKPOINT.fullmatch(folder.name)[1])
+        self.step = step_of(folder)
         logger.info("Resumed from %s", folder)
-        if self.accelerator.is_main_process:  # what came after the checkpoint will come again
-            entries = trim_log(log, self.step)
+        if main:  # what came after the checkpoint will come again
+            for other in checkpoints(self.output):
+                # or it would be the latest, and the first that is written now the oldest
+                if step_of(other) >= self.step and not other.samefile(folder):
+                    logger.info("Removing %s, which the training now goes another way to", other)
+                    remove_checkpoint(other)
+            entries = trim_log(self.output, self.step)
             self.seconds = max((entry.get("seconds", 0.0) for entry in entries), default=0.0)
+            # the checkpoint comes first: a kill after it takes the validation of its step
+            known = {entry["step"] for entry in entries if any(key.startswith("validation/") for key in entry)}
+            self.owes_validation = self._validates_now() and self.step not in known
 
     def _describe(self):
         """Writes `training.json`: the command, the data, the machine and the versions, for the model card."""
@@ -264,13 +279,26 @@ class Trainer:
             "machine": f"{platform.machine()}, {torch.get_num_threads()} thread(s), {self.accelerator.device}",
             "versions": {"torch": torch.__version__, "diffusers": diffusers.__version__},
         }
-        (self.output / "training.json").write_text(json.dumps(record, indent=2) + "\n")
+        with writing("training.json", self.output):
+            write_text(self.output / "training.json", json.dumps(record, indent=2) + "\n")
 
     def _log(self, values):
-        self.accelerator.log(values, step=self.step)
-        if self.accelerator.is_main_process:
-            with open(self.output / "log.jsonl", "a") as file:
-                file.write(json.dumps({"step": self.step, **values}) + "\n")
+        with writing("The log", self.output):
+            self.accelerator.log(values, step=self.step)
+            if self.accelerator.is_main_process:
+                with open(self.output / "log.jsonl", "a") as file:
+                    file.write(json.dumps({"step": self.step, **values}) + "\n")
+
+    def _not_finite(self, what, batches):
+        """The error that stops the training: `batches` are the numbers of those that led to it."""
+        indices = [index for number in batches for index in self.sampler.batch(number)]
+        return FloatingPointError(
+            f"{what} in step {self.step + 1}. The batch is made of the segments with indices {indices} of the training "
+            f"set: look at them, or lower --learning_rate. {last_good(self.output)}"
+        )
+
+    def _validates_now(self):
+        return bool(self.validate) and (self.step % self.args.validation_steps == 0 or self.step == self.total_steps)
 
     def _validate(self):
         model = self.accelerator.unwrap_model(self.module).model
@@ -292,13 +320,18 @@ class Trainer:
         self.module, self.optimizer, self.lr_scheduler = accelerator.prepare(
             self.module, self.optimizer, self.lr_scheduler
         )
-        sampler = EndlessBatches(
+        self.sampler = sampler = EndlessBatches(
             len(self.dataset), args.train_batch_size, args.seed, processes=accelerator.num_processes
         )
         self._resume()
         sampler.start = self.step * args.gradient_accumulation_steps * accelerator.num_processes
         loader = torch.utils.data.DataLoader(
-            self.dataset, batch_sampler=sampler, collate_fn=self.collate, num_workers=args.dataloader_num_workers
+            self.dataset,
+            batch_sampler=sampler,
+            collate_fn=self.collate,
+            num_workers=args.dataloader_num_workers,
+            # its own: a loader draws once when it starts, which an unbroken training does once and a resumed one twice
+            generator=torch.Generator(),
         )
         loader = accelerator.prepare(loader)
         if args.report_to != "none":
@@ -312,6 +345,8 @@ class Trainer:
         )  # fmt: skip
         if accelerator.is_main_process:
             self._describe()
+        if self.owes_validation:
+            self._validate()
         self._loop(loader)
         if self.step % args.checkpointing_steps:
             self.save_checkpoint()
@@ -340,13 +375,16 @@ class Trainer:
                 with accelerator.autocast():
                     loss, scalars = self.module(batch, generator)
                 if not torch.isfinite(loss):
-                    raise FloatingPointError(
-                        f"The loss is {loss.item()} at step {self.step}. Lower --learning_rate or look at the batch; "
-                        f"the last good checkpoint is {latest_checkpoint(self.output)}."
-                    )
+                    turn = draw * accelerator.num_processes + accelerator.process_index
+                    raise self._not_finite(f"The loss is {loss.item()}", [turn])
                 accelerator.backward(loss)
                 if accelerator.sync_gradients:
-                    accelerator.clip_grad_norm_(self.module.parameters(), args.max_grad_norm)
+                    norm = accelerator.clip_grad_norm_(self.module.parameters(), args.max_grad_norm)
+                    # with a scaler (fp16), gradients that are too large are nothing unusual: it leaves the step out
+                    if accelerator.scaler is None and not torch.isfinite(norm):
+                        turns = args.gradient_accumulation_steps * accelerator.num_processes
+                        batches = range(self.step * turns, (self.step + 1) * turns)
+                        raise self._not_finite(f"The norm of the gradient is {norm.item()}, of a finite loss,", batches)
                 self.optimizer.step()
                 self.lr_scheduler.step()
                 self.optimizer.zero_grad()
@@ -368,6 +406,6 @@ class Trainer:
                 sums, count = {}, 0
             if self.step % args.checkpointing_steps == 0:
                 self.save_checkpoint()
-            if self.validate and (self.step % args.validation_steps == 0 or self.step == self.total_steps):
+            if self._validates_now():
                 self._validate()
         bar.close()

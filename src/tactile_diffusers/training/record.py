@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from ..data.files import write_text
 from ..reading import read_json
 
 
@@ -27,6 +28,15 @@ def read_log(folder):
         except (ValueError, RecursionError):
             continue
     return [entry for entry in entries if isinstance(entry, dict) and isinstance(entry.get("step"), int)]
+
+
+def trim_log(folder, step):
+    """Drops what a log says of later steps, and a last line that a kill cut off; returns the entries that stay."""
+    path, entries = Path(folder) / "log.jsonl", [entry for entry in read_log(folder) if entry["step"] <= step]
+    text = "".join(json.dumps(entry) + "\n" for entry in entries)
+    if not path.is_file() or path.read_text() != text:
+        write_text(path, text)
+    return entries
 
 
 def read_losses(folder):

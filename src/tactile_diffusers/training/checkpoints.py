@@ -1,0 +1,141 @@
+"""What a training writes into its output folder: whole or absent, whatever is killed, and when.
+
+Everything is written, and removed, under a name that begins with "unfinished-"; the next start clears these away.
+"""
+
+import os
+import re
+import shutil
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from safetensors import SafetensorError
+
+CHECKPOINT = re.compile(r"checkpoint-(\d+)")
+#: Where what a training results in is put together.
+RESULT = "unfinished-result"
+_UNFINISHED = re.compile(rf"unfinished-(removal-of-)?checkpoint-\d+|{RESULT}")
+#: A pipeline folder is one by this file.
+_INDEX = "model_index.json"
+
+
+def step_of(checkpoint):
+    """The step in the name of a checkpoint folder; `None` for other names."""
+    found = CHECKPOINT.fullmatch(Path(checkpoint).name)
+    return int(found[1]) if found else None
+
+
+def checkpoints(output_dir):
+    """The checkpoint folders in `output_dir`, by step. Half-written ones and foreign folders have other names."""
+    found = [path for path in Path(output_dir).glob("checkpoint-*") if step_of(path) is not None]
+    return sorted(found, key=step_of)
+
+
+def latest_checkpoint(output_dir):
+    """The checkpoint folder of the largest step in `output_dir`, or `None`."""
+    return (checkpoints(output_dir) or [None])[-1]
+
+
+def unfinished_checkpoint(output_dir, step):
+    """Where the checkpoint of a step is written before `finish_checkpoint`."""
+    return Path(output_dir) / f"unfinished-checkpoint-{step}"
+
+
+def finish_checkpoint(folder):
+    """Gives a checkpoint that is written its name, once it is on disk."""
+    final = folder.with_name(folder.name.removeprefix("unfinished-"))
+    _flush(folder)
+    if final.is_dir():
+        remove_checkpoint(final)
+    os.replace(folder, final)
+    _flush_names(final.parent)
+
+
+def remove_checkpoint(folder):
+    """Removes a checkpoint under another name: what a kill leaves of it must not pass for a whole one."""
+    aside = folder.with_name(f"unfinished-removal-of-{folder.name}")
+    shutil.rmtree(aside, ignore_errors=True)
+    os.replace(folder, aside)
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def clear_unfinished(output_dir):
+    """Removes what a killed training left half-written or half-removed. One training at a time may run in a folder."""
+    for path in Path(output_dir).iterdir():
+        if _UNFINISHED.fullmatch(path.name):
+            shutil.rmtree(path, ignore_errors=True)
+        elif path.match(".*.tmp"):  # of `data.files.write_text`
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(what, output_dir, temporary=None):
+    """Says what could not be written, where the training stands and how to go on; removes `temporary` then.
+
+    Raises:
+        OSError: if the block raises what the writers of files raise: besides `OSError`, safetensors and torch have
+            errors of their own.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError, SafetensorError) as error:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
+        free = shutil.disk_usage(output_dir).free / 2**20
+        raise OSError(
+            f"{what} could not be written to {output_dir}: {error} ({free:.1f} MiB are free there). "
+            f"{last_good(output_dir)} Make room, then go on with --resume_from_checkpoint latest."
+        ) from error
+
+
+def last_good(output_dir):
+    """A sentence that names the checkpoint to go on from."""
+    latest = latest_checkpoint(output_dir)
+    return "There is no checkpoint yet." if latest is None else f"The last good checkpoint is {latest}."
+
+
+def save_result(output_dir, save):
+    """Writes what a training results in: its parts appear when all are whole, one by one, the pipeline's index last.
+
+    Args:
+        output_dir (`str` or `Path`): of the training. Other files in it stay.
+        save (`Callable`): `save(folder)` writes into an empty folder, given as a `str`.
+
+    Raises:
+        OSError: if it cannot be written; what was there before is still there.
+    """
+    output, temporary = Path(output_dir), Path(output_dir) / RESULT
+    with writing("What the training results in", output, temporary):
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir()
+        save(str(temporary))
+        _flush(temporary)
+    # with the index of an earlier result, parts that are half exchanged would pass for a pipeline
+    (output / _INDEX).unlink(missing_ok=True)
+    for part in sorted(temporary.iterdir(), key=lambda path: path.name == _INDEX):
+        target = output / part.name
+        if target.is_dir():
+            shutil.rmtree(target)
+        os.replace(part, target)
+    temporary.rmdir()
+    _flush_names(output)
+
+
+def _flush(folder):
+    """Brings a folder's files, and their names, to the disk."""
+    for path in folder.rglob("*"):
+        if path.is_dir():
+            _flush_names(path)
+        else:
+            with open(path, "rb") as file:
+                os.fsync(file.fileno())
+    _flush_names(folder)
+
+
+def _flush_names(folder):
+    with suppress(OSError):  # not every system flushes folders
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
