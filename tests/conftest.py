@@ -1,10 +1,16 @@
 """What the tests of several rooms share: tiny models with random weights, made-up textures, a recorder of warnings."""
 
+import json
 import logging
 import math
 import os
+import select
+import signal
+import subprocess
+import sys
 import warnings
 from contextlib import contextmanager
+from pathlib import Path
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # before huggingface_hub is imported: no test needs the network
 
@@ -174,3 +180,48 @@ def pink_noise():
 @pytest.fixture
 def recorded_warnings():
     return _recorded_warnings
+
+
+class _Lives:
+    """Scripts in forks of a process that has imported everything (`lives.py`), one after the other, to be killed."""
+
+    def __init__(self):
+        words = [sys.executable, str(Path(__file__).parent / "lives.py")]
+        environment = {**os.environ, "CUDA_VISIBLE_DEVICES": "", "OMP_NUM_THREADS": "1"}
+        self.server = subprocess.Popen(words, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert self._answer() == "ready"
+
+    def _answer(self):
+        return self.server.stdout.readline().strip()
+
+    def _ask(self, line):
+        self.server.stdin.write(line + "\n")
+        self.server.stdin.flush()
+
+    def start(self, script, words, log):
+        """Starts `main(words)` of a script (path) in a process; what it prints is added to the file `log`."""
+        self._ask(json.dumps({"script": str(script), "words": [str(word) for word in words], "log": str(log)}))
+        self.pid = int(self._answer())
+
+    def ended(self, seconds=0.0):
+        """Whether it ends by itself within so many seconds."""
+        return bool(select.select([self.server.stdout], [], [], seconds)[0])
+
+    def kill(self):
+        os.kill(self.pid, signal.SIGKILL)
+
+    def wait(self):
+        """Waits for its end and returns its exit code, negative = of a signal."""
+        assert self._answer() == "ended"
+        self._ask("")
+        return int(self._answer())
+
+
+@pytest.fixture(scope="session")
+def lives():
+    if not hasattr(os, "fork"):
+        pytest.skip("needs fork")
+    server = _Lives()
+    yield server
+    server.server.stdin.close()
+    server.server.wait()

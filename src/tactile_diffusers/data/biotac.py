@@ -7,7 +7,7 @@ outside the limits of segments, and no licence is stated.
 import numpy as np
 from tqdm import tqdm
 
-from .files import open_whole
+from .files import clear_left_behind, open_whole
 from .recordings import RecordingsWriter
 
 #: The first part of a slide holds the contact transient (README of the data).
@@ -37,6 +37,7 @@ def convert_biotac(root, output, quiet=False):
             raise ValueError(f"{root} has no `sampling_rate_hz` or groups without `pac`: give biotac_slide.h5.")
         rate, speed = float(source.attrs["sampling_rate_hz"]), float(source.attrs["sliding_speed_mm_s"])
         origin = f"BioTac slides, {source.attrs['source']}"
+        clear_left_behind(output)
         with RecordingsWriter(output, source=origin, licence=str(source.attrs["licence"])) as writer:
             for key, group in tqdm(source.items(), total=len(source), desc="slides", unit="surface", disable=quiet):
                 name = f"{key}-{group.attrs['name']}".replace("/", "-")

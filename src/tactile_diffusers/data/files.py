@@ -1,5 +1,6 @@
 """Files that are either whole or absent, and refusals of those that are damaged."""
 
+import glob
 import math
 import os
 import zipfile
@@ -24,6 +25,13 @@ def atomic_path(path):
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def clear_left_behind(path):
+    """Removes what killed calls of `atomic_path(path)` left beside `path`, to which one call at a time may write."""
+    path = Path(path)
+    for left_behind in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
+        left_behind.unlink(missing_ok=True)
 
 
 def write_text(path, text):

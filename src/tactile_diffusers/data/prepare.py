@@ -7,7 +7,7 @@ import numpy as np
 from tqdm import tqdm
 
 from ..signal import BAND_HZ
-from .files import whole_file
+from .files import clear_left_behind, whole_file
 from .prepared_file import (
     PREPARED_FORMAT,
     PREPARED_VERSION,
@@ -102,6 +102,7 @@ def prepare_recordings(
         splits = assign_splits(source.names, source.surfaces, validation, test, split_seed, hold_out)
         ratings, notes = _pooled(source, splits, hold_out)
         index = _Index(rate, limits, len(source))
+        clear_left_behind(prepared)
         with whole_file(prepared) as file:
             lateral = LateralWriter(file, source.lengths, rate, band)
             bar = tqdm(source, total=len(source), desc="preparing", unit="recording", disable=quiet)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from ..files import clear_left_behind
 from ..recordings import RecordingsWriter
 from .clocks import Unusable
 from .conversion_report import REPORT_ATTRIBUTE, ConversionReport
@@ -44,6 +45,7 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
     sources = {source.path.resolve() for channels in recordings.values() for source in channels.values()}
     if Path(output).resolve() in sources:
         raise ValueError(f"`output` {output} is one of the files to convert: give another name.")
+    clear_left_behind(output)
     with RecordingsWriter(output, source=layout.source, licence=layout.licence) as writer:
         for name, channels in tqdm(recordings.items(), desc="converting", unit="recording", disable=quiet):
             try:

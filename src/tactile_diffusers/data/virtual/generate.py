@@ -44,8 +44,8 @@ def generate_recordings(
     """Writes recordings, ratings and truth of virtual surfaces.
 
     An interrupted call leaves the folder `<path>.partial`; the same call goes on from there, also with other `surfaces`
-    or `workers`. The result is the same bit for bit. Disk: twice the result, while it is put together. Memory: about
-    1 MB per worker and second of recording, beside the interpreter.
+    or `workers`. The result is the same bit for bit; one that is there already is left as it is. Disk: twice the
+    result, while it is put together. Memory: about 1 MB per worker and second of recording, beside the interpreter.
 
     Args:
         path (`str` or `Path`): `recordings.h5` to write; one call at a time.
@@ -65,6 +65,9 @@ def generate_recordings(
         if not value >= 1 or value % 1:
             raise ValueError(f"`{name}` must be a whole number of at least 1, got {value}.")
     path, surfaces, workers = Path(path), int(surfaces), int(workers)
+    if _is_done(path, collection, surfaces):
+        parts = _parts_of(path)
+        return _remove(parts) if parts.is_dir() else None
     parts = _open_parts(path, collection)
     missing = [index for index in range(surfaces) if not _is_whole(_part(parts, index))]
     tasks = [(parts, collection, index) for index in missing]
@@ -94,7 +97,7 @@ def _open_parts(path, collection):
     """The folder of finished surfaces, made or checked against the settings of the collection."""
     if not path.parent.is_dir():
         raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
-    parts = path.with_name(path.name + ".partial")
+    parts = _parts_of(path)
     settings, stored = parts / SETTINGS_FILE, {}
     if settings.is_file():
         stored = read_json(settings, "settings of virtual surfaces", f"Delete the folder {parts}.")
@@ -113,6 +116,21 @@ def _open_parts(path, collection):
     for left_behind in parts.glob(".*.tmp"):  # by a call that was killed
         left_behind.unlink(missing_ok=True)
     return parts
+
+
+def _parts_of(path):
+    return path.with_name(path.name + ".partial")
+
+
+def _is_done(path, collection, surfaces):
+    """Whether the result is there: who calls again may have been killed in what came after, hours later."""
+    try:
+        with RecordingsFile(path) as done:
+            told, count = done.attributes, len(done.surfaces)
+    except (FileNotFoundError, ValueError):
+        return False
+    same = all(told.get(name) == value for name, value in collection.attributes.items())
+    return same and count == surfaces
 
 
 def _part(parts, index):

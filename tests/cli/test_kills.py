@@ -1,0 +1,93 @@
+"""Commands that go on where they were stopped, killed at random moments, write what unbroken ones do."""
+
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+STATISTICS = {
+    "ratings_quantiles": [[-1.5, 0.0, 1.5]] * 3,
+    "ratings_centre": [0.0] * 3,
+    "ratings_covariance": [[0.6, 0.2, 0.0], [0.2, 0.6, 0.0], [0.0, 0.0, 0.6]],
+    "ratings_reach": 4.0,
+    "ratings_range": [[-1.5, 1.5]] * 3,
+}
+SURFACES = 30
+
+
+@pytest.fixture
+def killed_and_not(lives, tmp_path):
+    """`killed_and_not(script, words, kills)` runs a command unbroken, and killed so often, each in a folder of its own.
+
+    `words(folder)` is its command line. Returns both folders.
+    """
+
+    def run(script, words, kills, seed=0):
+        folders = [tmp_path / name for name in ("unbroken", "killed")]
+        for folder in folders:
+            folder.mkdir()
+        log, rng = tmp_path / "log", np.random.default_rng(seed)
+
+        def live(folder, longest=None):
+            lives.start(EXAMPLES / script, words(folder), log)
+            if longest is not None and not lives.ended(rng.uniform(0, longest)):
+                lives.kill()
+            return lives.wait()
+
+        began = time.monotonic()
+        assert live(folders[0]) == 0, log.read_text()[-3000:]
+        seconds, codes = time.monotonic() - began, []
+        while codes.count(-signal.SIGKILL) < kills:  # each life gets further, so that later ones may end by themselves
+            codes.append(live(folders[1], seconds * (1 if len(codes) % 2 else 0.3)))
+            assert codes[-1] in (0, -signal.SIGKILL), log.read_text()[-3000:]
+            assert len(codes) < 10 * kills
+        assert live(folders[1]) == 0, log.read_text()[-3000:]
+        print(f"{script}: killed {kills} times in {len(codes)} lives; unbroken {seconds:.1f} s")
+        return folders
+
+    return run
+
+
+def _files(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.slow
+def test_many_textures(killed_and_not, make_pipeline, tmp_path):
+    make_pipeline(dale_config=STATISTICS).save_pretrained(str(tmp_path / "pipeline"))
+    options = {"checkpoint": tmp_path / "pipeline", "num_textures": 40, "textures_per_shard": 4, "batch_size": 2}
+    options |= {"num_inference_steps": 5, "seed": 5}
+    words = [f"--{name}={value}" for name, value in options.items()] + ["--quiet"]
+    unbroken, killed = killed_and_not("generate_dataset.py", lambda folder: [*words, f"--output={folder}/out"], 8)
+    assert _files(killed) == _files(unbroken)
+
+
+@pytest.mark.slow
+def test_recordings_and_what_is_prepared_of_them(killed_and_not):
+    def words(folder):
+        files = [f"--output={folder}/recordings.h5", f"--prepared={folder}/prepared.h5", "--quiet"]
+        return [f"--surfaces={SURFACES}", "--seconds=4", "--explorers=1", *files]
+
+    unbroken, killed = killed_and_not("prepare_data.py", words, 10)
+    assert _files(killed) == _files(unbroken)
+
+
+@pytest.mark.slow
+def test_a_kill_while_the_data_set_is_prepared_does_not_cost_the_recordings(lives, tmp_path):
+    recordings, prepared = tmp_path / "recordings.h5", tmp_path / "prepared.h5"
+    words = [f"--surfaces={SURFACES}", "--seconds=4", "--explorers=1", f"--output={recordings}", "--quiet"]
+    words.append(f"--prepared={prepared}")
+    lives.start(EXAMPLES / "prepare_data.py", words, tmp_path / "log")
+    while not list(tmp_path.glob(".prepared.h5.*.tmp")) and not lives.ended(0.0005):
+        pass
+    lives.kill()
+    assert lives.wait() == -signal.SIGKILL, (tmp_path / "log").read_text()[-3000:]
+    assert not prepared.exists() and list(tmp_path.glob(".prepared.h5.*.tmp"))
+    before = recordings.stat().st_ino, recordings.stat().st_mtime_ns
+    lives.start(EXAMPLES / "prepare_data.py", words, tmp_path / "log")
+    assert lives.wait() == 0, (tmp_path / "log").read_text()[-3000:]
+    assert (recordings.stat().st_ino, recordings.stat().st_mtime_ns) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log", "prepared.h5", "recordings.h5"]
