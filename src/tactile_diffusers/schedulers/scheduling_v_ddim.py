@@ -102,7 +102,9 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         clip_sample: bool = False,
     ):
         if not 1 <= num_train_timesteps <= MOST_TIMESTEPS:
-            raise ValueError(f"`num_train_timesteps` must be 1 to {MOST_TIMESTEPS}, got {num_train_timesteps}.")
+            raise ValueError(
+                f"`num_train_timesteps` must be at least 1 and at most {MOST_TIMESTEPS}, got {num_train_timesteps}."
+            )
         if solver_order not in (1, 2):
             raise ValueError(f"`solver_order` must be 1 (DDIM) or 2, got {solver_order}.")
         if spacing not in SPACINGS:
