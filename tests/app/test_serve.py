@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_diffusers.cli.app import serve
+from tactile_diffusers.cli.app import guard, serve
 
 
 def test_listens_on_this_machine_alone_unless_told_otherwise():
@@ -29,6 +29,6 @@ def test_without_gradio_it_says_what_to_install(monkeypatch, capsys):
 
 
 def test_nothing_is_fetched_from_elsewhere():
-    assert "http" not in serve.CONTENT_POLICY and "*" not in serve.CONTENT_POLICY
+    assert "http" not in guard.CONTENT_POLICY and "*" not in guard.CONTENT_POLICY
     page = (Path(serve.__file__).parent / "strip.html").read_text(encoding="utf-8")
     assert "http" not in page and "import(" not in page

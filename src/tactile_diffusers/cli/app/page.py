@@ -23,8 +23,6 @@ from .settings import (
     to_z,
 )
 
-#: Seconds after which a file that was made for a visitor is deleted, and between two looks for such files.
-FILE_SECONDS, CLEANING_SECONDS = 900, 300
 CSS = """
 #picture { min-height: 400px; } /* nothing jumps when they arrive */
 #strip { min-height: 360px; }
@@ -48,19 +46,14 @@ def build(studio, folder):
 
     Args:
         studio ([`Studio`]): answers.
-        folder (`Path`): gradio's folder of temporary files, which it clears by age; for files to take away.
+        folder (`Path`): gradio's folder of temporary files; for files to take away.
 
     Returns:
         `gradio.Blocks`
     """
     import gradio as gr
 
-    with gr.Blocks(
-        title="Tactile textures from ratings",
-        analytics_enabled=False,
-        delete_cache=(CLEANING_SECONDS, FILE_SECONDS),
-        fill_width=True,
-    ) as page:
+    with gr.Blocks(title="Tactile textures from ratings", analytics_enabled=False, fill_width=True) as page:
         gr.Markdown(ABOUT)
         kept = [gr.State(("glass", PRESETS["glass"])), gr.State(("denim", PRESETS["denim"]))]
         with gr.Tab("Texture"):

@@ -4,16 +4,17 @@ import ipaddress
 import os
 import signal
 import tempfile
+import threading
+import time
 from pathlib import Path
 
 from ..program import Parser, program, refuse
+from .guard import Guard, clean
 
-#: Nothing is fetched from elsewhere, whatever gradio would like to. Its own scripts are inline, and compile templates.
-CONTENT_POLICY = (
-    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:; form-action 'self'"
-)
-#: Visitors at a time whose last result is kept, of a few megabytes each, and requests that may wait.
+#: Visitors at a time whose last result (a few megabytes) and recording are kept, and requests that may wait.
 SESSIONS, WAITING = 50, 20
+#: Seconds after which a file of a visitor is deleted, and between two looks for such files.
+FILE_SECONDS, CLEANING_SECONDS = 900, 300
 
 
 def parse_arguments(argv=None):
@@ -68,36 +69,63 @@ def _refuse(reason):
 
 
 def _serve(arguments, folder):
-    import gradio as gr
     from diffusers.utils import logging
 
-    from .page import CSS, build
     from .texture import Studio
 
     logging.disable_progress_bar()
-    page = build(Studio(arguments.checkpoint), folder)
-    page.queue(max_size=WAITING, default_concurrency_limit=1)
-    font, mono = (gr.themes.utils.fonts.Font(name) for name in ("sans-serif", "monospace"))  # others are fetched
-    theme = gr.themes.Default(primary_hue="blue", font=[font], font_mono=[mono])
-    theme.set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")  # readable, not pale
-    page.launch(
-        server_name=arguments.host,
-        server_port=arguments.port,
-        share=False,
-        ssr_mode=False,
-        theme=theme,
-        css=CSS,
-        max_file_size=f"{arguments.max_upload_mib}mb",
-        state_session_capacity=SESSIONS,
-        footer_links=[],
-        app_kwargs={"middleware": [_policy()]},
-        prevent_thread_lock=True,
-        quiet=True,
-    )
+    page = launch(Studio(arguments.checkpoint), folder, arguments.host, arguments.port, arguments.max_upload_mib)
     print(f"ready at {page.local_url} (Ctrl+C stops it)", flush=True)
     if not _is_loopback(arguments.host):
         print("Whoever reaches this machine reaches the page: it has no password.", flush=True)
     page.block_thread()
+
+
+def launch(studio, folder, host, port, upload_mib):
+    """Serves the page from threads of its own, and keeps the folder clean.
+
+    Args:
+        studio ([`Studio`]): answers.
+        folder (`Path`): where the environment variable `GRADIO_TEMP_DIR` points.
+        host (`str`), port (`int`): to listen on.
+        upload_mib (`int`): largest recording.
+
+    Returns:
+        `gradio.Blocks`: `close()` ends it.
+    """
+    import gradio as gr
+    from starlette.middleware import Middleware
+
+    from .page import CSS, build
+
+    page = build(studio, folder)
+    page.queue(max_size=WAITING, default_concurrency_limit=1)
+    font, mono = (gr.themes.utils.fonts.Font(name) for name in ("sans-serif", "monospace"))  # others are fetched
+    theme = gr.themes.Default(primary_hue="blue", font=[font], font_mono=[mono])
+    theme.set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")  # readable, not pale
+    guard = Middleware(Guard, folder=folder, upload_bytes=upload_mib * 2**20, uploads=SESSIONS)
+    page.launch(
+        server_name=host,
+        server_port=port,
+        share=False,
+        ssr_mode=False,
+        theme=theme,
+        css=CSS,
+        max_file_size=f"{upload_mib}mb",
+        state_session_capacity=SESSIONS,
+        footer_links=[],
+        app_kwargs={"middleware": [guard]},
+        prevent_thread_lock=True,
+        quiet=True,
+    )
+    threading.Thread(target=_keep_clean, args=(page, folder), daemon=True).start()
+    return page
+
+
+def _keep_clean(page, folder):
+    while page.is_running:
+        clean(folder, FILE_SECONDS)
+        time.sleep(CLEANING_SECONDS)
 
 
 def _is_loopback(host):
@@ -105,26 +133,3 @@ def _is_loopback(host):
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def _policy():
-    """Middleware that sends the content policy with every answer."""
-    from starlette.middleware import Middleware
-
-    class ContentPolicy:
-        def __init__(self, app):
-            self.app = app
-
-        async def __call__(self, scope, receive, send):
-            async def send_with_policy(message):
-                if message["type"] == "http.response.start":
-                    message["headers"] = [
-                        *message.get("headers", []),
-                        (b"content-security-policy", CONTENT_POLICY.encode()),
-                        (b"x-content-type-options", b"nosniff"),
-                    ]
-                await send(message)
-
-            await self.app(scope, receive, send_with_policy)
-
-    return Middleware(ContentPolicy)
