@@ -25,7 +25,7 @@ def test_without_gradio_it_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "gradio", None)
     monkeypatch.setattr(serve.os, "environ", {})
     assert serve.main([]) == 2
-    assert "pip install" in capsys.readouterr().err
+    assert 'pip install "tactile-diffusers[demo]"' in capsys.readouterr().err
 
 
 def test_nothing_is_fetched_from_elsewhere():

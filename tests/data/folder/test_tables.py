@@ -207,7 +207,7 @@ def test_pickles_are_not_read(tmp_path):
 def test_parquet_without_pyarrow(tmp_path, monkeypatch):
     (tmp_path / "a.parquet").write_bytes(b"PAR1")
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-    with pytest.raises(ValueError, match=r"pip install tactile_diffusers\[parquet\]"):
+    with pytest.raises(ValueError, match=r'pip install "tactile-diffusers\[parquet\]"'):
         read_table(tmp_path / "a.parquet")
 
 

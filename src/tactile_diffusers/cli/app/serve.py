@@ -56,7 +56,7 @@ def main(argv=None):
         try:
             _serve(arguments, Path(folder))
         except ImportError as error:
-            return _refuse(f"{error}. Install what the page needs: pip install -e '.[demo]'")
+            return _refuse(f'{error}. Install what the page needs: pip install "tactile-diffusers[demo]"')
         except (ValueError, OSError) as error:
             return _refuse(error)
         except KeyboardInterrupt:

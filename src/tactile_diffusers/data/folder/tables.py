@@ -292,8 +292,7 @@ def _read_parquet(path):
         check_size(path, 8 * described.num_rows * described.num_columns)  # equal numbers take no room
         frame = pd.read_parquet(path)
     except ImportError as error:
-        needed = "parquet files need pyarrow. Install it: pip install tactile_diffusers[parquet]."
-        raise ValueError(f"{path}: {needed}") from error
+        raise ValueError(f'{path}: parquet files need pyarrow: pip install "tactile-diffusers[parquet]"') from error
     except ValueError as error:
         raise ValueError(f"{path} cannot be read as parquet ({error}). Copy it again, or write it again.") from error
     frame.columns = [str(name) for name in frame.columns]
