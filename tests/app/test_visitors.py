@@ -126,5 +126,5 @@ def test_nothing_is_left_when_it_is_stopped(tmp_path, visitor_at):
         assert visitor.upload(("a.csv", b"1"))[0] == 200
         assert visitor.make(50).is_file()
         process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == 0
+        assert process.wait(60) == 0
     assert not list(tmp_path.glob("tactile-app-*"))
