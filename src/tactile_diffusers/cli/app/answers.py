@@ -5,6 +5,8 @@ import math
 import numpy as np
 
 from ...signal import RATING_AXES
+from ..reconstruct import LARGEST_RMS
+from .bands import DRAWS
 from .figures import draw_comparison, draw_result, figure_html
 from .settings import SCALES, digits, from_z
 from .sound import sound_html
@@ -25,7 +27,7 @@ def texture_answer(result, take, scale, config):
     """
     texture = result.textures[take]
     picture = figure_html(draw_result(result, take), _alternative("The texture", texture))
-    numbers = _table({"": texture}, scale, config) + _remark(result)
+    numbers = _table({"": texture}, scale, config, result.usual) + _remark(result, result.usual is not None)
     return picture, sound_html(texture, "the texture") + LISTENING, numbers, strip_html(texture)
 
 
@@ -48,6 +50,11 @@ def reconstruction_answer(made, scale, config):
         f"<p>Nine-band error {made.nine_band_db:.2f} dB (a fingertip tells 2.2–2.5 dB apart). A recording does not "
         "tell its friction coefficient, without which slipperiness is little more than a guess.</p>"
     )
+    if made.recorded.rms > LARGEST_RMS:
+        remark = (
+            f'<p role="status"><strong>RMS {1e3 * made.recorded.rms:.0f} mN is more than textures have</strong> at a '
+            "normal force of 0.5 N: set <em>Newtons per unit</em>.</p>" + remark
+        )
     return _side_by_side(textures, scale, config, remark)
 
 
@@ -69,35 +76,40 @@ def _alternative(name, texture):
     )
 
 
-def _remark(result):
+def _remark(result, usual=False):
     note = f"<p><strong>{result.note}</strong></p>" if result.note else ""
+    scatter = f"; usual: of {DRAWS} draws of these ratings, the middle 80 %. Other seeds scatter so" if usual else ""
     return (
         f"{note}<p><small>Heard: what <code>estimate_ratings</code> makes of the texture, shrunk towards the middle as "
-        f"any regression's estimates are. Made in {result.made_in:.2f} s.</small></p>"
+        f"any regression's estimates are{scatter}. Made in {result.made_in:.2f} s.</small></p>"
     )
 
 
-def _table(textures, scale, config):
-    """Asked and heard ratings, friction coefficient and level of textures, by name."""
-    heads = "".join(
-        f'<th scope="col">{name} asked</th><th scope="col">{name} heard</th>'
-        if name
-        else "<th>asked</th><th>heard</th>"
-        for name in textures
-    )
+def _table(textures, scale, config, usual=None):
+    """Asked and heard ratings, friction coefficient and level of textures, by name; `usual`: see [`Result`]."""
+    asked = all(texture.seed is not None for texture in textures.values())  # nobody asks anything of a recording
+    columns = ["asked"] * asked + ["heard"] + ["usual"] * (usual is not None)
+    heads = "".join(f'<th scope="col">{f"{name} {column}".strip()}</th>' for name in textures for column in columns)
+    decimals = digits(scale)
+    low, high = (None, None) if usual is None else (from_z(end, scale, config) for end in usual)
     rows = []
     for number, axis in enumerate(RATING_AXES):
         cells = ""
         for texture in textures.values():
-            asked, heard = (from_z(ratings, scale, config)[number] for ratings in (texture.ratings, texture.heard))
-            cells += f"<td>{_number(asked, digits(scale))}</td><td>{_number(heard, digits(scale))}</td>"
+            values = {
+                "asked": _number(from_z(texture.ratings, scale, config)[number], decimals),
+                "heard": _number(from_z(texture.heard, scale, config)[number], decimals),
+            }
+            if usual is not None:
+                values["usual"] = f"{_number(low[number], decimals)} to {_number(high[number], decimals)}"
+            cells += "".join(f"<td>{values[column]}</td>" for column in columns)
         rows.append(f'<tr><th scope="row">{axis}</th>{cells}</tr>')
     for label, value in (
         ("friction coefficient", lambda texture: _number(texture.friction_coefficient)),
         ("RMS, mN", lambda texture: _number(1e3 * texture.rms)),
-        ("seed", lambda texture: str(texture.seed)),
+        ("seed", lambda texture: "–" if texture.seed is None else str(texture.seed)),
     ):
-        cells = "".join(f'<td colspan="2">{value(texture)}</td>' for texture in textures.values())
+        cells = "".join(f'<td colspan="{len(columns)}">{value(texture)}</td>' for texture in textures.values())
         rows.append(f'<tr><th scope="row">{label}</th>{cells}</tr>')
     head = f'<thead><tr><th scope="col">{SCALES[scale]}</th>{heads}</tr></thead>'
     return f'<table class="numbers">{head}<tbody>{"".join(rows)}</tbody></table>'

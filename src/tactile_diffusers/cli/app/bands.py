@@ -45,8 +45,8 @@ def training_range(pipe, seed=0):
     return _range(pipe, TactileLatents(*made))
 
 
-def rating_range(pipe, ratings, latent_steps, guidance, seed=0):
-    """Of textures of some ratings, as DALE learned them from the training textures.
+def draw_latents(pipe, ratings, latent_steps, guidance, seed=0):
+    """Textures of some ratings, as DALE learned them, not decoded.
 
     Args:
         pipe (`TactileTexturePipeline`): with `dale`.
@@ -55,14 +55,36 @@ def rating_range(pipe, ratings, latent_steps, guidance, seed=0):
         seed (`int`, *optional*): of the draws.
 
     Returns:
-        [`BandRange`], or `None` for a checkpoint without band levels.
+        [`TactileLatents`]: `DRAWS` of one segment.
     """
-    if not pipe.lctg.config.level_bands:
-        return None
     generator = torch.Generator().manual_seed(seed)
     options = {"num_textures_per_rating": DRAWS, "generator": generator, "output_type": "latent"}
-    made = pipe(list(ratings), num_latent_inference_steps=latent_steps, guidance_scale=guidance, **options)
-    return _range(pipe, made)
+    return pipe(list(ratings), num_latent_inference_steps=latent_steps, guidance_scale=guidance, **options)
+
+
+def rating_range(pipe, drawn):
+    """Of textures of some ratings, `drawn` by `draw_latents`.
+
+    Returns:
+        [`BandRange`], or `None` for a checkpoint without band levels.
+    """
+    return _range(pipe, drawn) if pipe.lctg.config.level_bands else None
+
+
+@torch.no_grad()
+def heard_range(pipe, drawn):
+    """Ratings that textures of some ratings, `drawn` by `draw_latents`, are heard with: see `estimate_ratings`.
+
+    Returns:
+        `np.ndarray`: (2, axes) z-scores, lowest and highest of `PERCENTILES`; `None` without an estimator.
+    """
+    if pipe.rating_estimator is None:
+        return None
+    friction = drawn.friction_coefficient
+    latents = drawn.latents[:, : pipe.lctg.base_channels]
+    numbers = pipe.dale.numbers(pipe.dale.pack(latents, drawn.level, friction)).to(pipe.rating_estimator.dtype)
+    heard = pipe.rating_estimator(numbers, torch.isfinite(friction)).double().numpy()
+    return np.percentile(heard, [PERCENTILES[0], PERCENTILES[-1]], axis=0)
 
 
 def _range(pipe, made):

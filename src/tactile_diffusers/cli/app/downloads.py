@@ -1,9 +1,18 @@
 """A texture as files to take away."""
 
+import threading
+import warnings
 from functools import partial
 
+import numpy as np
+
 from ... import export
+from ...pipelines.inputs import check_number
+from ...signal import RATING_AXES
 from .strip import strip_page
+
+#: Where Python keeps what is done with warnings, there is one for all threads.
+_WARNINGS = threading.Lock()
 
 
 def _about(texture):
@@ -14,8 +23,9 @@ def _about(texture):
     }
 
 
-def _format(write, path, texture):
-    write(path, texture.samples, seed=texture.seed, reference_speed=texture.reference_speed, **_about(texture))
+def _format(write, path, texture, **options):
+    made = {"seed": texture.seed, "reference_speed": texture.reference_speed, "checkpoint": texture.checkpoint}
+    write(path, texture.samples, **made, **_about(texture), **options)
 
 
 def _figure(path, texture):
@@ -37,22 +47,46 @@ FORMATS = {
 }
 
 
-def write_files(texture, name, folder):
+_MAPS = [name for name, (suffix, _) in FORMATS.items() if suffix == export.FORMATS["png"].suffix]
+
+
+def is_map(name):
+    """Whether a format, of `FORMATS`, is a picture whose pixels have a pitch."""
+    return name in _MAPS
+
+
+def write_files(texture, name, folder, pixel_pitch):
     """Writes a texture in one format.
 
     Args:
         texture ([`Texture`]): what is written.
         name (`str`): of `FORMATS`.
         folder (`Path`): empty; file names are ours, whatever the request.
+        pixel_pitch (`float`): mm, for a friction map; others ignore it.
 
     Returns:
-        `list[Path]`: of the files.
+        `tuple[list[Path], list[str]]`: the files, and what their writer warns of.
 
     Raises:
-        ValueError: for an unknown format.
+        ValueError: for an unknown format, or a pitch that no display has.
     """
     if name not in FORMATS:
         raise ValueError(f"The format must be one of {list(FORMATS)}, got {name!r}.")
     suffix, write = FORMATS[name]
-    write(folder / f"texture{suffix}", texture)
-    return sorted(folder.iterdir())
+    options = {}
+    if is_map(name):
+        check_number("pixel pitch", pixel_pitch, 0, False, " mm")
+        options["pixel_pitch"] = float(pixel_pitch)
+    with _WARNINGS, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        write(folder / f"{_stem(texture)}{suffix}", texture, **options)
+    # the writers' own, which point here; another thread may warn meanwhile
+    told = [str(warning.message) for warning in caught if warning.filename == __file__]
+    return sorted(folder.iterdir()), told
+
+
+def _stem(texture):
+    """A name that tells textures apart, of letters, digits, ".", "_" and "-": "texture_r0.90_b0.50_sopen_seed1"."""
+    ratings = zip(RATING_AXES, texture.ratings, strict=True)
+    parts = (f"{axis[0]}{value + 0.0:.2f}" if np.isfinite(value) else f"{axis[0]}open" for axis, value in ratings)
+    return f"texture_{'_'.join(parts)}_seed{texture.seed}"

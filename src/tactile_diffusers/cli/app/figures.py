@@ -8,8 +8,8 @@ import numpy as np
 from ...export.figure import DYNAMIC_RANGE_DB, draw_spectrogram, draw_waveform
 from ...signal import BAND_HZ, band_edges, band_levels_db, power_spectral_density
 
-#: Dots per inch; figures are up to 11 inches wide.
-DPI = 80
+#: Pixels of the page per inch, and dots per pixel, for wide and fine screens; figures are up to 11 inches wide.
+DPI, SHARPNESS = 80, 2
 #: What is shown of spectra: Hz, and dB below the highest value.
 SHOWN_HZ, SHOWN_DB = (15.0, 1300.0), 70.0
 _TICKS_HZ = (20, 50, 100, 200, 500, 1000)
@@ -42,7 +42,7 @@ def draw_result(result, take):
     others = [other for number, other in enumerate(result.textures) if number != take]
     _draw_spectra(panels["spectrum"], [*others, texture], [None] * len(others) + ["this texture"])
     _draw_bands(panels["bands"], {"this texture": texture})
-    panels["spectrum"].legend(fontsize=7, loc="lower left")
+    panels["spectrum"].legend(fontsize=9, loc="lower left")
     return figure
 
 
@@ -75,7 +75,7 @@ def draw_comparison(textures):
         image.colorbar.set_label("")
     _draw_spectra(panels["spectrum"], list(textures.values()), list(textures), alike=True)
     _draw_bands(panels["bands"], textures)
-    panels["spectrum"].legend(fontsize=8, loc="lower left")
+    panels["spectrum"].legend(fontsize=9, loc="lower left")
     return figure
 
 
@@ -87,7 +87,7 @@ def figure_html(figure, description):
         description (`str`): for people who do not see it.
     """
     file = io.BytesIO()
-    figure.savefig(file, format="png", dpi=DPI)
+    figure.savefig(file, format="png", dpi=SHARPNESS * DPI, pil_kwargs={"compress_level": 1})  # quick
     data = base64.b64encode(file.getvalue()).decode("ascii")
     width, height = (round(DPI * inches) for inches in figure.get_size_inches())  # room is kept while it is decoded
     size = f'width="{width}" height="{height}"'

@@ -1,8 +1,10 @@
 """`python examples/app.py`: a page, on this machine, to try ratings, see and hear textures and take them away."""
 
+import errno
 import ipaddress
 import os
 import signal
+import socket
 import tempfile
 import threading
 import time
@@ -68,7 +70,23 @@ def _refuse(reason):
     return refuse("app.py", reason)
 
 
+def _check_port(host, port):
+    """Before the checkpoint is loaded; what else is wrong with an address, gradio says.
+
+    Raises:
+        ValueError: if another program listens there.
+    """
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as asking:
+        asking.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: one that ended is no bar
+        try:
+            asking.bind((host, port))
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                raise ValueError(f"port {port} is in use; give --port") from error
+
+
 def _serve(arguments, folder):
+    _check_port(arguments.host, arguments.port)
     from diffusers.utils import logging
 
     from .texture import Studio
@@ -96,7 +114,7 @@ def launch(studio, folder, host, port, upload_mib):
     import gradio as gr
     from starlette.middleware import Middleware
 
-    from .page import CSS, build
+    from .page import CSS, HEAD, build
 
     page = build(studio, folder)
     page.queue(max_size=WAITING, default_concurrency_limit=1)
@@ -111,6 +129,7 @@ def launch(studio, folder, host, port, upload_mib):
         ssr_mode=False,
         theme=theme,
         css=CSS,
+        head=HEAD,
         max_file_size=f"{upload_mib}mb",
         state_session_capacity=SESSIONS,
         footer_links=[],

@@ -3,6 +3,7 @@
 import threading
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -12,7 +13,7 @@ from ...models import LCTGModel
 from ...pipelines import TactileTexturePipeline
 from ...signal import RATING_AXES, nine_band_error_db, resample, rms
 from ..distilled import distilled_folder, with_lctg
-from .bands import BandRange, rating_range, training_range
+from .bands import BandRange, draw_latents, heard_range, rating_range, training_range
 from .settings import Settings, novelty
 
 #: Seed of the draws behind the ranges of bands: they must not move while a visitor tries seeds.
@@ -29,8 +30,9 @@ class Texture:
         friction_coefficient (`float`): NaN = unknown.
         ratings (`tuple[float, ...]`): asked for, z-scores, NaN = not specified.
         heard (`tuple[float, ...]`): what `estimate_ratings` hears, z-scores; NaN = the checkpoint cannot tell.
-        seed (`int`): that made it.
+        seed (`int`): that made it; `None` = it was recorded.
         reference_speed (`float`): mm/s; NaN = unknown.
+        checkpoint (`str`, *optional*): name of the one that made it.
     """
 
     samples: np.ndarray
@@ -38,8 +40,9 @@ class Texture:
     friction_coefficient: float
     ratings: tuple
     heard: tuple
-    seed: int
+    seed: int | None
     reference_speed: float
+    checkpoint: str | None = None
 
     @property
     def seconds(self):
@@ -62,6 +65,7 @@ class Result:
         made_in (`float`): s.
         likely (`BandRange`, *optional*): of the first ratings; `None` = the checkpoint cannot tell.
         training (`BandRange`, *optional*): of the training textures.
+        usual (`np.ndarray`, *optional*): (2, axes) z-scores between which textures of the first ratings are heard.
         note (`str`): a warning, or empty.
     """
 
@@ -70,6 +74,7 @@ class Result:
     made_in: float
     likely: BandRange | None
     training: BandRange | None
+    usual: np.ndarray | None = None
     note: str = ""
 
 
@@ -94,6 +99,7 @@ class Studio:
 
     def __init__(self, checkpoint=None):
         folder = str(checkpoint or bundled_checkpoint())
+        self._name = Path(folder).resolve().name
         self._teacher = TactileTexturePipeline.from_pretrained(folder)
         if self._teacher.dale is None:
             raise ValueError(f"The checkpoint {folder} has no `dale`: it reconstructs, it cannot generate.")
@@ -148,7 +154,8 @@ class Studio:
                 generator=[torch.Generator("cpu").manual_seed(seed) for seed in seeds],
             )
             heard = _heard(pipe, out.textures, out.sampling_rate, out.friction_coefficient)
-            likely = rating_range(pipe, ratings[0], settings.latent_steps, settings.guidance, _RANGE_SEED)
+            drawn = draw_latents(pipe, ratings[0], settings.latent_steps, settings.guidance, _RANGE_SEED)
+            likely, usual = rating_range(pipe, drawn), heard_range(pipe, drawn)
         textures = [
             Texture(
                 samples=samples,
@@ -158,11 +165,13 @@ class Studio:
                 heard=heard[number],
                 seed=seeds[number],
                 reference_speed=out.reference_speed,
+                checkpoint=self._name,
             )
             for number, samples in enumerate(out.textures)
         ]
         notes = dict.fromkeys(filter(None, (novelty(row, self.config) for row in ratings)))
-        return Result(textures, settings, time.perf_counter() - start, likely, self._training, " ".join(notes))
+        seconds = time.perf_counter() - start
+        return Result(textures, settings, seconds, likely, self._training, usual, " ".join(notes))
 
     def reconstruct(self, samples, sampling_rate, settings=None):
         """A recording through encoder and decoder, beside itself at the delivery rate.
@@ -187,8 +196,8 @@ class Studio:
             heard = _heard(pipe, pair, rate, None)
         unknown = (np.nan,) * len(RATING_AXES)
         textures = [
-            Texture(row, rate, np.nan, unknown, heard[number], settings.seed, out.reference_speed)
-            for number, row in enumerate(pair)
+            Texture(row, rate, np.nan, unknown, heard[number], seed, out.reference_speed)
+            for number, (row, seed) in enumerate(zip(pair, (None, settings.seed), strict=True))
         ]
         return Reconstruction(*textures, float(nine_band_error_db(pair[1], pair[0], rate)))
 
