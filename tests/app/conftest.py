@@ -65,7 +65,7 @@ class Visitor:
 
     def download(self):
         """Has the texture of the session written: success, output."""
-        return self.call("download", [None, 0, NPZ])
+        return self.call("download", [None, 0, NPZ, 0.15])
 
     def make(self, percentile):
         """Generates a texture and has it written: path of the file on the server."""

@@ -212,13 +212,13 @@ def test_requests_of_the_wrong_type_are_refused(visitor):
 def test_a_state_cannot_be_brought(visitor):
     """What was made lies on the server; a request that brings one of its own is answered as if it had none."""
     made = {"textures": [{"samples": [0.0], "sampling_rate": 1}]}
-    success, output = visitor.call("download", [made, 0, NPZ])
+    success, output = visitor.call("download", [made, 0, NPZ, 0.15])
     assert not success and "no texture yet" in output["error"]
 
 
 @pytest.mark.parametrize("name", ["../../etc/passwd", "", "exe", {"path": "x"}, None])
 def test_a_format_is_no_path(visitor, name):
     if isinstance(name, dict):
-        assert visitor.join("download", [None, 0, name])[0] == 403
+        assert visitor.join("download", [None, 0, name, 0.15])[0] == 403
     else:
-        assert not visitor.call("download", [None, 0, name])[0]
+        assert not visitor.call("download", [None, 0, name, 0.15])[0]

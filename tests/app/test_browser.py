@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactile_diffusers.cli.app.figures import DPI
+
 pytest.importorskip("gradio")
 sync_api = pytest.importorskip("playwright.sync_api")
 ROOT = Path(__file__).parents[2]
@@ -126,6 +128,110 @@ def test_slider_moves_picture_changes_file_is_valid(visit):
         assert file["texture"].shape == (16000,) and np.isnan(file["ratings"][0])
 
 
+def _status(page, words):
+    """Waits until the lasting line says this, or, of "", nothing."""
+    sync_api.expect(page.locator("#status")).to_have_text(re.compile(words) if words else "")
+
+
+def _fill(page, control, value):
+    page.locator(f"#{control} input[type=number]").fill(value)
+
+
+def test_what_belongs_to_earlier_ratings_is_told_until_it_is_made(visit):
+    page = visit()
+    _status(page, "")
+    page.get_by_text("How it is made").click()
+    _fill(page, "takes", "3")
+    _status(page, "have changed since")
+    _fill(page, "duration", "10")
+    _status(page, "Not made: All takes together may last 20 s.*is the earlier texture")
+    before = _picture(page)
+    page.click("#make")
+    page.locator(".toast-body").wait_for()
+    page.wait_for_timeout(1000)
+    _status(page, "Not made")
+    assert _picture(page) == before and page.locator("#status p").bounding_box()["y"] < page.viewport_size["height"]
+    assert not page.locator("[data-testid=status-tracker] .error").locator("visible=true").count()
+    _fill(page, "duration", "1")
+    _status(page, "have changed since")
+    page.click("#make")
+    _wait_for_another(page, before)
+    _status(page, "")
+    page.locator("#scale").get_by_text("z-scores").click()
+    page.wait_for_function("document.querySelector('#roughness input[type=range]').max < 3")
+    page.wait_for_timeout(1000)
+    _status(page, "")
+
+
+def test_take_selector_shows_and_writes_that_take(visit):
+    page = visit()
+    page.get_by_text("How it is made").click()
+    before = _picture(page)
+    _fill(page, "takes", "2")
+    page.click("#make")
+    before = _wait_for_another(page, before)
+    page.click("#take input")
+    page.get_by_role("option", name="take 2").click()
+    _wait_for_another(page, before)
+    sync_api.expect(page.locator("#numbers tbody tr").last).to_have_text(re.compile(r"seed\s*2"))
+    _status(page, "")
+    with np.load(_download(page)) as file:
+        assert file["seed"] == 2 and file["checkpoint"] != ""
+    assert "_seed2.npz" in page.inner_text("#files").replace("\n", "")
+
+
+def test_numbers_that_are_none_are_told_or_put_back(visit):
+    page = visit()
+    before = _picture(page)
+    field = page.locator("#roughness input[type=number]")
+    value = field.input_value()
+    field.fill("")
+    field.blur()
+    assert field.input_value() == value
+    assert page.locator("#preset input").input_value() == "denim" and _picture(page) == before
+    field.fill("150")
+    _status(page, "Not made: roughness must be between 0 and 100")
+    field.blur()
+    sync_api.expect(field).to_have_value("100")
+    _status(page, "have changed since")
+    sync_api.expect(page.locator("#preset input")).to_have_value("")  # it is denim no more
+
+
+def test_friction_map_has_a_pitch_and_its_warning_is_on_the_page(visit):
+    page = visit()
+    assert not page.locator("#pitch").is_visible()
+    page.locator("#format input").fill("friction map")
+    page.locator("#format input").press("Enter")
+    pitch = page.locator("#pitch input")
+    sync_api.expect(pitch).to_have_value("0.15")
+    page.locator("#write").press("Enter")
+    page.locator("#warned").get_by_text("Pixels 0.15 mm apart").wait_for()
+    pitch.fill("0.03")
+    page.locator("#write").press("Enter")
+    sync_api.expect(page.locator("#warned")).to_have_text("")
+
+
+@pytest.mark.parametrize("width", [800, 1400])
+def test_results_come_into_view_and_can_be_read(visit, width):
+    page = visit()
+    page.set_viewport_size({"width": width, "height": 800})
+    before = _picture(page)
+    page.get_by_text("How it is made").click()
+    _fill(page, "seed", "7")
+    page.click("#make")
+    _wait_for_another(page, before)
+    page.wait_for_timeout(1000)
+    box = page.locator("#picture img").bounding_box()
+    if width == 800:
+        assert 0 <= box["y"] < 300
+    else:
+        shown = page.evaluate(
+            "(({ width, naturalWidth }) => [width, naturalWidth])(document.querySelector('#picture img'))"
+        )
+        points = 9 * DPI / 72 * shown[0] / (11 * DPI)  # of the legends
+        assert points >= 10 and shown[1] >= 1.8 * shown[0]
+
+
 def test_preset_and_scale(visit):
     page = visit()
     before = _picture(page)
@@ -146,7 +252,11 @@ def test_finger_strip_follows_pointer_and_keys(visit):
     for _ in range(20):
         page.keyboard.press("Shift+ArrowRight")
     assert _speed(frame) > 0 or _place(frame) > 60
-    frame.locator("#sound").click()  # from here on the same numbers are also heard
+    button = frame.locator("#sound")
+    assert button.get_attribute("aria-pressed") == "false" and button.inner_text() == "Sound: off"
+    button.click()
+    sync_api.expect(button).to_have_text("Sound: on")
+    assert button.get_attribute("aria-pressed") == "true"  # from here on the same numbers are also heard
     box = frame.locator("#strip").bounding_box()
     x, y = box["x"], box["y"] + box["height"] / 2
     page.mouse.move(x + 50, y)
@@ -217,6 +327,16 @@ def test_recording_is_reconstructed_and_uploads_are_bounded(visit, tmp_path, pin
     page.click("#reconstruct")
     page.wait_for_selector("#recording-picture img")
     assert "Nine-band error" in page.inner_text("#recording-numbers")
+    empty = tmp_path / "empty.csv"
+    empty.touch()
+    page.locator("#upload button[aria-label=Clear]").click()
+    page.click("#reconstruct")
+    page.locator("#recording-picture").get_by_text("Choose a file first").wait_for()
+    assert not page.locator("#recording-picture img").count() and page.inner_text("#recording-numbers") == ""
+    chooser.set_input_files(empty)
+    page.wait_for_selector("#upload .file-preview")
+    page.click("#reconstruct")
+    page.locator("#recording-picture").get_by_text("The file is empty").wait_for()
     for path, message in ((other, "neither WAV nor"), (large, "maximum allowed size|too large|exceeds")):
         page.reload()
         page.wait_for_selector("#picture img")
@@ -266,7 +386,7 @@ HOW = [2, 5, 2, 1.0, 0]  # steps, steps of DALE, order, guidance, seed
 @pytest.mark.parametrize(
     ("name", "values"),
     [
-        ("download", [None, 0, "../../etc/passwd"]),
+        ("download", [None, 0, "../../etc/passwd", 0.15]),
         ("generate", ["z", 50, 50, 50, False, False, False, *HOW, 9000, 1]),
         ("generate", ["percentile", 50, 50, 50, False, False, False, *HOW, 9.0, 8]),
         ("generate", ["z", None, "x", {}, False, False, False, *HOW, 1.6, 1]),

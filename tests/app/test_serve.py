@@ -1,5 +1,6 @@
 """The command: its arguments, and what it refuses."""
 
+import socket
 import sys
 from pathlib import Path
 
@@ -26,6 +27,17 @@ def test_without_gradio_it_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setattr(serve.os, "environ", {})
     assert serve.main([]) == 2
     assert 'pip install "tactile-diffusers[demo]"' in capsys.readouterr().err
+
+
+def test_a_port_in_use_is_told_before_anything_is_loaded(capsys):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        assert serve.main(["--port", str(port)]) == 2
+    assert capsys.readouterr().err.strip().endswith(f"error: port {port} is in use; give --port")
+    serve._check_port("127.0.0.1", port)
+    serve._check_port("::1", port)
 
 
 def test_nothing_is_fetched_from_elsewhere():

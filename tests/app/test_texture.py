@@ -6,16 +6,17 @@ import json
 import re
 import threading
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
 import torch
 
-from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint, export
 from tactile_diffusers.cli.app.answers import comparison_answer, reconstruction_answer, texture_answer
 from tactile_diffusers.cli.app.bands import nine_bands
-from tactile_diffusers.cli.app.downloads import FORMATS, write_files
+from tactile_diffusers.cli.app.downloads import FORMATS, is_map, write_files
 from tactile_diffusers.cli.app.settings import Settings
 from tactile_diffusers.cli.app.sound import SOUND_RATE, SOUND_RMS, to_sound
 from tactile_diffusers.cli.app.strip import strip_page
@@ -89,7 +90,9 @@ def test_answer_is_complete_html(studio, result):
     for text in (picture, sound, numbers, strip):
         HTMLParser().feed(text)
     png = base64.b64decode(re.search(r"base64,([^\"]+)", picture)[1])
-    assert png[:4] == b"\x89PNG" and len(png) < 300_000
+    assert png[:4] == b"\x89PNG" and len(png) < 1_000_000
+    # two dots of the picture for each of the page
+    assert int.from_bytes(png[16:20]) == 2 * int(re.search(r'width="(\d+)"', picture)[1])
     assert "alt=" in picture and "listening only" in sound and "friction coefficient" in numbers
     assert texture_answer(result, 0, "percentile", studio.config)[0] != picture
 
@@ -120,13 +123,16 @@ def test_strip_holds_the_profile_and_nothing_from_elsewhere(result):
     assert data["friction"] == texture.friction_coefficient and data["pitch"] == profile.pitch
 
 
-@pytest.mark.filterwarnings("ignore:Pixels")  # what a friction map cannot hold
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_is_a_valid_file(result, tmp_path, name):
     texture = result.textures[0]
-    paths = write_files(texture, name, tmp_path)
+    paths, told = write_files(texture, name, tmp_path, 0.15)
     first = paths[0]
-    assert first.name.startswith("texture.") and all(path.parent == tmp_path for path in paths)
+    assert first.name.startswith("texture_r1.00_b0.20_s-0.80_seed3.") and all(path.parent == tmp_path for path in paths)
+    assert [text[:16] for text in told] == ["Pixels 0.15 mm a"] * is_map(name)  # what a friction map cannot hold
+    for one in export.FORMATS.values():
+        if first.name.endswith(f"seed3{one.suffix}"):
+            assert one.read(first)[1]["checkpoint"] == Path(bundled_checkpoint()).name
     if first.suffix == ".npz":
         with np.load(first) as file:
             np.testing.assert_array_equal(file["texture"], texture.samples)
@@ -140,8 +146,35 @@ def test_every_format_is_a_valid_file(result, tmp_path, name):
 
 def test_format_is_looked_up_not_a_path(result, tmp_path):
     with pytest.raises(ValueError, match="must be one of"):
-        write_files(result.textures[0], "../../etc/passwd", tmp_path)
+        write_files(result.textures[0], "../../etc/passwd", tmp_path, 0.15)
     assert not list(tmp_path.iterdir())
+
+
+def test_pitch_of_a_map_is_the_display_s(result, tmp_path):
+    name = next(filter(is_map, FORMATS))
+    [path], told = write_files(result.textures[0], name, tmp_path, 0.03)
+    assert export.FORMATS["png"].read(path)[1]["pixel_pitch"] == 0.03 and not told
+    for bad in (None, 0, -1, float("nan"), "0.15", 1e-9, 50.0):
+        with pytest.raises(ValueError, match="pitch"):
+            write_files(result.textures[0], name, tmp_path, bad)
+
+
+def test_names_of_files_are_of_safe_characters_whatever_was_asked(studio, tmp_path):
+    made = studio.generate([(-0.001, float("nan"), float("nan"))]).textures[0]
+    [path], _ = write_files(made, next(iter(FORMATS)), tmp_path, 0.15)
+    assert path.name == "texture_r0.00_bopen_sopen_seed1.npz" and re.fullmatch(r"[\w.-]+", path.name)
+
+
+def test_usual_ratings_hold_most_takes(studio):
+    """What the page calls usual is drawn, not decoded; takes that are decoded must be heard so."""
+    made = studio.generate([RATINGS], Settings(takes=8))
+    heard = np.array([texture.heard for texture in made.textures])
+    low, high = made.usual
+    assert (low < high).all() and 0.5 < ((heard > low) & (heard < high)).mean() <= 1
+    other = studio.generate([RATINGS], Settings(seed=5))
+    np.testing.assert_allclose(other.usual, made.usual, atol=1e-4)  # it does not move while seeds are tried
+    numbers = texture_answer(made, 0, "percentile", studio.config)[2]
+    assert "usual</th>" in numbers and re.search(r"<td>\d+ to \d+</td>", numbers)
 
 
 def test_side_by_side(studio):
@@ -157,7 +190,13 @@ def test_reconstruction_is_compared_with_what_was_recorded(studio, result):
     assert made.nine_band_db < 0.5
     assert np.corrcoef(made.decoded.samples, recorded)[0, 1] > 0.5
     picture, sound, numbers = reconstruction_answer(made, "raw", studio.config)
+    assert "asked" not in numbers and numbers.count(">1</td>") == 1 and "Newtons per unit" not in numbers
     assert sound.count("<audio") == 2 and "Nine-band error" in numbers and "base64" in picture
+
+
+def test_recordings_louder_than_textures_are_told(studio, pink_noise):
+    made = studio.reconstruct(pink_noise(5000, 10_000)[0] * 50, 10_000)
+    assert "Newtons per unit" in reconstruction_answer(made, "z", studio.config)[2]
 
 
 @pytest.mark.parametrize("rate", [2001, 44_100])

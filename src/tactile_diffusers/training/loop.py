@@ -110,7 +110,8 @@ def make_accelerator(args):
             import tensorboard  # noqa: F401
         except ImportError as error:
             raise ImportError(
-                f'--report_to {args.report_to} needs: pip install "tactile-diffusers[training]"; or give --report_to none.'
+                f'--report_to {args.report_to} needs: pip install "tactile-diffusers[training]"; or give '
+                "--report_to none."
             ) from error
     if args.allow_tf32:
         torch.backends.cuda.matmul.allow_tf32 = True

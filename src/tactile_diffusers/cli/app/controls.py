@@ -74,7 +74,6 @@ def make_controls(gr, studio):
         info = f"up to {few}: the distilled decoder" if few else None
         together = f"takes × duration: at most {MOST_SECONDS:g} s in all"
         low, high = LIMITS["seed"]
-        seconds = LIMITS["duration_s"]
         settings = [
             gr.Slider(*LIMITS["steps"], default.steps, step=1, label="Steps of the decoder (LCTG)", info=info),
             gr.Slider(*LIMITS["latent_steps"], default.latent_steps, step=1, label="Steps of DALE"),

@@ -88,5 +88,8 @@ def write_files(texture, name, folder, pixel_pitch):
 def _stem(texture):
     """A name that tells textures apart, of letters, digits, ".", "_" and "-": "texture_r0.90_b0.50_sopen_seed1"."""
     ratings = zip(RATING_AXES, texture.ratings, strict=True)
-    parts = (f"{axis[0]}{value + 0.0:.2f}" if np.isfinite(value) else f"{axis[0]}open" for axis, value in ratings)
+    parts = (
+        f"{axis[0]}{np.round(value, 2) + 0.0:.2f}" if np.isfinite(value) else f"{axis[0]}open"
+        for axis, value in ratings
+    )
     return f"texture_{'_'.join(parts)}_seed{texture.seed}"

@@ -107,7 +107,7 @@ def _figure(width, height):
 def _margins(height, wspace, right):
     """Fixed margins: a layout that measures every label takes longer than all the rest of an answer."""
     return {
-        "left": 0.065,
+        "left": 0.075,
         "right": right,
         "bottom": 0.5 / height,
         "top": 1 - 0.3 / height,

@@ -13,9 +13,10 @@ from .texture_tab import texture_tab
 
 CSS = """
 #picture { min-height: 400px; } /* nothing jumps when they arrive */
-#status { position: sticky; top: 0; z-index: 5; min-height: 2.4em; } /* in view wherever the page is scrolled to */
-:is(#status, .refused) p[role=status] { margin: 0; padding: 6px 10px; border-left: 4px solid #d9480f; }
-#status p[role=status] { background: var(--background-fill-primary); }
+p[role=status] { margin: 0; padding: 6px 10px; border-left: 4px solid #d9480f; }
+/* in view wherever the page is scrolled to; nothing moves when it comes and goes */
+#status p[role=status] { position: fixed; bottom: 0; left: 0; right: 0; z-index: 5; pointer-events: none; }
+#status p[role=status] { background: var(--background-fill-primary); box-shadow: 0 -1px 6px #8888; }
 #warned p { border-left: 4px solid #d9480f; padding-left: 10px; }
 [data-testid=status-tracker] .error { display: none; } /* why is said in words, what was there before remains */
 #strip { min-height: 360px; }
@@ -138,7 +139,7 @@ def _recording_tab(gr, studio, asked):
             newtons = gr.Number(1.0, label="Newtons per unit", info="1 = the file holds newtons; WAV: per full scale")
             make = gr.Button("Reconstruct and compare", variant="primary", elem_id="reconstruct")
     picture, sound, numbers = (
-        gr.HTML(elem_id="recording-picture", elem_classes="refused"),
+        gr.HTML(elem_id="recording-picture"),
         gr.HTML(),
         gr.HTML(elem_id="recording-numbers"),
     )
