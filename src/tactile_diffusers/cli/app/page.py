@@ -28,6 +28,7 @@ p[role=status] { margin: 0; padding: 6px 10px; border-left: 4px solid #d9480f; }
 audio { max-width: 100%; }
 .prose table.numbers { border-collapse: collapse; border: 0 !important; margin: 0; }
 .prose table.numbers :is(th, td) { padding: 2px 16px 2px 0; text-align: left; border: 0 !important; }
+.prose table.numbers td { white-space: nowrap; }
 .prose table.numbers tr { border: 0 !important; border-bottom: 1px solid #8886 !important; }
 """
 #: An emptied number field holds no number, which gradio would take for the lowest: it gets its last one back.

@@ -80,9 +80,11 @@ def texture_tab(gr, studio, folder, page):
     # shown by an event of its own, on the scale of that moment: it may change while a texture is made
     show_again = {"fn": said(gr, show), "inputs": [result, take, asked["scale"]], "outputs": [picture, sound, numbers]}
     show_again["outputs"].append(strip)
-    show_again |= {"api_visibility": "private", "show_progress": "minimal"}
+    # the last counts: an answer that comes while another is still drawn must be drawn, too
+    show_again |= {"api_visibility": "private", "show_progress": "minimal", "trigger_mode": "always_last"}
     # whether what is shown is what is asked: after every answer, and whenever a control has moved
     compare = {"fn": functools.partial(_compare, studio), "inputs": [result, *inputs], "outputs": status, **hidden}
+    compare["trigger_mode"] = "always_last"
 
     def answered(event):
         event.then(**compare)
@@ -93,7 +95,7 @@ def texture_tab(gr, studio, folder, page):
     answered(gr.on([make.click, page.load, *moved], **request))
     make.click(None, js=_SHOW_RESULTS)
     gr.on(moved, None, js="() => null", outputs=asked["preset"])  # they are the preset's no more
-    gr.on([control.change for control in (*controls, *asked["settings"])], trigger_mode="always_last", **compare)
+    gr.on([control.change for control in (*controls, *asked["settings"])], **compare)
     preset = functools.partial(set_preset, gr, studio)
     chosen = asked["preset"].input(
         preset, [asked["preset"], asked["scale"]], [*asked["ratings"], *asked["open"]], api_visibility="private"
