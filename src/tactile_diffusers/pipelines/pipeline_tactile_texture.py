@@ -49,7 +49,9 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
     r"""
     Textures from perceptual ratings: DALE makes latents, level and friction coefficient; LCTG decodes them to force.
 
-    This pipeline inherits from [`DiffusionPipeline`]: loading, saving, moving and offloading are described there.
+    This pipeline inherits from [`DiffusionPipeline`]: loading, saving, moving and offloading are described there. It
+    serves one thread at a time, because its schedulers have state: every thread needs a pipeline of its own, which may
+    share the models but not the schedulers.
 
     Args:
         lctg ([`LCTGModel`]): encoder and decoder between textures and latents.
