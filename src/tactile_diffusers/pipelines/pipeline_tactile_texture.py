@@ -51,7 +51,8 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
 
     This pipeline inherits from [`DiffusionPipeline`]: loading, saving, moving and offloading are described there. It
     serves one thread at a time, because its schedulers have state: every thread needs a pipeline of its own, which may
-    share the models but not the schedulers.
+    share the models but not the schedulers. A forked process calls `torch.set_num_threads(1)` before it: PyTorch's
+    threads do not survive a fork, and the pipeline would wait for them for ever.
 
     Args:
         lctg ([`LCTGModel`]): encoder and decoder between textures and latents.
