@@ -2,7 +2,9 @@
 
 import json
 import math
+import platform
 
+import numpy as np
 import pytest
 import torch
 
@@ -13,8 +15,8 @@ from tactile_diffusers.cli.benchmark_stability import CASES, measure
 from tactile_diffusers.cli.benchmark_stability_bench import Bench, Row
 from tactile_diffusers.cli.readme import markers
 
-KINDS = ["precision", "ratings", "guidance", "steps", "level", "length", "input", "sampling rate"]
-KINDS += ["many in a row", "stream", "threads", "processes", "compiled"]
+KINDS = ["many in a row", "stream", "precision", "ratings", "guidance", "steps", "level", "length", "input"]
+KINDS += ["sampling rate", "threads", "processes", "compiled"]
 
 
 @pytest.fixture(autouse=True)
@@ -86,6 +88,21 @@ def test_a_broken_half_precision_is_found(bench, monkeypatch):
     monkeypatch.setattr(TactileFeatureExtractor, "denormalize", overflowing)
     rows = list(bench.against("half", bench.make(), 1.0, 1.0))
     assert [row.passed for row in rows] == [False, False, True]  # the level is a number beside the waveform
+
+
+@pytest.mark.skipif(platform.system() != "Linux", reason="memory is read from /proc")
+def test_growing_memory_is_found(bench, monkeypatch):
+    right, kept = type(bench.pipe).__call__, []
+
+    def growing(self, *arguments, **options):
+        kept.append(np.ones(2**19))  # 4 MiB
+        return right(self, *arguments, **options)
+
+    monkeypatch.setattr(type(bench.pipe), "__call__", growing)
+    rows = list(CASES["many in a row"](bench))
+    grown = next(row for row in rows if row.unit == "MiB")
+    assert not grown.passed and grown.value > 15
+    assert [row.passed for row in rows if row is not grown] == [True, True]
 
 
 def _planted(bench):

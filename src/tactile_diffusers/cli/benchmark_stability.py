@@ -11,8 +11,11 @@ from . import benchmark_stability_signals as signals
 from .benchmark_stability_bench import RATINGS, SAME, SAME_DB, Bench, Row
 from .suite import machine, write_results
 
-#: Kinds of cases: functions of a `Bench` that yield rows.
+#: Kinds of cases: functions of a `Bench` that yield rows. First those that watch memory: what other cases have given
+#: back to the allocator would hide growth.
 CASES = {
+    "many in a row": running.many,
+    "stream": running.stream,
     "precision": signals.precision,
     "ratings": signals.ratings,
     "guidance": signals.guidance,
@@ -21,8 +24,6 @@ CASES = {
     "length": signals.lengths,
     "input": signals.inputs,
     "sampling rate": signals.sampling_rates,
-    "many in a row": running.many,
-    "stream": running.stream,
     "threads": running.threads,
     "processes": running.processes,
     "compiled": running.compiled,
