@@ -144,3 +144,12 @@ def test_packed_scalars_are_ratings_free_numbers_of_one_texture(make_dale):
 def test_models_are_named_by_the_package():
     for cls in (LCTGModel, DALEModel):
         assert cls.__module__ == "tactile_diffusers"
+
+
+def test_pickles_are_not_written(make_lctg, tmp_path):
+    """They could not be read again."""
+    with pytest.raises(ValueError, match="`safe_serialization` must not be False. Such files are pickles"):
+        make_lctg().save_pretrained(str(tmp_path / "a"), safe_serialization=False)
+    assert not (tmp_path / "a").exists()
+    make_lctg().save_pretrained(str(tmp_path / "b"), variant="fp16", safe_serialization=True)
+    assert (tmp_path / "b" / "diffusion_pytorch_model.fp16.safetensors").is_file()

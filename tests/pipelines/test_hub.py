@@ -137,9 +137,9 @@ class TestSending:
         assert len(found) == 1 and "has no README.md" in found[0]
 
     def test_pickles_are_refused_before_anything_is_created(self, hub, pipe, tmp_path):
-        with pytest.raises(ValueError, match="`safe_serialization` must be True for the Hub"):
+        with pytest.raises(ValueError, match="`safe_serialization` must not be False"):
             pipe.push_to_hub("someone/textures", safe_serialization=False)
-        with pytest.raises(ValueError, match="`safe_serialization` must be True for the Hub"):
+        with pytest.raises(ValueError, match="`safe_serialization` must not be False"):
             pipe.save_pretrained(str(tmp_path / "new"), safe_serialization=False, push_to_hub=True)
         assert hub.created == [] and not (tmp_path / "new").exists()
 

@@ -1,9 +1,11 @@
 """Models from folders that may be damaged, or anyone's: nothing is unpickled, and a model is whole or refused."""
 
+import functools
 import inspect
 from pathlib import Path
 
 import torch
+from diffusers.models.modeling_utils import ModelMixin
 from safetensors import safe_open
 
 from ..reading import read_json, reading
@@ -47,6 +49,13 @@ class SafeLoadingMixin:
                 f"are no numbers: {damaged[:3]}. {_AGAIN}"
             )
         return (model, info) if with_info else model
+
+    @functools.wraps(ModelMixin.save_pretrained)  # pipelines look at the signature
+    def save_pretrained(self, save_directory, *args, **kwargs):
+        given = inspect.signature(ModelMixin.save_pretrained).bind(self, save_directory, *args, **kwargs).arguments
+        if not given.get("safe_serialization", True):
+            raise ValueError(f"`safe_serialization` must not be False. {WHY_NO_PICKLES}")
+        return super().save_pretrained(save_directory, *args, **kwargs)
 
 
 def _holds_no_numbers(parameter):

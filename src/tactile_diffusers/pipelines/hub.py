@@ -10,6 +10,7 @@ from diffusers.utils import logging
 from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundError, RevisionNotFoundError
 
 from ..checkpoints import DISTILLED
+from ..models.loading import WHY_NO_PICKLES
 
 logger = logging.get_logger(__name__)
 
@@ -127,12 +128,11 @@ class HubMixin:
             kwargs: `token`, `private`, `commit_message`, `create_pr` of `upload_checkpoint`.
 
         Raises:
-            ValueError: for pickled weights that should go to the Hub: none are fetched from there.
+            ValueError: for pickled weights: they could not be read again.
         """
         hub = ("token", "private", "commit_message", "create_pr") if push_to_hub else ()
         sending = {name: kwargs.pop(name) for name in hub if name in kwargs}
-        if push_to_hub:
-            _check_safe(safe_serialization)
+        _check_safe(safe_serialization)
         super().save_pretrained(save_directory, safe_serialization, variant, max_shard_size, **kwargs)
         if push_to_hub:
             forget_folders(save_directory)
@@ -175,4 +175,4 @@ class HubMixin:
 
 def _check_safe(safe_serialization):
     if not safe_serialization:
-        raise ValueError("`safe_serialization` must be True for the Hub: only safetensors are fetched from there.")
+        raise ValueError(f"`safe_serialization` must not be False. {WHY_NO_PICKLES}")
