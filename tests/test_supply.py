@@ -20,6 +20,7 @@ DISTRIBUTIONS = {"PIL": "pillow"}
 OPTIONAL = {
     "training": {"tensorboard": "training/loop.py"},
     "demo": {"gradio": "cli/app/", "starlette": "cli/app/serve.py"},  # gradio brings starlette
+    "parquet": {"pyarrow": "data/folder/tables.py"},
     "vibromaf": {"vibromaf": "evaluation/vibrotactile.py"},
 }
 #: Imported by nobody here: pandas needs it, for xlsx.
@@ -86,7 +87,7 @@ def test_every_dependency_has_a_floor_and_an_end():
     assert all(",<" in line for line in PROJECT["dependencies"])
 
 
-@pytest.mark.parametrize("extra", [*OPTIONAL, "parquet"])
+@pytest.mark.parametrize("extra", OPTIONAL)
 def test_an_extra_is_named_where_it_is_missed(extra):
     assert extra in EXTRAS
     texts = [path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")]

@@ -107,7 +107,7 @@ def test_what_was_pickled_here_is_unpickled_there(found):
 
 
 def test_a_variant_must_be_asked_for(found):
-    assert "Error no file named diffusion_pytorch_model.bin" in found["variant without asking"]["error"]
+    assert "Give `variant`: the folder has fp16." in found["variant without asking"]["error"]
     assert "variant=bf16" in found["another variant"]["error"]
 
 

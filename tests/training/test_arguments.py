@@ -85,7 +85,7 @@ def test_mixed_precision_keeps_trained_weights_wide(make_trainer, tmp_path):
 def test_a_missing_tracker_names_the_extra(make_trainer, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "tensorboard", None)
     for name in ("tensorboard", "all"):
-        with pytest.raises(ImportError, match=rf"--report_to {name} needs `pip install tactile_diffusers\[training\]`"):
+        with pytest.raises(ImportError, match=rf"--report_to {name} needs: pip install .tactile-diffusers\[training\]"):
             make_trainer(tmp_path, report_to=name)
 
 

@@ -6,7 +6,8 @@ from itertools import islice
 import pytest
 
 from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
-from tactile_diffusers.training.loop import EndlessBatches, latest_checkpoint
+from tactile_diffusers.training.batches import EndlessBatches
+from tactile_diffusers.training.loop import latest_checkpoint
 
 
 def _batches(count, *arguments):

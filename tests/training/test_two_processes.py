@@ -11,8 +11,8 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from tactile_diffusers.training.batches import EndlessBatches
 from tactile_diffusers.training.draws import Draws
-from tactile_diffusers.training.loop import EndlessBatches
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # `accelerate launch --cpu --num_processes 2` starts one process (accelerate 1.15); torchrun is what it uses for GPUs

@@ -127,7 +127,7 @@ def _loading_speeds(data, extractor):
     import numpy as np
     import torch
 
-    from ..training.loop import EndlessBatches
+    from ..training.batches import EndlessBatches
 
     def features(items):
         textures = torch.stack([item["texture"] for item in items])

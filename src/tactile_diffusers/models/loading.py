@@ -115,5 +115,7 @@ def _weights(folder, variant):
         pickles = sorted(path.name for path in folder.iterdir() if path.suffix in PICKLES)
         if pickles:
             raise ValueError(f"{folder} has no {absent[0].name}, only {', '.join(pickles)}. {WHY_NO_PICKLES}")
-        raise FileNotFoundError(f"There is no {absent[0]}. {_AGAIN}")
+        held = sorted({path.name.split(".")[1] for path in folder.glob(f"{WEIGHTS}.*.safetensors")} - {variant})
+        remedy = f"Give `variant`: the folder has {', '.join(held)}." if held else _AGAIN
+        raise FileNotFoundError(f"There is no {absent[0]}. {remedy}")
     return paths

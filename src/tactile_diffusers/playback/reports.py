@@ -23,8 +23,11 @@ def check_reports(time, position, dimensions):
     Raises:
         ValueError: for another shape, or what is not finite.
     """
-    times = np.atleast_1d(np.asarray(time, dtype=np.float64))
-    places = np.asarray(position, dtype=np.float64)
+    try:
+        times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+        places = np.asarray(position, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"`time` and `position` must be numbers, got {time!r} and {position!r}.") from error
     forms = {(len(times), dimensions)} | ({(len(times),)} if dimensions == 1 else set())
     if len(times) == 1:
         forms.add(() if dimensions == 1 else (dimensions,))

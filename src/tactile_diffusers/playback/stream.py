@@ -181,7 +181,10 @@ class TextureStream:
 
     def _normal_force(self, given, samples):
         """N, one or (samples,): a number is reached smoothly."""
-        force = np.asarray(given, dtype=np.float64)
+        try:
+            force = np.asarray(given, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"`normal_force` must be numbers, N, got {given!r}.") from error
         if force.shape not in ((), (samples,)):
             raise ValueError(
                 f"`normal_force` must be one number or one for each sample of the block, ({samples},), N; got the "
