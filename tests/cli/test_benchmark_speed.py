@@ -115,6 +115,7 @@ def test_without_a_compiler_the_rest_is_measured(small, without_audio_diffusion,
     assert any(note.startswith("distilled: none") for note in found["notes"])
 
 
+@pytest.mark.slow
 def test_an_anchor_without_dale_is_left_out(small, without_audio_diffusion, checkpoint, evaluable_pipe, tmp_path):
     evaluable_pipe(dale=False).save_pretrained(str(tmp_path / "anchor"))
     words = f"--output {tmp_path / 'o'} --repeats 1 --peers --anchor {tmp_path / 'anchor'}"

@@ -17,6 +17,7 @@ def small(monkeypatch):
     monkeypatch.setattr(benchmark_endless, "CHANGE_SECONDS", 0.5)
 
 
+@pytest.mark.slow
 def test_the_suite_writes_its_tables(small, tmp_path, capsys):
     words = f"--suite stream --surfaces 2 --minutes 0.02 --quiet --output {tmp_path}"
     assert benchmark.main(words.split()) == 0

@@ -76,6 +76,7 @@ def test_benchmark_reports_every_part(checkpoint, tmp_path, monkeypatch):
     assert all(row["whole s"] > 0 for row in report["steps"].values())
 
 
+@pytest.mark.slow
 def test_benchmark_compares_solvers(checkpoint, prepared, tmp_path, monkeypatch):
     """A small version of the whole comparison, trained models included."""
     whole = solver_study.mixture_errors

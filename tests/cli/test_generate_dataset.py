@@ -114,6 +114,7 @@ def test_two_processes_write_what_one_does(checkpoint, tmp_path):
     assert (tmp_path / "one" / "manifest.json").read_text() == (tmp_path / "two" / "manifest.json").read_text()
 
 
+@pytest.mark.slow
 def test_a_killed_and_resumed_run_equals_an_unbroken_one(checkpoint, tmp_path, capsys):
     words = dict(num_inference_steps=20, batch_size=1)
     out = tmp_path / "killed"

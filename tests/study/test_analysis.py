@@ -39,6 +39,7 @@ def _inside(leaf, value):
     return low <= value <= high
 
 
+@pytest.mark.slow
 def test_known_sensitivity_lies_in_the_interval(make_key):
     """Of 20 studies with 4 conditions each."""
     key, hits, errors = make_key(), [], []
@@ -63,6 +64,7 @@ def test_guessing_is_found_to_be_guessing(make_key):
         assert entry["proportion_correct"]["mean"] == pytest.approx(0.5, abs=0.08)
 
 
+@pytest.mark.slow
 def test_known_slopes_lie_in_the_interval(make_key):
     key, hits = make_key(), []
     wanted = {"reference": 1.0, "generated": 0.7, "mean_spectrum": 0.0}

@@ -42,7 +42,7 @@ class DriveProfile:
     fit = fit_drive_profile(volts, measured, 10_000, kind="electroadhesion", normal_force=0.5, speed=80.0)
     fit.profile.save("display.json")
     display = DriveProfile.load("display.json").stream()
-    out = TactileTexturePipeline.from_pretrained(bundled_checkpoint())([[1.5, 0.0, -1.0]])
+    out = TactileTexturePipeline.from_pretrained(bundled_checkpoint())([[0.5, 0.0, -1.0]])
     profile = TextureProfile(out.textures[0], out.sampling_rate, out.reference_speed)
     stream = TextureStream(profile, out.friction_coefficient[0], sensor_rate=125)
     for number in range(125):
