@@ -18,6 +18,8 @@ from ..signal import coverage_distance
 
 logger = logging.get_logger(__name__)
 
+#: A hundred times the steps of training: beyond, the times alone would not fit into memory.
+MOST_STEPS = 100_000
 #: scales in which ratings may be given
 RATING_SCALES = ("z", "raw", "percentile")
 #: ratings beyond this many z-scores are taken for a mistake of scale (a 0-8 score, say)
@@ -172,6 +174,13 @@ def check_positive_integer(name, value):
         raise ValueError(f"`{name}` must be a whole number >= 1, got {value!r}.")
 
 
+def check_steps(name, value):
+    """Raises a `ValueError` unless `value` is a whole number from 1 to `MOST_STEPS`."""
+    check_positive_integer(name, value)
+    if value > MOST_STEPS:
+        raise ValueError(f"`{name}` must be at most {MOST_STEPS}, got {value}. Ten are as good as a thousand.")
+
+
 def parse_guidance(guidance_scale, axes):
     """Guidance as `Guidance` takes it: a float, or a dict of indices of axes.
 
@@ -227,7 +236,7 @@ def check_generator(generator, batch_size):
 
 def check_decoding(latents, level, friction_coefficient, channels, num_inference_steps, output_type, samples):
     """Raises a `ValueError` for impossible arguments of `decode`, where LCTG has `channels` latent channels."""
-    check_positive_integer("num_inference_steps", num_inference_steps)
+    check_steps("num_inference_steps", num_inference_steps)
     if samples is not None:
         check_positive_integer("samples", samples)
     for name, value in (("latents", latents), ("level", level), ("friction_coefficient", friction_coefficient)):

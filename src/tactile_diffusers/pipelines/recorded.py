@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from .inputs import check_decoding, check_generator, check_noise, check_positive_integer
+from .inputs import check_decoding, check_generator, check_noise, check_steps
 from .pipeline_output import TactileLatents
 
 #: Steps of both stages. `examples/benchmark.py --suite scheduler`: with the second order, nine-band error and KTD of
@@ -25,7 +25,7 @@ class RecordedTexturesMixin:
         most = self.lctg.config.distilled_steps
         decoding = DEFAULT_STEPS if most is None else most
         if num_inference_steps is not None:
-            check_positive_integer("num_inference_steps", num_inference_steps)
+            check_steps("num_inference_steps", num_inference_steps)
             decoding = num_inference_steps
         if most is not None and decoding > most:
             raise ValueError(
@@ -34,7 +34,7 @@ class RecordedTexturesMixin:
             )
         if num_latent_inference_steps is None:
             return decoding, decoding if most is None else DEFAULT_STEPS
-        check_positive_integer("num_latent_inference_steps", num_latent_inference_steps)
+        check_steps("num_latent_inference_steps", num_latent_inference_steps)
         return decoding, num_latent_inference_steps
 
     @torch.no_grad()

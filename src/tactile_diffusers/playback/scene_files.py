@@ -18,7 +18,7 @@ import torch
 from safetensors.numpy import save_file
 
 from ..data.files import atomic_path
-from ..pipelines.inputs import check_positive_integer
+from ..pipelines.inputs import check_steps
 from .patches import LONGEST_MM, Patches
 
 FORMAT, VERSION = "tactile-scene", "1"
@@ -135,7 +135,7 @@ def _state(content, tensors, pipe):
     if not names or len(set(names)) < len(names) or not all(isinstance(name, str) and name for name in names):
         raise ValueError(f"names are {names!r}")
     check_seed(content["seed"])
-    check_positive_integer("num_inference_steps", content["num_inference_steps"])
+    check_steps("num_inference_steps", content["num_inference_steps"])
     if content["num_inference_steps"] > MOST_STEPS:
         raise ValueError(f"num_inference_steps is {content['num_inference_steps']}, above {MOST_STEPS}")
     speed = content["reference_speed"]
