@@ -19,6 +19,8 @@ REST_SPEED = 3.0
 #: the step of distance at which that is computed.
 SHEAR_TRAVELS = (0.0, *np.geomspace(0.1, 1.6, 19))
 TRAVEL_STEP = 0.05
+#: After a longer way (mm; 120 s at 2 m/s), as where tracking jumps, no lag is told: the steps would fill the memory.
+LONGEST_WAY = 240_000.0
 #: Shears that leave so much (factor) unexplained of what the best one leaves are as good; if their lags differ by more
 #: than this (s), as in a recording of steady loops only, the lag cannot be told (recipe).
 AS_GOOD, LARGEST_DOUBT = 1.02, 0.015
@@ -59,8 +61,8 @@ def residual_lag(force, force_rate, velocity, velocity_rate):
         velocity_rate (`float`): Hz.
 
     Returns:
-        `Lag`, or `None` if the recording hardly turns, the force does not follow the turns, or lag and shear cannot be
-        told apart.
+        `Lag`, or `None` if the recording hardly turns, the force does not follow the turns, lag and shear cannot be
+        told apart, or the way is too long to be one of a finger.
     """
     seconds = min(len(force) / force_rate, len(velocity) / velocity_rate, LAG_SECONDS)
     force, velocity = force[: math.ceil(seconds * force_rate)], velocity[: math.ceil(seconds * velocity_rate)]
@@ -70,8 +72,10 @@ def residual_lag(force, force_rate, velocity, velocity_rate):
     direction = velocity / np.hypot(speed, REST_SPEED)[:, None]
     if len(time) < 4 * LONGEST_LAG * LAG_RATE or direction.var(axis=0).sum() < LEAST_TURNING:
         return None
-    force = _at_times(_slow(force, force_rate), force_rate, time)
     travelled = np.concatenate([[0.0], np.cumsum(speed[1:]) / LAG_RATE])
+    if travelled[-1] > LONGEST_WAY:
+        return None
+    force = _at_times(_slow(force, force_rate), force_rate, time)
     followed = [_slow(_sheared(direction, travelled, shear), LAG_RATE) for shear in SHEAR_TRAVELS]
     lags, correlations = np.array([_peak(force, each) for each in followed]).T
     unexplained = 1 - np.abs(correlations)

@@ -20,6 +20,8 @@ from .lag import residual_lag
 
 #: Median speeds of a finger (mm/s) outside of this are probably in another unit (recipe).
 LIKELY_SPEED = (1.0, 1000.0)
+#: No finger that explores a surface moves farther (mm) or faster (mm/s, median): the unit is wrong (recipe).
+LARGEST_SPAN, LARGEST_SPEED = 5000.0, 10_000.0
 
 
 def read_recording(name, channels, layout, report):
@@ -47,6 +49,7 @@ def read_recording(name, channels, layout, report):
     if "position" in read:
         position, (window, order) = read["position"], (layout.velocity.window, layout.velocity.order)
         _check_usable(position)
+        _check_span(position, channels["position"])
         slope = velocity_from_position(position.values, position.true_rate, window, order)
         motion = replace(position, values=slope)
     if motion is not None:
@@ -59,6 +62,7 @@ def read_recording(name, channels, layout, report):
     force = _without_faults(force, kind, unit, report)
     arrays = {kind: _shaped(force.values, kind), f"{kind}_rate": force.rate, "unit": unit}
     if motion is not None:
+        _check_speed(motion, channels.get("position") or channels["velocity"])
         _note_speed(motion, report)
         report.lags[name] = _lag(force, motion)
         arrays |= {"velocity": _in_plane(motion.values), "velocity_rate": motion.rate}
@@ -162,9 +166,34 @@ def _note_lengths(force, motion, report):
         report.note("recordings: force and motion differ in length: is a rate wrong, or a file cut off?", 1, place)
 
 
+def _check_span(position, source):
+    """Refuses positions in a wrong unit: the range, without the odd outlier."""
+    low, high = np.nanpercentile(position.values, (1, 99), axis=0)
+    span = float(np.max(high - low))
+    if span > LARGEST_SPAN:
+        raise ValueError(
+            f"{position.where}: with `unit` = {source.files.position.unit!r} the positions span {span:,.0f} mm: is the "
+            f"unit of `position` right? At most {LARGEST_SPAN:,.0f} mm are taken."
+        )
+
+
+def _check_speed(motion, source):
+    """Refuses speeds that no finger has, before anything is computed from the distance."""
+    speed = _median_speed(motion)
+    if speed > LARGEST_SPEED:
+        name = "velocity" if source.files.velocity else "position"
+        raise ValueError(
+            f"{motion.where}: with `unit` = {getattr(source.files, name).unit!r} of `{name}` the median speed is "
+            f"{speed:,.0f} mm/s: is that unit right, and that of `time`? At most {LARGEST_SPEED:,.0f} mm/s are taken."
+        )
+
+
+def _median_speed(motion):
+    return float(np.nanmedian(np.linalg.norm(motion.values, axis=1)))
+
+
 def _note_speed(motion, report):
-    speed = float(np.nanmedian(np.linalg.norm(motion.values, axis=1)))
-    if not LIKELY_SPEED[0] <= speed <= LIKELY_SPEED[1]:
+    if not LIKELY_SPEED[0] <= _median_speed(motion) <= LIKELY_SPEED[1]:
         report.note(f"recordings with a median speed outside {LIKELY_SPEED} mm/s: is the unit right?", 1, motion.where)
 
 
