@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import RecordingsFile, RecordingsWriter, prepare_recordings
+from tactile_diffusers.data import RecordingsFile, RecordingsWriter, SegmentLimits, prepare_recordings
 from tactile_diffusers.signal import RATING_AXES, SEGMENT_SECONDS
 
 
@@ -50,9 +50,32 @@ def test_interrupted_writer_leaves_the_old_file(tmp_path, recording_maker, recor
 
 def test_failed_preparation_leaves_nothing(tmp_path, recording_maker, recordings_writer):
     path = recordings_writer(tmp_path / "r.h5", {name: recording_maker(speed=20) for name in "abc"})
-    with pytest.raises(ValueError, match="no segment meets the limits(.|\n)*speed outside limits 11"):
+    with pytest.raises(ValueError, match="no segment meets the limits(.|\n)*speed outside limits 11") as raised:
         prepare_recordings(path, tmp_path / "p.h5", quiet=True)
+    account, measured = str(raised.value).split("What was measured")
+    assert "run shorter" not in measured and "  seconds: " in account  # the account comes first
+    assert "normal force: median 0.5 N, limits 0.4 to 0.6 N (--normal-force LOW HIGH" in measured
+    assert "speed: median 20 mm/s, limits 66 to 99 mm/s (--speed LOW HIGH" in measured and "none" in measured
     assert [file.name for file in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_what_was_measured_tells_wrong_units_and_short_runs(tmp_path, recording_maker, recordings_writer):
+    recording = recording_maker()
+    recording["force"] = recording["force"] / 1000
+    path = recordings_writer(tmp_path / "r.h5", {name: recording for name in "abc"})
+    with pytest.raises(ValueError, match=r"median 0.0005 N, limits 0.4 to 0.6 N: is unit right\? \(--normal-force"):
+        prepare_recordings(path, tmp_path / "p.h5", quiet=True)
+    recording = recording_maker()
+    recording["velocity"] = recording["velocity"].copy()
+    recording["velocity"][(np.arange(2000) % 350) < 75] = [20.0, 0.0]  # 0.55 s inside the limits, 0.15 s slower
+    path = recordings_writer(tmp_path / "r.h5", {name: recording for name in "abc"})
+    with pytest.raises(ValueError) as raised:
+        prepare_recordings(path, tmp_path / "p.h5", quiet=True)
+    assert "runs within the limits: median 0.55 s, longest 0.55 s; a segment lasts 1.64 s" in str(raised.value)
+    assert "between two runs: median 0.15 s; up to 0.1 s outside the limits are bridged (--longest" in str(raised.value)
+    assert "is unit right" not in str(raised.value)
+    report = prepare_recordings(path, tmp_path / "p.h5", SegmentLimits(longest_excursion=0.3), quiet=True)
+    assert report.segments["filtered"]["train"]
 
 
 def damage_format(file):

@@ -96,7 +96,10 @@ def _add_segments(group):
     group.add_argument("--speed", **numbers, help="mm/s" + both.format(*limits.speed) + " (biotac: any)")
     group.add_argument("--no-limits", action="store_true", help="any normal force and speed")
     group.add_argument(
-        "--longest-excursion", type=float, default=limits.longest_excursion, help="s; default %(default)s"
+        "--longest-excursion",
+        type=float,
+        default=limits.longest_excursion,
+        help="longest time outside the limits that is bridged, s; default %(default)s",
     )
     group.add_argument(
         "--turnarounds",

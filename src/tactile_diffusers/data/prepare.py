@@ -24,6 +24,7 @@ from .recordings import RecordingsFile
 from .segments import REASONS, SegmentLimits, channels, filtered_with_gaps, find_windows
 from .splits import SPLITS, assign_splits
 from .turnarounds import DEFAULT_TURNAROUNDS, check_turnarounds
+from .unmet_limits import Measured
 
 
 @dataclass
@@ -114,7 +115,10 @@ def prepare_recordings(
             columns = index.columns()
             report = _report(columns, splits, index, notes, ratings["ratings"].reliability)
             if not any(report.segments["filtered"].values()):
-                raise ValueError(f"{recordings}: no segment meets the limits {limits}. Widen or drop them.\n{report}")
+                raise ValueError(
+                    f"{recordings}: no segment meets the limits.\n{report}\n"
+                    f"What was measured, beside the limits; widen or drop what does not fit:\n{index.measured}"
+                )
             write_recordings(file, source, splits, index.turnarounds)
             for name, pooled in ratings.items():
                 write_ratings(file, name, pooled)
@@ -147,6 +151,7 @@ class _Index:
         self.limits = dict(zip(SUBSETS, (limits, limits.without_conditions()), strict=True))
         self.seconds = {subset: np.zeros((recordings, len(REASONS))) for subset in SUBSETS}
         self.turnarounds = []
+        self.measured = Measured(limits, rate)
         self._parts = {subset: {name: [] for name in ("recording", *WINDOW_FIELDS)} for subset in SUBSETS}
         self._names = {}
 
@@ -154,6 +159,8 @@ class _Index:
         self.turnarounds.append(data.turnarounds)
         for subset, limits in self.limits.items():
             windows = find_windows(data, filtered, valid, self.rate, limits)
+            if subset == SUBSETS[0]:
+                self.measured.add(data, windows.usable)
             self.seconds[subset][number] = [windows.seconds[reason] for reason in REASONS]
             self._parts[subset]["recording"].append(np.full(len(windows.start), number))
             for field_name in WINDOW_FIELDS:

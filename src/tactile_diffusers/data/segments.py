@@ -243,6 +243,7 @@ class Windows:
         turnarounds (`np.ndarray`): number inside.
         seconds (`dict[str, float]`): where the recording's time went, by reason, all of `REASONS`.
         skipped (`tuple[str, ...]`): limits that could not be applied, because their channel is missing.
+        usable (`np.ndarray`): (n,) bool, the samples that a window may hold.
     """
 
     start: np.ndarray
@@ -253,6 +254,7 @@ class Windows:
     turnarounds: np.ndarray
     seconds: dict
     skipped: tuple
+    usable: np.ndarray
 
 
 def find_windows(data, filtered, valid, rate, limits):
@@ -284,6 +286,7 @@ def find_windows(data, filtered, valid, rate, limits):
         turnarounds=np.diff(np.searchsorted(data.turnarounds, [start, start + window]), axis=0)[0],
         seconds=_seconds_by_reason(reasons, rate),
         skipped=skipped,
+        usable=usable,
         **_measured(data, filtered, rate, window, start),
     )
 

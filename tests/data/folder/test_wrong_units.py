@@ -49,3 +49,10 @@ def test_a_way_that_is_too_long_tells_no_lag():
     velocity = np.random.default_rng(0).normal(0, 80, (2000, 2))
     velocity[1000] = 1e12
     assert residual_lag(velocity, 500, velocity, 500) is None
+
+
+def test_millinewtons_for_newtons_are_noted_at_conversion(convert):
+    kind = "recordings with a median normal force outside (0.01, 30.0) N: is the unit right?"
+    assert not convert().notes
+    count, first = convert('"N"', '"mN"').notes[kind]
+    assert count == 1 and first.endswith("(0.00051 N)")

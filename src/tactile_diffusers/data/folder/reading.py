@@ -20,6 +20,8 @@ from .lag import residual_lag
 
 #: Median speeds of a finger (mm/s) outside of this are probably in another unit (recipe).
 LIKELY_SPEED = (1.0, 1000.0)
+#: Likewise of the normal force (N, median of the size) of a finger (recipe).
+LIKELY_FORCE = (0.01, 30.0)
 #: No finger that explores a surface moves farther (mm) or faster (mm/s, median): the unit is wrong (recipe).
 LARGEST_SPAN, LARGEST_SPEED = 5000.0, 10_000.0
 
@@ -142,6 +144,8 @@ def _without_faults(force, kind, unit, report):
     notes = check_forces(values, force.where, unit)
     if kind == "force" and np.nanmean(values[:, 2]) < 0:
         report.note("recordings: z is negative on average: is `normal_sign` right?", 1, force.where)
+    if kind == "force" and unit == "N":
+        _note_normal_force(values[:, 2], force.where, report)
     faults = {"saturated, NaN": np.any([saturated(column, force.rate) for column in force.values.T], axis=0)}
     if unit == "N":
         faults[f"above {LARGEST_FORCE_N:.0f} N, NaN"] = over_range(values)
@@ -157,6 +161,13 @@ def _without_faults(force, kind, unit, report):
         kind, _, detail = note.partition(" (")
         report.note(f"recordings: {kind}", 1, f"{force.where} ({detail}")
     return force
+
+
+def _note_normal_force(normal, where, report):
+    median = float(np.nanmedian(np.abs(normal)))
+    if not LIKELY_FORCE[0] <= median <= LIKELY_FORCE[1]:
+        what = f"recordings with a median normal force outside {LIKELY_FORCE} N: is the unit right?"
+        report.note(what, 1, f"{where} ({median:.2g} N)")
 
 
 def _note_lengths(force, motion, report):

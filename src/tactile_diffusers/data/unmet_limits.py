@@ -1,0 +1,58 @@
+"""Why no segment meets the limits: what was measured, beside the limits and the flags that set them."""
+
+import numpy as np
+
+from .masks import true_runs
+
+#: A median this many times beyond a limit looks like a wrong unit (recipe).
+FAR_OFF = 5.0
+_QUANTITIES = {"normal_force": ("normal force", "N"), "speed": ("speed", "mm/s")}
+
+
+class Measured:
+    """Collects what the limits are compared with, recording by recording.
+
+    Args:
+        limits (`SegmentLimits`): of the segments.
+        rate (`int`): Hz.
+    """
+
+    def __init__(self, limits, rate):
+        self.limits, self.rate = limits, rate
+        self._medians, self._runs, self._gaps = {name: [] for name in _QUANTITIES}, [], []
+
+    def add(self, data, usable):
+        """One recording: its `Channels`, and the samples that a segment may hold, (n,) bool."""
+        for name, values in (("normal_force", data.normal), ("speed", data.speed)):
+            if values is not None and not np.isnan(values).all():
+                self._medians[name].append(float(np.nanmedian(values)))
+        runs = true_runs(usable) / self.rate
+        self._runs += [runs[:, 1] - runs[:, 0]]
+        self._gaps += [runs[1:, 0] - runs[:-1, 1]]
+
+    def __str__(self):
+        return "\n".join([*(self._beside(name) for name, found in self._medians.items() if found), self._run_lengths()])
+
+    def _beside(self, name):
+        what, unit = _QUANTITIES[name]
+        bounds, median = getattr(self.limits, name), float(np.median(self._medians[name]))
+        if bounds is None:
+            return f"  {what}: median {median:.3g} {unit}, no limits"
+        far = not bounds[0] / FAR_OFF <= median <= bounds[1] * FAR_OFF
+        return (
+            f"  {what}: median {median:.3g} {unit}, limits {bounds[0]:g} to {bounds[1]:g} {unit}"
+            f"{': is unit right?' if far else ''} (--{name.replace('_', '-')} LOW HIGH, or --no-limits)"
+        )
+
+    def _run_lengths(self):
+        runs, gaps = np.concatenate(self._runs), np.concatenate(self._gaps)
+        needed = f"a segment lasts {self.limits.seconds:.2f} s (--segment-seconds)"
+        if not len(runs):
+            return f"  runs within the limits: none; {needed}"
+        line = f"  runs within the limits: median {np.median(runs):.2g} s, longest {runs.max():.2g} s; {needed}"
+        if not len(gaps):
+            return line
+        return (
+            f"{line}\n  between two runs: median {np.median(gaps):.2g} s; up to "
+            f"{self.limits.longest_excursion:g} s outside the limits are bridged (--longest-excursion)"
+        )
