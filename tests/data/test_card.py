@@ -216,6 +216,10 @@ def _set(path, value):
     return change
 
 
+def _relation(quantity, axis, rho, unrelated=0.001):
+    return {"surfaces": 9, "largest": abs(rho), "unrelated": unrelated, "spearman": {quantity: {axis: rho}}}
+
+
 @pytest.mark.parametrize(
     "change, name, said",
     [
@@ -242,7 +246,14 @@ def _set(path, value):
         (_set("ratings/answers/axes/bumpiness/high_end_share", 0.4), "clipped_ratings", "highest"),
         (_set("ratings/answers/axes/bumpiness/with_others", {"me": -0.9}), "contrary_raters", "me"),
         (_set("ratings/pooled/correlation/1/0", -0.95), "correlated_axes", "-0.95"),
-        (_set("ratings/relation", {"surfaces": 9, "largest": 0.3, "unrelated": 0.5}), "unrelated", "9 surfaces"),
+        (_set("ratings/relation", _relation("level", "roughness", 0.3, 0.5)), "unrelated", "9 surfaces"),
+        (_set("ratings/relation", _relation("level", "roughness", -0.93)), "roughness_turned", "falls with the level"),
+        (
+            _set("ratings/relation", _relation("friction coefficient", "slipperiness", 0.8)),
+            "slipperiness_turned",
+            "rises with the friction coefficient (correlation 0.80), where the opposite is usual. Check `high`",
+        ),
+        (_set("preparation/segments/test/surfaces", 1), "few_held_out", "--test 2 --validation 2"),
     ],
 )
 def test_each_warning(card, change, name, said):
@@ -253,6 +264,8 @@ def test_each_warning(card, change, name, said):
         entry |= {"low_end_share": 0.1, "high_end_share": 0.1, "with_others": {"me": 0.5}, "alpha": 0.9}
     card["ratings"]["pooled"]["correlation"] = np.eye(3).tolist()
     card["turnarounds"]["median_db"] = 0.1
+    for split in ("validation", "test"):
+        card["preparation"]["segments"][split]["surfaces"] = 2
     assert [warning["name"] for warning in warnings_of(card)] == ["one_explorer"]
     change(card)
     texts = {warning["name"]: warning["text"] for warning in warnings_of(card)}

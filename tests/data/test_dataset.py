@@ -188,6 +188,10 @@ def test_split_seed_and_sizes():
     np.testing.assert_array_equal(split_surfaces(50, seed=1), split_surfaces(50, seed=1))
     assert (split_surfaces(50, seed=1) != split_surfaces(50, seed=2)).any()
     assert np.bincount(split_surfaces(50)).tolist() == [40, 5, 5]
+    # evaluation needs two of each; from 15 surfaces on a tenth is two anyway
+    for surfaces, held in ((7, 1), (8, 2), (14, 2), (15, 2), (24, 2), (26, 3)):
+        assert np.bincount(split_surfaces(surfaces)).tolist() == [surfaces - 2 * held, held, held]
+    assert np.bincount(split_surfaces(10, validation=0.05, test=1)).tolist() == [8, 1, 1]
     assert np.bincount(split_surfaces(15, validation=0, test=3), minlength=3).tolist() == [12, 0, 3]
     for arguments in ({"test": -0.1}, {"validation": 1.5}, {"validation": 3, "test": 3}):
         with pytest.raises(ValueError, match="`(test|validation)`"):

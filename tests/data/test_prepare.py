@@ -128,6 +128,9 @@ def test_a_kind_without_patterns_is_not_held_out(collection, tmp_path, hold_out,
 def test_without_hold_out_there_is_no_hard_split(collection, tmp_path):
     report = prepare_recordings(collection, tmp_path / "p.h5", quiet=True)
     assert "hard" not in str(report)
+    few = "1 validation surface and 1 test surface with segments: evaluation needs 2 of each; prepare with --test 2"
+    assert f"note: {few}" in str(report)
+    assert "evaluation needs" not in str(prepare_recordings(collection, tmp_path / "p.h5", test=2, validation=0))
     with pytest.raises(ValueError, match="no filtered segment in the split 'hard'"):
         PreparedDataset(tmp_path / "p.h5", "hard")
 

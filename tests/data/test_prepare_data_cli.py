@@ -17,6 +17,8 @@ def test_virtual_then_again_from_its_recordings(tmp_path, capsys):
     )
     output = capsys.readouterr()
     assert "filtered segments: train" in output.out and not output.err
+    notes = sum(line.startswith("note: ") for line in output.out.splitlines())
+    assert notes and f"wrote {prepared}; {notes} note" in output.out  # one surface each is held out of four
     run("--source recordings --recordings {r} --prepared {p} --quiet", r=recordings, p=again)
     a, b = (PreparedDataset(path, "all", "full") for path in (prepared, again))
     assert len(a) == len(b) and (a.levels == b.levels).all()

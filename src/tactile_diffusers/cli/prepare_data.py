@@ -104,7 +104,8 @@ def _recordings(args):
         generate_recordings(args.output, quiet=args.quiet, **settings)
     elif args.source in ("sens3", "folder"):
         convert = convert_sens3 if args.source == "sens3" else convert_folder
-        print(convert(args.root, args.layout, args.output, quiet=args.quiet))
+        _told(convert(args.root, args.layout, args.output, quiet=args.quiet), args.output)
+        return args.output
     elif args.source == "biotac":
         convert_biotac(args.root, args.output, args.quiet)
         print("BioTac: sensor counts, not newtons; no normal force; 25 mm/s, below the paper's limits. Checks only.")
@@ -112,6 +113,13 @@ def _recordings(args):
         return args.recordings
     print(f"wrote {args.output}")
     return args.output
+
+
+def _told(report, written):
+    """Prints a report, and how many of its lines are to be read: they scroll away."""
+    text = str(report)
+    notes = sum(line.startswith("note: ") for line in text.splitlines())
+    print(f"{text}\nwrote {written}" + (f"; {notes} note{'s' * (notes > 1)} above: read them first" if notes else ""))
 
 
 def _run(parser, args):
@@ -127,8 +135,7 @@ def _run(parser, args):
     preparation = _preparation(args) if args.prepared is not None else None
     recordings = _recordings(args)
     if preparation is not None:
-        print(prepare_recordings(recordings, args.prepared, **preparation))
-        print(f"wrote {args.prepared}")
+        _told(prepare_recordings(recordings, args.prepared, **preparation), args.prepared)
 
 
 def main(arguments=None):

@@ -114,6 +114,8 @@ def prepare_recordings(
                 index.add(number, recording, data, filtered, valid)
             columns = index.columns()
             report = _report(columns, splits, index, notes, ratings["ratings"].reliability)
+            wanted = {name: size for name, size in (("validation", validation), ("test", test)) if size}
+            report.notes += _few_held_out(columns["filtered"]["recording"], splits, wanted)
             if not any(report.segments["filtered"].values()):
                 raise ValueError(
                     f"{recordings}: no segment meets the limits.\n{report}\n"
@@ -221,6 +223,14 @@ def _recording_notes(data, windows):
     if windows.seconds["saturated"]:
         notes.append(f"saturated samples excluded (the first is {int(np.argmax(data.saturated))})")
     return notes
+
+
+def _few_held_out(recordings, splits, wanted):
+    """Notes, if a split that is wanted has segments of fewer surfaces than evaluation needs."""
+    counts = {name: len(np.unique(splits.owners[recordings[splits.members(name)[recordings]]])) for name in wanted}
+    few = [f"{counts[name]} {name} surface{'s' * (counts[name] != 1)}" for name in wanted if counts[name] < 2]
+    if few:
+        yield f"{' and '.join(few)} with segments: evaluation needs 2 of each; prepare with --test 2 --validation 2"
 
 
 def _report(columns, splits, index, notes, reliability):

@@ -8,6 +8,8 @@ import numpy as np
 #: Ordinary splits, and windows of what a `HoldOut` keeps apart.
 SPLITS = ("train", "validation", "test", "hard")
 _LISTED = 8
+#: Evaluation needs two held-out surfaces: of so many surfaces, a share of a tenth or more is two at least.
+ENOUGH_FOR_TWO, SHARE_FOR_TWO = 8, 0.1
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,8 @@ def split_surfaces(surfaces, validation=0.1, test=0.1, seed=0):
 
     Args:
         surfaces (`int`): how many.
-        validation, test (`float` or `int`): a share below 1 (at least one surface if above 0), or a number of surfaces.
+        validation, test (`float` or `int`): a share below 1 (at least one surface if above 0; at least two of 8
+            surfaces or more if 0.1 or above), or a number of surfaces.
         seed (`int`): of the draw.
 
     Returns:
@@ -86,7 +89,8 @@ def split_surfaces(surfaces, validation=0.1, test=0.1, seed=0):
     for name, size in (("validation", validation), ("test", test)):
         if not (0 <= size < 1 or (size >= 1 and size == int(size))):
             raise ValueError(f"`{name}` must be a share below 1 or a whole number of surfaces, got {size}.")
-        counts.append(int(size) if size >= 1 or size == 0 else max(1, round(size * surfaces)))
+        least = 2 if surfaces >= ENOUGH_FOR_TWO and size >= SHARE_FOR_TWO else 1
+        counts.append(int(size) if size >= 1 or size == 0 else max(least, round(size * surfaces)))
     if sum(counts) >= surfaces:
         raise ValueError(
             f"`validation` ({counts[0]}) and `test` ({counts[1]}) leave none of {surfaces} surfaces for "

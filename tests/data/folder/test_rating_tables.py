@@ -220,3 +220,13 @@ def test_names_that_match_on_one_side_are_noted(tmp_path, read):
         read(LONG, more='[surface_names]\nglas = "felt"\n')
     with pytest.raises(ValueError, match="surface 'felt' by 'ann' was answered before"):
         read(LONG, surfaces=("felt", "wood"), more='[surface_names]\nglass = "felt"\n')
+
+
+def test_a_scale_that_is_hardly_used_is_noted(tmp_path, read):
+    """Answers 0 to 8, declared as 0 to 100; turned axes lie at the other end of the scale and must not hide it."""
+    long_table().to_csv(tmp_path / "ratings.csv", index=False)
+    turned = COLUMNS.replace('high = "rough"', 'high = "smooth"')
+    note = "the answers run from 0 to 8, less than half of `scale` = [0, 100]: is `scale` right?"
+    for axes in (COLUMNS, turned):
+        assert note in read(LONG, axes=axes, scale=(0.0, 100.0))[1]
+        assert not any("is `scale` right" in other for other in read(LONG, axes=axes, scale=(0.0, 16.0))[1])

@@ -20,6 +20,8 @@ CONTRARY = -0.3
 LARGEST_CORRELATION = 0.8
 #: Ratings whose largest correlation with the recordings comes about by chance more often may not belong to them.
 CHANCE = 0.05
+#: Beyond this, a correlation of the wrong sign between a rating and what causes it is no chance (recipe).
+WRONG_WAY = 0.5
 #: Turnarounds that raise a segment by more, in the median, are a large part of it (recipe).
 TURNAROUND_DB = 1.0
 #: Friction coefficients of fingers lie between; measured ones from 0.2 to 3 (FIELD section 5).
@@ -36,11 +38,26 @@ def warnings_of(card):
         `list[dict]`: "name" of the warning and "text": what is found and the remedy.
     """
     found = [*_of_channels(card["recordings"]), *_of_selection(card["kept"]), *_of_surfaces(card["surfaces"])]
-    found += [*_of_friction(card["surfaces"]), *_of_turnarounds(card["turnarounds"])]
+    found += [
+        *_of_splits(card["preparation"]["segments"]),
+        *_of_friction(card["surfaces"]),
+        *_of_turnarounds(card["turnarounds"]),
+    ]
     if card["ratings"] is None:
         text = "there are no ratings: DALE cannot be trained, LCTG can. Add the group /ratings."
         return [*found, _warning("no_ratings", text)]
     return [*found, *_of_answers(card["ratings"]["answers"]), *_of_pooled(card["ratings"])]
+
+
+def _of_splits(segments):
+    """Evaluation needs two surfaces; where nothing was held out, a card alone is wanted."""
+    held = {split: segments[split]["surfaces"] for split in ("validation", "test")}
+    if any(held.values()) and min(held.values()) < 2:
+        yield _warning(
+            "few_held_out",
+            f"{held['validation']} validation and {held['test']} test surfaces: evaluation needs 2 of each. Prepare "
+            "with --test 2 --validation 2, and train on that.",
+        )
 
 
 def _warning(name, text):
@@ -206,6 +223,7 @@ def _of_pooled(ratings):
                     f"{axes[j]} and {axes[i]} correlate with {value:.2f}, so that their effects cannot be told apart."
                 )
                 yield _warning("correlated_axes", f"{text} Add surfaces on which they differ.")
+    yield from _of_signs(relation["spearman"] if relation else {})
     if relation and relation["unrelated"] > CHANCE:
         yield _warning(
             "unrelated",
@@ -213,3 +231,15 @@ def _of_pooled(ratings):
             f"{relation['largest']:.2f}, comes about by chance with probability {relation['unrelated']:.2f}. Check "
             "that both name the same surfaces.",
         )
+
+
+def _of_signs(spearman):
+    """Ratings that go the wrong way with what causes them: an axis was probably turned round."""
+    for quantity, axis, sign in (("level", "roughness", 1), ("friction coefficient", "slipperiness", -1)):
+        rho = spearman.get(quantity, {}).get(axis)
+        if rho is not None and sign * rho < -WRONG_WAY:
+            yield _warning(
+                f"{axis}_turned",
+                f"rated {axis} {'falls' if sign > 0 else 'rises'} with the {quantity} (correlation {rho:.2f}), where "
+                "the opposite is usual. Check `high` of that axis in the layout.",
+            )

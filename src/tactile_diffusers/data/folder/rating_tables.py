@@ -13,6 +13,8 @@ from .sources import Source, files_below, matching_places
 
 #: How many names or places a message lists.
 _FEW = 8
+#: So many answers, or more, that use a smaller share of the scale are probably on another one (recipe).
+LEAST_ANSWERS, LEAST_USED = 10, 0.5
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ def read_ratings(root, layout, surfaces):
         answers += found
     answers, notes = _on_recorded(answers, layout, surfaces)
     values = _numbers(answers, ratings)
+    notes += _unused_scale(answers, ratings.scale)
     _check_axes(values, ratings, ignored, layout)
     raters = tuple(dict.fromkeys(rater for rater, _, _ in values))
     answered = {surface for _, surface, _ in values}
@@ -185,6 +188,19 @@ def _numbers(answers, ratings):
             "`scale`, or add what stands for no answer to `missing`."
         )
     return values
+
+
+def _unused_scale(answers, scale):
+    """A note where answers on all axes together leave more than half of the scale unused."""
+    numbers = [_number(answer) for answer in answers]
+    if len(numbers) < LEAST_ANSWERS:
+        return
+    low, high = min(numbers), max(numbers)
+    if high - low < LEAST_USED * (scale[1] - scale[0]):
+        yield (
+            f"the answers run from {low:g} to {high:g}, less than half of `scale` = [{scale[0]:g}, {scale[1]:g}]: is "
+            "`scale` right?"
+        )
 
 
 def _number(answer):
