@@ -96,6 +96,9 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--inspect {tmp} --draft {tmp}/nowhere/l.toml", "nowhere of l.toml does not exist"),
         ("--calibrate --surfaces 3", "leave out --surfaces"),
         ("--inspect {tmp}/no", "no"),
+        ("--inspect {tmp}", "there is no file that can be read as a table"),
+        ("--inspect {tmp} --draft {tmp}/l.toml", "there is no file that can be read as a table"),
+        ("--root {tmp} --layout x --output {tmp}/r.h5", "not to virtual. Files of your own: --source folder."),
         ("--output {tmp}/r.h5 --surfaces 0", "`surfaces`"),
         ("--output {tmp}/r.h5 --seconds 1", "`seconds`"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --band 500 20", "--band must satisfy"),
@@ -120,3 +123,4 @@ def test_help_names_every_source(capsys):
         main(["--help"])
     output = capsys.readouterr().out
     assert all(f"--source {source}" in output for source in ("virtual", "sens3", "folder", "recordings", "biotac"))
+    assert "data/folder/layout.py" in output

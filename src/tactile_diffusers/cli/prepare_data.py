@@ -86,6 +86,8 @@ def _inspect(args):
         raise ValueError(f"--draft {args.draft} exists: give another name, a layout may hold work of yours.")
     inventory = inspect_folder(args.inspect, quiet=args.quiet)
     print(inventory)
+    if not inventory.groups:
+        raise ValueError(f"--inspect {args.inspect}: there is no file that can be read as a table, so no draft of it.")
     if args.draft is None:
         return print("\n--draft layout.toml writes a layout of this folder.")
     write_text(args.draft, draft_layout(inventory))

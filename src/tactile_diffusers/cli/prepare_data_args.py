@@ -37,7 +37,8 @@ Brings recordings into one file (recordings.h5) and prepares a data set from it.
 
   --source virtual     virtual surfaces, explored and rated, are written to --output
   --source sens3       the folder --root, described by --layout, is converted to --output, and compared with SENS3
-  --source folder      likewise, anyone's folder
+  --source folder      likewise, anyone's folder; the keys of a layout are explained at the top of
+                       src/tactile_diffusers/data/folder/layout.py (pydoc tactile_diffusers.data.folder.layout)
   --source biotac      slides of a BioTac robot finger (uncalibrated, 25 mm/s) are converted to --output
   --source recordings  an existing recordings.h5
 
@@ -52,7 +53,10 @@ With --prepared the recordings are then filtered, cut into segments and split by
 def build_parser():
     """The parser, with defaults told in --help."""
     parser = Parser(
-        prog=program("prepare_data.py"), description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog=program("prepare_data.py"),
+        usage="%(prog)s [--source SOURCE] [flags of the source; --help lists them]",
+        description=DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--source", choices=tuple(SOURCE_FLAGS), default="virtual", help="default: virtual")
     parser.add_argument("--quiet", action="store_true", help="no progress bars")
@@ -134,10 +138,11 @@ def _add_splits(group):
 def check(parser, args):
     """Fills the defaults of the source and refuses what does not fit it, before any work."""
     flags = SOURCE_FLAGS[args.source]
-    for source, others in SOURCE_FLAGS.items():
-        for name in others:
-            if name not in flags and getattr(args, name) is not None:
-                parser.error(f"{_flag(name)} belongs to --source {source}, not to {args.source}.")
+    for name in dict.fromkeys(name for others in SOURCE_FLAGS.values() for name in others):
+        if name not in flags and getattr(args, name) is not None:
+            owners = [source for source, others in SOURCE_FLAGS.items() if name in others]
+            own = " Files of your own: --source folder." if "folder" in owners else ""
+            parser.error(f"{_flag(name)} belongs to --source {' or '.join(owners)}, not to {args.source}.{own}")
     for name, default in flags.items():
         if getattr(args, name) is None:
             if default is _REQUIRED:

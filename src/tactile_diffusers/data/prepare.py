@@ -50,7 +50,7 @@ class PreparationReport:
         for subset in SUBSETS:
             lines.append(f"{subset} segments: {_listed(self.segments[subset])}")
             seconds = {reason: round(value, 1) for reason, value in self.seconds[subset].items() if value}
-            lines.append(f"  seconds: {_listed(seconds)}")
+            lines.append(f"  seconds: {_listed(seconds)}".replace("normal_force", "normal force"))
         if self.reliability is not None:
             lines.append(str(self.reliability))
         return "\n".join(lines + [f"note: {note}" for note in self.notes])
@@ -217,7 +217,7 @@ def _recording_notes(data, windows):
     if data.normal is None:
         notes.append("no normal force in N: the friction coefficient is NaN")
     if data.flipped:
-        notes.append("the force is the surface's on the finger: its sign was turned")
+        notes.append("the force is the surface's on the finger: its sign was turned, and nothing is lost")
     if windows.seconds["missing (NaN)"]:
         notes.append("missing samples (NaN) excluded")
     if windows.seconds["saturated"]:

@@ -198,6 +198,13 @@ def test_each_todo_left_in_is_refused(foreign, tmp_path):
             load_layout(tmp_path / "l.toml")
 
 
+def test_all_todos_left_in_are_named_at_once(foreign, tmp_path):
+    (tmp_path / "l.toml").write_text(draft_layout(inspect_folder(foreign, quiet=True)))
+    with pytest.raises(ValueError) as raised:
+        load_layout(tmp_path / "l.toml")
+    assert str(raised.value).count("is still to be filled in") == 5 and str(raised.value).count("l.toml") == 1
+
+
 def test_drafted_and_converted(foreign, tmp_path):
     layout = filled(foreign, tmp_path / "l.toml", bumpiness="bumpy", slipperiness="slippery", roughness="smooth")
     convert_folder(foreign, layout, tmp_path / "r.h5", quiet=True)

@@ -230,3 +230,14 @@ def test_a_scale_that_is_hardly_used_is_noted(tmp_path, read):
     for axes in (COLUMNS, turned):
         assert note in read(LONG, axes=axes, scale=(0.0, 100.0))[1]
         assert not any("is `scale` right" in other for other in read(LONG, axes=axes, scale=(0.0, 16.0))[1])
+
+
+def test_no_recording_is_suggested_for_two_names(tmp_path, read):
+    """Pasting one twice would merge the answers on two surfaces."""
+    table = long_table().replace({"felt": "sandpaper P320", "glass": "P80 sandpaper", "wood": "Wodd"})
+    table.to_csv(tmp_path / "ratings.csv", index=False)
+    with pytest.raises(ValueError) as raised:
+        read(LONG, surfaces=("sandpaper P80", "wood", "cork"))
+    message = str(raised.value)
+    assert '"P80 sandpaper" = "sandpaper P80"' in message and '"Wodd" = "wood"' in message
+    assert '"sandpaper P320" = ""' in message

@@ -107,9 +107,8 @@ def _of_selection(kept):
             text = f"the sensor is saturated for {seconds[reason]:.2f} s, which is dropped. Raise the sensor's range."
             yield _warning("saturation", text)
         if "missing" in reason and seconds[reason]:
-            text = (
-                f"{seconds[reason]:.2f} s are missing (NaN) and dropped, with what is near. Check the source for gaps."
-            )
+            lost = f"{seconds[reason]:.2f} s are" if seconds[reason] >= 0.01 else "single samples are"
+            text = f"{lost} missing (NaN) and dropped, with what is near. Check the source for gaps."
             yield _warning("missing_samples", text)
     without = [who for who, reasons in explorers.items() if not reasons[KEPT]]
     if without:

@@ -22,8 +22,9 @@ def listing(inventory):
     lines = [
         f"{inventory.root}: {total} files, {len(inventory.groups)} kinds of tables" + " (and more)" * files.truncated
     ]
+    told = set()  # files of force and of motion share their names, and what was guessed from these
     for group in inventory.groups[:MOST_GROUPS]:
-        lines += ["", *_group(group, inventory.ratings)]
+        lines += ["", *_group(group, inventory.ratings, told)]
     if len(inventory.groups) > MOST_GROUPS:
         lines += ["", f"and {len(inventory.groups) - MOST_GROUPS} more kinds of tables"]
     lines.append("")
@@ -42,7 +43,7 @@ def listing(inventory):
     return "\n".join(lines)
 
 
-def _group(group, ratings):
+def _group(group, ratings, told):
     count = len(group.files.names)
     lines = [f"{group.place}   {count} file{'s' * (count > 1)}, {_size(group.bytes)}, {group.kind}"]
     lines += [f"    {item.role or 'varies'}: {shown(item)}" for item in group.fields]
@@ -60,7 +61,9 @@ def _group(group, ratings):
         meaning, doubts = f"ratings ({ratings.keys['form']}) on {', '.join(ratings.axes)}", doubts + ratings.doubts
     lines += _columns(group, rated)
     lines.append(f"    guess: {meaning or 'not used'}")
-    return lines + [f"    check: {doubt}" for doubt in doubts]
+    new = [doubt for doubt in doubts if doubt not in told]
+    told.update(doubt for doubt in new if " taken as the " in doubt)
+    return lines + [f"    check: {doubt}" for doubt in new]
 
 
 def _columns(group, rated):

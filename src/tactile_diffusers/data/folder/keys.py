@@ -9,16 +9,23 @@ TODO = "TODO"
 _TYPE_WORDS = {str: "a text", int: "a whole number", float: "a number", dict: "a table", list: "a list"}
 
 
-def refuse_todo(path, value, key=""):
-    """Raises a `ValueError` naming the first key of nested tables whose name or value is still to be filled in."""
+def refuse_todo(path, value):
+    """Raises a `ValueError` naming all keys of nested tables whose name or value is still to be filled in."""
+    left = list(_todos(value))
+    if left:
+        raise ValueError(f"{path}: " + "\n".join(left))
+
+
+def _todos(value, key=""):
+    """A sentence for each."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for name, item in items:
         inner = f"{key}.{name}" if isinstance(name, str) and key else f"{key}[{name}]" if key else name
         if isinstance(name, str) and TODO in name:
-            raise ValueError(f"{path}: the name of `{inner}` is still to be filled in.")
+            yield f"the name of `{inner}` is still to be filled in."
         if isinstance(item, str) and TODO in item:
-            raise ValueError(f"{path}: `{inner}` = {item!r} is still to be filled in, or to be removed.")
-        refuse_todo(path, item, inner)
+            yield f"`{inner}` = {item!r} is still to be filled in, or to be removed."
+        yield from _todos(item, inner)
 
 
 class Keys:

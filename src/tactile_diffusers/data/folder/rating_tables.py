@@ -135,7 +135,8 @@ def _on_recorded(answers, layout, surfaces):
     unknown = [name for name in rated if renamed.get(name, name) not in recorded]
     unrated = [name for name in surfaces if name not in meant]
     if unknown and unrated:
-        lines = "\n".join(f'    "{name}" = "{_nearest(name, unrated)}"' for name in unknown[:_FEW])
+        suggested = _suggested(unknown, unrated)
+        lines = "\n".join(f'    "{name}" = "{suggested[name]}"' for name in unknown[:_FEW])
         raise ValueError(
             f"{layout.path}: names of surfaces do not match. Only in the ratings: {_few(unknown)}. Only in the "
             f"recordings: {_few(unrated)}. Say which is which under [surface_names], for example\n{lines}\n"
@@ -155,13 +156,29 @@ def _few(names):
     return ", ".join(map(repr, names[:_FEW])) + (f" and {len(names) - _FEW} more" if len(names) > _FEW else "")
 
 
-def _nearest(name, candidates):
-    """The candidate that a name probably means, or "": the same numbers, or else a close spelling."""
-    numbers = [int(digits) for digits in re.findall(r"\d+", name)]
-    same = [other for other in candidates if numbers and [int(d) for d in re.findall(r"\d+", other)] == numbers]
-    spelt = {other.casefold(): other for other in same or candidates}
-    near = difflib.get_close_matches(name.casefold(), spelt, n=1)
+def _suggested(names, candidates):
+    """What each of the names probably means, or "": no candidate twice, which would merge two surfaces' answers."""
+    free, suggested = list(candidates), dict.fromkeys(names, "")
+    for closest in (0.9, 0.6):  # what is spelt almost alike comes first
+        for name in names:
+            if not suggested[name]:
+                suggested[name] = _nearest(name, free, closest)
+                free = [other for other in free if other != suggested[name]]
+    return suggested
+
+
+def _nearest(name, candidates, closest):
+    """The candidate that a name probably means, or "": the same numbers, or else a close spelling without others."""
+    numbers = _numbers_in(name)
+    same = [other for other in candidates if numbers and _numbers_in(other) == numbers]
+    without = [other for other in candidates if not (numbers and _numbers_in(other))]
+    spelt = {other.casefold(): other for other in same or without}
+    near = difflib.get_close_matches(name.casefold(), spelt, n=1, cutoff=closest)
     return spelt[near[0]] if near else same[0] if len(same) == 1 else ""
+
+
+def _numbers_in(name):
+    return [int(digits) for digits in re.findall(r"\d+", name)]
 
 
 def _numbers(answers, ratings):
