@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.data.folder import convert_folder
+from tactile_diffusers.data.folder.draft import draft_layout, inspect_folder
 from tactile_diffusers.data.folder.lag import residual_lag
 
 HEAD = 'format = "tactile-layout"\nversion = 1\nsource = "a rig"\nlicence = "CC0-1.0"\n'
@@ -56,3 +58,49 @@ def test_millinewtons_for_newtons_are_noted_at_conversion(convert):
     assert not convert().notes
     count, first = convert('"N"', '"mN"').notes[kind]
     assert count == 1 and first.endswith("(0.00051 N)")
+
+
+BATCH = FILES.replace('"{surface}.csv"', '"{surface}/P{explorer}_{trial}.csv"').replace("fz", "fz_N")
+ODD = BATCH.replace("fz_N", "fz_mN")
+
+
+@pytest.fixture
+def batch(convert, tmp_path):
+    """Three surfaces, two explorers, two trials; of one surface and explorer another column has the normal force."""
+    table = pd.read_csv(tmp_path / "root" / "felt.csv")
+    (tmp_path / "root" / "felt.csv").unlink()
+    for surface in ("cork", "denim", "felt"):
+        (tmp_path / "root" / surface).mkdir()
+        for explorer in ("01", "02"):
+            odd = (surface, explorer) == ("denim", "02")
+            renamed = table.rename(columns={"fz": "fz_mN" if odd else "fz_N"})
+            for trial in "12":
+                renamed.to_csv(tmp_path / "root" / surface / f"P{explorer}_{trial}.csv", index=False)
+
+    def convert(files):
+        (tmp_path / "layout.toml").write_text(HEAD + files)
+        return convert_folder(tmp_path / "root", tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+
+    return convert
+
+
+def test_every_header_is_read(batch, tmp_path):
+    inventory = inspect_folder(tmp_path / "root", quiet=True)
+    doubt = "2 of 12 files have other columns: denim/P02_1.csv, denim/P02_2.csv; the first has t, fx, fy, fz_mN, px."
+    assert doubt in str(inventory) and doubt in draft_layout(inventory)
+
+
+@pytest.mark.parametrize("pattern", ["{surface}/P{explorer}_{trial}.csv", "denim/P02_{trial}.csv"])
+def test_an_odd_batch_has_an_entry_of_its_own(batch, tmp_path, pattern):
+    with pytest.raises(ValueError, match="denim/P02_1.csv has no column 'fz_N'.*own, with `where`"):
+        batch(BATCH)
+    where = f'pattern = "{pattern}"\nwhere = {{ surface = "denim", explorer = "02" }}'
+    odd = ODD.replace('pattern = "{surface}/P{explorer}_{trial}.csv"', where)
+    for files in (BATCH + odd, odd + BATCH):
+        assert batch(files).recordings == 12
+        with RecordingsFile(tmp_path / "r.h5") as file:
+            assert {"denim/01/1", "denim/02/2", "cork/02/1"} <= set(file.names)
+    with pytest.raises(ValueError, match=r"2: no file that `pattern` matches has `where` = \{'surface': 'silk'"):
+        batch(BATCH + odd.replace('"denim", e', '"silk", e').replace("denim/P02", "{surface}/P02"))
+    with pytest.raises(ValueError, match="`surfce` is unknown: did you mean `surface`"):
+        batch(BATCH + odd.replace("surface =", "surfce =").replace("denim/P02", "{surface}/P02"))

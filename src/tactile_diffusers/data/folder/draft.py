@@ -10,6 +10,7 @@ from pathlib import Path
 
 from .draft_channels import agree_on_names, check_lengths, check_names, choose_channels, find_channels
 from .draft_groups import MOST_OPENED, TableGroup, open_groups
+from .draft_headers import check_headers
 from .draft_listing import listing
 from .draft_ratings import RatingsGuess, guess_ratings, surface_names
 from .draft_text import layout_text
@@ -49,7 +50,8 @@ def inspect_folder(root, quiet=False):
     """Looks at a folder: names, columns, units, rates and ranges, and what they probably mean.
 
     At most 5000 files are listed (1000 of a folder) and 90 opened, three of each kind of name; of text tables the
-    first 50,000 rows are read. Nothing is written, and pickles are not read.
+    first 50,000 rows are read. Of all text tables that hold recordings the names of columns are compared. Nothing is
+    written, and pickles are not read.
 
     Args:
         root (`str` or `Path`): the folder.
@@ -81,6 +83,7 @@ def inspect_folder(root, quiet=False):
     agree_on_names(inventory.recorded, rated)
     check_names(inventory.recorded, list(inventory.files.files))
     check_lengths(inventory.recorded)
+    check_headers(root, inventory.recorded)
     inventory.surface_names = surface_names(rated, _surfaces(inventory))
     _doubt_together(inventory)
     return inventory

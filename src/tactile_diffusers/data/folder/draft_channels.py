@@ -53,7 +53,7 @@ def _doubt_normal(group):
 
 def _doubt_tables(group):
     names = {tuple(facts.table.names) for facts in group.tables}
-    if len(names) > 1:
+    if len(names) > 1 and group.kind != "csv":  # of these every file is asked
         group.doubts.append("columns differ between the files that were opened")
     rates = [facts.rate for facts in group.tables if facts.rate]
     if rates and max(rates) > 1.01 * min(rates):

@@ -35,6 +35,8 @@
     "Sandpaper P80" = "12"
 
 The classes below say what each key means. A value that holds "TODO" is still to be filled in.
+Files of a batch that differ in columns or units get a [[files]] of their own, with, for example,
+`where = { surface = "denim", explorer = "02" }`; entries without `where` leave them to it.
 """
 
 import math
@@ -94,6 +96,8 @@ class FilesLayout:
         pattern (`Pattern`): relative path with `{surface}` and perhaps `{explorer}` and `{trial}` (default "0"); other
             fields and `*` are ignored.
         kind (`str`): of `tables.KINDS`; default: by the extension.
+        where (`tuple[tuple[str, str], ...]`): values of surface, explorer, trial: other files of the pattern are not
+            meant; a field that the pattern lacks has this value. Entries without `where` leave these files out.
         inside (`Pattern` or `None`): `inside` of mat, hdf5 and npz, `sheet` of xlsx; may hold the fields, too.
         delimiter, header: of `tables.read_table`.
         rate (`float` or `None`): Hz; default: from `time`, or what the file itself says.
@@ -104,6 +108,7 @@ class FilesLayout:
 
     pattern: Pattern
     kind: str
+    where: tuple = ()
     inside: Pattern | None = None
     delimiter: str | None = None
     header: int | None = None
@@ -197,13 +202,16 @@ def load_layout(path):
 
 
 def _files(keys):
-    table = table_keys(keys)
-    if not any("surface" in pattern.names for pattern in (table["pattern"], table["inside"]) if pattern):
+    table, where = table_keys(keys), _where(keys.table("where"))
+    if "surface" not in dict(where) and not any(
+        "surface" in pattern.names for pattern in (table["pattern"], table["inside"]) if pattern
+    ):
         text = table["pattern"].text
-        keys.fail("pattern", f"= {text!r} must hold {{surface}}, unless `inside` or `sheet` does")
+        keys.fail("pattern", f"= {text!r} must hold {{surface}}, unless `inside`, `sheet` or `where` does")
     time = keys.table("time")
     files = FilesLayout(
         **table,
+        where=where,
         rate=_positive(keys, "rate", None),
         time=_time(time) if time else None,
         offset=_finite(keys, "offset", 0.0),
@@ -219,6 +227,14 @@ def _files(keys):
             keys.fail(one, f"and `{other}` exclude each other: remove one of them")
     keys.finish()
     return files
+
+
+def _where(keys):
+    if keys is None:
+        return ()
+    values = {name: keys.take(name, str, None) for name in ("surface", "explorer", "trial")}
+    keys.finish()
+    return tuple((name, value) for name, value in values.items() if value is not None)
 
 
 def _positive(keys, name, default):

@@ -74,7 +74,12 @@ def read_recording(name, channels, layout, report):
 def _read_source(source, channels, report):
     """The channels of one file as {channel: `Timed`}; what they share is noted once."""
     table, files = source.table(), source.files
-    columns = [table.name(column) for channel in channels for column in getattr(files, channel).columns]
+    try:
+        columns = [table.name(column) for channel in channels for column in getattr(files, channel).columns]
+    except ValueError as error:
+        raise ValueError(
+            f"{error} Files with other columns or units need a [[files]] of their own, with `where`."
+        ) from error
     values = [table.numbers(column) for column in columns]
     stamps = table.numbers(files.time.column) * files.time.scale if files.time else None
     lengths = {len(column) for column in values} | ({len(stamps)} if files.time else set())

@@ -109,16 +109,17 @@ def find_recordings(root, layout: Layout):
             recording is complete.
     """
     paths = files_below(root)
-    recordings = defaultdict(dict)
-    for number, files in enumerate(layout.files, 1):
+    recordings, claimed = defaultdict(dict), defaultdict(set)
+    for number, files in sorted(enumerate(layout.files, 1), key=lambda entry: not entry[1].where):
         where = f"{layout.path}: [[files]] {number}"
-        places = matching_places(Path(root), paths, files, where)
+        places = _meant(matching_places(Path(root), paths, files, where), files, where, claimed)
         for path, inside, fields in places:
             source = Source(files, path, inside)
             name = fields["surface"], fields.get("explorer", "0"), fields.get("trial", "0")
             for channel in files.channels:
                 _add(recordings[name], channel, source, name, where)
-        _check_columns(Source(files, *places[0][:2]), where)
+        if places:
+            _check_columns(Source(files, *places[0][:2]), where)
     complete, left_out = {}, {}
     for name in sorted(recordings):
         missing = _missing(recordings[name])
@@ -133,6 +134,23 @@ def find_recordings(root, layout: Layout):
             f"{list(left_out)[:_FEW]}. Let the fields of the patterns agree between the kinds of files."
         )
     return complete, left_out
+
+
+def _meant(places, files, where, claimed):
+    """The places that an entry means: those that fit its `where`, or those that no entry with `where` `claimed`."""
+    if not files.where:
+        return [place for place in places if not claimed[place[:2]] & set(files.channels)]
+    fixed = dict(files.where)
+    meant = [
+        (path, inside, fields | fixed)
+        for path, inside, fields in places
+        if all(fields.get(name, value) == value for name, value in fixed.items())
+    ]
+    if not meant:
+        raise ValueError(f"{where}: no file that `pattern` matches has `where` = {fixed}.")
+    for path, inside, _ in meant:
+        claimed[path, inside] |= set(files.channels)
+    return meant
 
 
 def _add(channels, channel, source, name, where):
