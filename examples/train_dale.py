@@ -36,6 +36,7 @@ from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss
 from tactile_diffusers.training.rating_head import fit_rating_estimator
 from tactile_diffusers.training.record import phases
+from tactile_diffusers.training.surfaces import surfaces_of
 
 
 def parse_args(argv=None):
@@ -222,10 +223,10 @@ def make_states(dale, dataset, latents, single=False):
 
 
 class Rows(torch.utils.data.Dataset):
-    """Rows of equally long tensors, as dicts."""
+    """Rows of equally long tensors, as dicts; `trained_on` says of which surfaces, for `training.json`."""
 
-    def __init__(self, tensors):
-        self.tensors = tensors
+    def __init__(self, tensors, trained_on=None):
+        self.tensors, self.trained_on = tensors, trained_on
 
     def __len__(self):
         return len(next(iter(self.tensors.values())))
@@ -305,7 +306,7 @@ def main(argv=None):
         args,
         DALETrainingStep(dale, dale_scheduler, head, args, (accelerator.process_index, accelerator.num_processes)),
         "dale",
-        Rows(states),
+        Rows(states, surfaces_of(dataset)),
         None,
         make_validation(args, pipe, dale_scheduler, held_out_states),
     )

@@ -13,8 +13,10 @@ from safetensors.torch import load_file
 
 from tactile_diffusers import LCTGModel, TactileTexturePipeline
 from tactile_diffusers.cli import evaluate, publish
-from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
 from tactile_diffusers.data.card import write_card
+from tactile_diffusers.evaluation.report import folder_digest
+from tactile_diffusers.training.surfaces import surfaces_of, trained_on
 
 RECORD = {
     "script": "examples/train_dale.py",
@@ -64,11 +66,12 @@ def card_of(folder):
 
 
 class TestFolder:
-    def test_weights_are_halved_and_the_texture_is_kept(self, words, checkpoint, tmp_path):
+    def test_weights_are_halved_and_the_texture_is_kept(self, words, checkpoint, tmp_path, capsys):
         out = tmp_path / "small"
         out.mkdir()
         (out / "old").write_text("replaced as a whole")
         assert publish.main(words) == 0
+        assert "MB, in place of what the folder held" in capsys.readouterr().out
         assert not (out / "old").exists() and (out / "loss_1.png").read_bytes() == b"png"
         assert not list(tmp_path.glob(".*"))
         full, small = (TactileTexturePipeline.from_pretrained(str(folder)) for folder in (checkpoint, out))
@@ -175,6 +178,37 @@ class TestReport:
         with pytest.raises(ValueError, match="is of another checkpoint .pipeline."):
             publish.main([*words, "--report", str(report), "--checkpoint", str(tmp_path / "other")])
         assert card_of(out) == card
+
+    def test_surfaces_that_training_had_are_told_of(self, words, run, checkpoint, prepared, tmp_path, capsys):
+        """The data were split anew after the training: what judges it now is what it learned from."""
+        judged = surfaces_of(PreparedDataset(prepared, "test"))
+        (run / "training.json").write_text(json.dumps(RECORD | {"trained_on": judged}))
+        (checkpoint / "training.json").write_text((run / "training.json").read_text())
+        arguments = f"--checkpoint {checkpoint} --data {prepared} --output {tmp_path / 'evaluated'} --steps 2"
+        evaluate.main([*arguments.split(), "--quick", "--quiet", "--sections", "reconstruction"])
+        told = "the checkpoint was trained on 2 of the 2 surfaces that judge it"
+        assert f"warning: {told}" in capsys.readouterr().err
+        first = (tmp_path / "evaluated" / "report.md").read_text().splitlines()[2]
+        assert first.startswith(f"**Warning: {told}")
+        publish.main([*words, "--report", str(tmp_path / "evaluated")])
+        assert told in capsys.readouterr().err
+        card, published = card_of(tmp_path / "small"), tmp_path / "small"
+        assert told in card and not any(name in card for name in judged["surfaces"])
+        # what is published says it again, and is no other checkpoint for it
+        assert trained_on([published]) == ([judged], True)
+        before = folder_digest(published)
+        (published / "trained_on.json").unlink()
+        assert folder_digest(published) == before
+
+    def test_surfaces_that_the_data_train_on_are_told_of(self, words, report, capsys):
+        """Nothing is recorded of the training, but --data is what it was trained on."""
+        written = json.loads((report / "report.json").read_text())
+        data = PreparedDataset(words[words.index("--data") + 1])
+        assert written["seen_in_training"] is None and "trained on" not in (report / "report.md").read_text()
+        written["judged"] = surfaces_of(data)
+        (report / "report.json").write_text(json.dumps(written))
+        publish.main([*words, "--report", str(report)])
+        assert f"on {len(written['judged']['surfaces'])} of the " in capsys.readouterr().err
 
     def test_warnings_of_the_data_card_are_in_the_card(self, words, prepared, tmp_path):
         recordings = prepared.parent / "r.h5"

@@ -126,6 +126,8 @@ def test_fewer_training_surfaces(dale_script, train, prepared, tmp_path, monkeyp
     every = np.unique(PreparedDataset(prepared).surface_ids)
     assert np.unique(training.surface_ids).tolist() == every[[0, -1]].tolist()
     assert held_out.split == "validation" and len(np.unique(held_out.surface_ids)) == 1  # is left alone
+    record = json.loads((output / "training.json").read_text())
+    assert record["trained_on"]["surfaces"] == sorted(training.surfaces[number] for number in every[[0, -1]])
     config = json.loads((output / "dale" / "config.json").read_text())
     # statistics are of what is trained on
     expected = np.sort(training.surface_ratings[every[[0, -1]]], axis=0).T

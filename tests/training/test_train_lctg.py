@@ -11,6 +11,7 @@ from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.training.surfaces import surfaces_of
 
 WEIGHTS = "diffusion_pytorch_model.safetensors"
 
@@ -78,11 +79,12 @@ class TestOutput:
             assert np.isfinite(entries[key]), key
         assert entries["lr"] == pytest.approx(0, abs=1e-9)  # the cosine has come to its end: steps are counted once
 
-    def test_pictures_and_facts_for_the_model_card(self, trained):
+    def test_pictures_and_facts_for_the_model_card(self, trained, prepared):
         for name in ("loss.png", "validation.png"):
             assert (trained / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
         facts = json.loads((trained / "training.json").read_text())
         assert facts["steps"] == 4 and facts["segments"] > 4 and facts["arguments"]["seed"] == 0
+        assert facts["trained_on"] == surfaces_of(PreparedDataset(prepared, "train"))
 
     def test_averaged_weights_are_the_ones_saved(self, trained):
         _assert_equal_weights(trained / "lctg", trained / "checkpoint-4" / "lctg_ema")

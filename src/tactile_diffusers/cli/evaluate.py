@@ -1,6 +1,7 @@
 """`python examples/evaluate.py`: what a checkpoint does on held-out surfaces, as report.json, tables and pictures."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,14 +156,19 @@ def main(argv=None):
     from tactile_diffusers import bundled_checkpoint
 
     from ..data.files import write_text
-    from ..evaluation.report import run_sections
+    from ..evaluation.report import run_sections, seen_in_training
     from ..evaluation.summary import report_markdown
+    from ..training.surfaces import warning
 
     arguments.checkpoint = str(arguments.checkpoint or bundled_checkpoint())
     try:
         context = make_context(arguments)
     except (ValueError, OSError) as error:
         return refuse("evaluate.py", error)
+    # before the long work: who did not mean it can stop here
+    seen = seen_in_training(context, [arguments.checkpoint, *arguments.training])
+    if told := warning(seen, len(set(context.surfaces.tolist()))):
+        print(f"{program('evaluate.py')}: warning: {told}", file=sys.stderr)
     report = run_sections(context, arguments.sections, arguments.checkpoint, arguments.training)
     write_text(arguments.output / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     markdown = report_markdown(report)

@@ -113,18 +113,22 @@ def _warnings(folder, data):
     return warnings_in_words(card)
 
 
-def _report(folder, digests, output):
+def _report(folder, digests, output, known):
     """The results of an evaluation as Markdown; its pictures are copied into `output`.
+
+    Surfaces that judged the checkpoint though it was trained on them are told on stderr and in the results.
 
     Args:
         folder (`Path`): output folder of evaluate.py.
         digests (`set[str]`): of the checkpoints, either of which may have been evaluated.
         output (`Path`): the folder of the model card.
+        known (`list[dict]`): surfaces of its training, as `trained_on` finds them.
 
     Raises:
         ValueError: if another checkpoint was evaluated, or a picture is missing.
     """
     from ..evaluation.summary import readme_markdown
+    from ..training.surfaces import count_seen, warning
 
     with reading(folder / "report.json", "a report", "Run examples/evaluate.py again."):
         report = read_json(folder / "report.json", "JSON")
@@ -134,6 +138,11 @@ def _report(folder, digests, output):
             f"--report {folder} is of another checkpoint ({report['checkpoint']['name']}): evaluate this one with "
             "examples/evaluate.py."
         )
+    judged = report.get("judged")  # an older report does not name them
+    if judged is not None:
+        report["seen_in_training"] = count_seen(judged, known)
+        if told := warning(report["seen_in_training"], len(judged["surfaces"])):
+            print(f"{program('publish.py')}: warning: --report {folder}: {told}", file=sys.stderr)
     markdown = readme_markdown(report, REPORT)
     pictures = re.findall(rf"\]\({REPORT}/([^)]+)\)", markdown)
     missing = [name for name in pictures if not (folder / name).is_file()]
@@ -157,6 +166,7 @@ def _fill(arguments, temporary):
     from ..evaluation.report import folder_digest
     from ..pipelines.hub import forget_folders
     from ..training.card import write_card
+    from ..training.surfaces import surfaces_of, trained_on, write_surfaces
 
     pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint), dtype=torch.float16)
     if arguments.lctg is not None:
@@ -170,12 +180,17 @@ def _fill(arguments, temporary):
         _add_distilled(pipe, arguments.distilled, temporary)
         forget_folders(temporary)
         digests.add(folder_digest(temporary))
-    report = None if arguments.report is None else _report(arguments.report, digests, temporary)
+    distilled = [arguments.distilled] if arguments.distilled else []
+    found, complete = trained_on([*arguments.runs, *distilled, *([arguments.lctg] if arguments.lctg else [])])
+    write_surfaces(temporary, found, complete)
+    # trainings of old kept no names: those of --data, which they trained on by what the user says, stand in
+    known = [*found, surfaces_of(data)]
+    report = None if arguments.report is None else _report(arguments.report, digests, temporary, known)
     write_card(
         temporary,
         pipe,
         data,
-        [*arguments.runs, *([arguments.distilled] if arguments.distilled else [])],
+        [*arguments.runs, *distilled],
         place=arguments.push_to_hub or arguments.output.resolve().name,
         licence=arguments.licence,
         warnings=warnings,
@@ -199,12 +214,13 @@ def main(argv=None):
     shutil.rmtree(temporary, ignore_errors=True)
     try:
         _fill(arguments, temporary)
+        replaced = output.is_dir() and any(output.iterdir())
         shutil.rmtree(output, ignore_errors=True)
         os.replace(temporary, output)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     size = sum(path.stat().st_size for path in output.rglob("*") if path.is_file())
-    print(f"{output}: {size / 1e6:.1f} MB")
+    print(f"{output}: {size / 1e6:.1f} MB" + (", in place of what the folder held" if replaced else ""))
     if arguments.push_to_hub is None:
         return 0
     from ..pipelines.hub import upload_checkpoint

@@ -14,6 +14,7 @@ from tqdm.auto import tqdm
 
 from ..data.files import write_text
 from ..reading import read_json
+from ..training.surfaces import SURFACES_FILE, count_seen, surfaces_of, trained_on
 from .figures import plot_beside
 from .sections import SECTIONS, WITHOUT_RATINGS, anchors
 from .statistics import is_leaf
@@ -62,6 +63,8 @@ def run_sections(context, names, checkpoint, training=()):
         "checkpoint": {"name": Path(checkpoint).name, "sha256": conditions["checkpoint"]},
         "training": _training(context.pipe, training or [checkpoint]),
         "data": _data(context),
+        "judged": surfaces_of(context.held_out, context.chosen[0]),
+        "seen_in_training": seen_in_training(context, [checkpoint, *training]),
         "seed": context.seed,
         "settings": {**asdict(context.settings), "guidance_scales": context.guidance_scales},
         "pipeline": {"num_inference_steps": context.steps, "guidance_scale": context.default_guidance},
@@ -80,6 +83,20 @@ def run_sections(context, names, checkpoint, training=()):
     embedding = _kept(folder / "embedding.json", conditions, _embedding, context)
     write_text(context.output / "embedding.json", json.dumps(embedding))
     return report
+
+
+def seen_in_training(context, folders):
+    """How many of the judged surfaces the checkpoint was trained on; `None` where nothing tells.
+
+    Args:
+        context (`Context`): with the judged surfaces.
+        folders (`Sequence[str` or `Path]`): the checkpoint's, and those of its trainings.
+
+    Returns:
+        `int` or `None`
+    """
+    found, _ = trained_on(folders)
+    return count_seen(surfaces_of(context.held_out, context.chosen[0]), found) if found else None
 
 
 def _anchors(context, conditions, folder):
@@ -154,10 +171,12 @@ def _code_digest():
 
 
 def folder_digest(folder):
-    """SHA-256 over the configs and weights of a checkpoint folder."""
+    """SHA-256 over the configs and weights of a checkpoint folder, whatever is said of its training beside them."""
     digest = hashlib.sha256()
     for path in sorted(Path(folder).rglob("*")):
-        if path.suffix in (".json", ".safetensors") and "checkpoint-" not in str(path.relative_to(folder)):
+        if path.name == SURFACES_FILE or "checkpoint-" in str(path.relative_to(folder)):
+            continue
+        if path.suffix in (".json", ".safetensors"):
             digest.update(str(path.relative_to(folder)).encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()

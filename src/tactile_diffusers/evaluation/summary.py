@@ -1,5 +1,6 @@
 """report.md and README's results: tables written from a report, and nothing else."""
 
+from ..training.surfaces import warning
 from .labels import (
     BANDS,
     COMPARED_STEPS,
@@ -23,6 +24,9 @@ from .telling_ratings import (
 )
 from .training_record import FLAT
 from .winners import baselines_that_win
+
+#: Fewer judged surfaces than this say nothing of distances between distributions (recipe).
+ENOUGH_SURFACES = 5
 
 
 def report_markdown(report):
@@ -78,7 +82,16 @@ def _head(report, level=1):
         "surfaces. A silent output has an SNR of 0 dB, a second take of the same surface about −3 dB: read waveform "
         "figures beside those rows only."
     )
-    return title("Report" if level == 1 else "Measured", level) + facts
+    return title("Report" if level == 1 else "Measured", level) + "\n\n".join([*_warnings(report), facts])
+
+
+def _warnings(report):
+    """What makes a report worth less than it seems: it stands before everything else."""
+    count = report["data"]["surfaces"]
+    if seen := warning(report.get("seen_in_training"), count):
+        yield f"**Warning: {seen}.**"
+    if count < ENOUGH_SURFACES:
+        yield f"**Warning: {count} surfaces are too few surfaces to judge distances by: their differences are chance.**"
 
 
 def _side_by_side(report, level=2):

@@ -33,6 +33,7 @@ from .checkpoints import (
 )
 from .processes import on_cpu
 from .record import trim_log
+from .surfaces import surfaces_of
 
 logger = logging.getLogger(__name__)
 #: Distance between the noise seeds of two training seeds: a prime near the golden section of 2^32, so that trainings of
@@ -223,6 +224,7 @@ class Trainer:
             "arguments": arguments,
             "changed": {k: v for k, v in arguments.items() if k not in defaults or v != defaults[k]},
             "segments": len(self.dataset),
+            "trained_on": surfaces_of(self.dataset),
             "steps": self.total_steps,
             "processes": self.accelerator.num_processes,  # the global batch is that of each, times these
             "machine": f"{platform.machine()}, {torch.get_num_threads()} thread(s), {self.accelerator.device}",
