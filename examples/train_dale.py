@@ -34,8 +34,9 @@ from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss
-from tactile_diffusers.training.rating_head import fit_rating_estimator
+from tactile_diffusers.training.rating_head import fit_rating_estimator, scores_in_words
 from tactile_diffusers.training.record import phases
+from tactile_diffusers.training.refusals import run, starting
 from tactile_diffusers.training.surfaces import surfaces_of
 
 
@@ -267,18 +268,19 @@ def make_validation(args, pipe, dale_scheduler, held_out):
 
 
 def main(argv=None):
-    args = parse_args(argv)
-    config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler"})
-    pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
-    accelerator = make_accelerator(args)
-    pipe.to(accelerator.device)
-    pipe.lctg.requires_grad_(False)
-    rate = pipe.feature_extractor.sampling_rate
-    limits = {"max_samples": args.max_train_samples, "max_surfaces": args.max_train_surfaces}
-    dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, **limits)
-    if args.ratings == "single" and dataset.single_ratings is None:
-        raise ValueError("--ratings single: the file holds no single raters' ratings; prepare the data again.")
-    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered", rate, max_samples=2000)
+    with starting():
+        args = parse_args(argv)
+        config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler"})
+        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
+        accelerator = make_accelerator(args)
+        pipe.to(accelerator.device)
+        pipe.lctg.requires_grad_(False)
+        rate = pipe.feature_extractor.sampling_rate
+        limits = {"max_samples": args.max_train_samples, "max_surfaces": args.max_train_surfaces}
+        dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, **limits)
+        if args.ratings == "single" and dataset.single_ratings is None:
+            raise ValueError("--ratings single: the file holds no single raters' ratings; prepare the data again.")
+        held_out = PreparedDataset(args.train_data_dir, "validation", "filtered", rate, max_samples=2000)
     latents = encode_dataset(pipe, dataset, args.quiet)
     dale, dale_scheduler = build_dale(config, pipe, dataset, latents)
     states = make_states(dale, dataset, latents, single=args.ratings == "single")
@@ -299,7 +301,8 @@ def main(argv=None):
             steps=args.rating_head_steps,
             seed=args.seed,
         )
-        accelerator.print("rating estimator, R² on unseen surfaces:", [round(score, 3) for score in scores])
+        rated = np.isfinite(held_out.surface_ratings[np.unique(held_out.surface_ids)]).any(axis=1).sum()
+        accelerator.print("rating estimator, R² on unseen surfaces:", scores_in_words(scores, rated))
         head.to(accelerator.device)
     trainer = Trainer(
         accelerator,
@@ -331,4 +334,4 @@ def main(argv=None):
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -38,6 +38,7 @@ from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
 from tactile_diffusers.training.record import phases
+from tactile_diffusers.training.refusals import run, starting
 
 #: What the bundled checkpoint was trained with (the rows of examples/configs/ablation led to it).
 CONFIG = Path(__file__).parent / "configs" / "lctg.json"
@@ -219,17 +220,18 @@ def make_validation(args, extractor, scheduler, dataset):
 
 
 def main(argv=None):
-    args = parse_args(argv)
-    accelerator = make_accelerator(args)
-    extractor, model, scheduler = build_components(args)
-    model.encoder.requires_grad_(not args.freeze_encoder)
-    dataset = PreparedDataset(
-        args.train_data_dir, "train", args.subset, extractor.sampling_rate, max_samples=args.max_train_samples
-    )
-    validate = None
-    if args.validation_samples:
-        held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
-        validate = make_validation(args, extractor, scheduler, held_out)
+    with starting():
+        args = parse_args(argv)
+        accelerator = make_accelerator(args)
+        extractor, model, scheduler = build_components(args)
+        model.encoder.requires_grad_(not args.freeze_encoder)
+        dataset = PreparedDataset(
+            args.train_data_dir, "train", args.subset, extractor.sampling_rate, max_samples=args.max_train_samples
+        )
+        validate = None
+        if args.validation_samples:
+            held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
+            validate = make_validation(args, extractor, scheduler, held_out)
     trainer = Trainer(
         accelerator,
         args,
@@ -251,4 +253,4 @@ def main(argv=None):
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -23,7 +23,7 @@ from tactile_diffusers.evaluation.sections.generation import _SetJudge
 from tactile_diffusers.evaluation.sections.long_textures import largest_correlation, long_texture_study, overlap_mask
 from tactile_diffusers.evaluation.sections.reconstruction import fewest_steps, power_percent
 from tactile_diffusers.evaluation.statistics import is_leaf
-from tactile_diffusers.evaluation.summary import readme_markdown, report_markdown
+from tactile_diffusers.evaluation.summary import _warnings, readme_markdown, report_markdown
 from tactile_diffusers.evaluation.tables import markdown_table, text
 from tactile_diffusers.evaluation.winners import baselines_that_win
 from tactile_diffusers.signal import rms
@@ -235,6 +235,16 @@ def test_a_split_without_segments_is_refused(evaluable_pipe, prepared, tmp_path)
         split[...] = np.where(split[()] == SPLITS.index("validation"), SPLITS.index("test"), split[()])
     with pytest.raises(ValueError, match=r"p.h5 has no filtered segment in the split 'validation'"):
         Context(evaluable_pipe(), tmp_path / "p.h5", "validation", TINY, 0, tmp_path)
+
+
+def test_too_few_surfaces_are_refused_with_the_option_that_helps_or_told_of_first(evaluable_pipe, prepared, tmp_path):
+    limits = SegmentLimits(seconds=SECONDS)
+    prepare_recordings(prepared.parent / "r.h5", tmp_path / "p.h5", limits=limits, validation=2, test=1, quiet=True)
+    with pytest.raises(ValueError, match="two surfaces or more .*`--test 2` or more of examples/prepare_data.py"):
+        _report(evaluable_pipe(dale=False), tmp_path / "p.h5", tmp_path)
+    report = {"data": {"surfaces": 4}, "seen_in_training": 0}
+    assert [line[:20] for line in _warnings(report)] == ["**Warning: 4 surface"]
+    assert not [*_warnings({"data": {"surfaces": 5}})]
 
 
 def test_surfaces_that_training_has_too_are_refused(evaluable_pipe, prepared, tmp_path, monkeypatch):

@@ -119,3 +119,13 @@ class TestHub:
     def test_without_being_asked_nothing_is_sent(self, script, run_script, sent, tmp_path):
         run_script(script("train_lctg"), "lctg", tmp_path / "lctg", max_train_steps=1, hub_model_id="someone/textures")
         assert sent == []
+
+
+@pytest.mark.parametrize("name", ["./nope", "/nowhere/nope", "a/b/c", "runs/nope", "~/nope"])
+def test_a_path_to_nothing_is_no_name_on_the_hub(name, script, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs").mkdir()
+    words = ["--train_data_dir", "p.h5", "--output_dir", "out", "--pretrained_model_name_or_path"]
+    with pytest.raises(FileNotFoundError, match=f"there is no folder {name}"):
+        script("train_dale").parse_args([*words, name])
+    script("train_dale").parse_args([*words, "someone/textures"])

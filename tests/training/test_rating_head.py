@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from tactile_diffusers.models.rating_estimator import RatingEstimator
-from tactile_diffusers.training.rating_head import fit_rating_estimator
+from tactile_diffusers.training.rating_head import fit_rating_estimator, scores_in_words
 
 
 def _separable(count, seed, noise=0.3):
@@ -97,3 +97,8 @@ def test_shapes():
     assert RatingEstimator([2, 0, 2], ["warmth"])(torch.zeros(2, 4, 16)).shape == (2, 1)
     with pytest.raises(ValueError, match="`kinds` must end with at least 2 scalars"):
         RatingEstimator([2, 0, 1])
+
+
+def test_a_score_on_hardly_any_surface_is_no_number():
+    assert scores_in_words([-2.6e15, math.nan, 0.5], 1) == "too few held-out surfaces (1) to tell"
+    assert scores_in_words([0.25, math.nan, 0.5], 3) == "0.250, unknown, 0.500"

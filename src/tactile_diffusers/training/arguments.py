@@ -8,6 +8,7 @@ megabytes), `--local_rank` (launchers set the environment).
 """
 
 import argparse
+from pathlib import Path
 
 from ..reading import read_json
 
@@ -117,6 +118,21 @@ def check_training_arguments(args):
             raise ValueError(f"--{name} must be positive, got {getattr(args, name)}.")
     if not 0 <= args.ema_decay < 1:
         raise ValueError(f"--ema_decay must lie in [0, 1), got {args.ema_decay}.")
+    _check_model_folder(getattr(args, "pretrained_model_name_or_path", None))
+
+
+def _check_model_folder(name):
+    """Refuses a folder that is not there, rather than look for it on the Hub, where names are USER/NAME.
+
+    Raises:
+        FileNotFoundError: if `name` can only be meant as a folder: it starts as a path, or its parent is a folder.
+    """
+    if name is None or Path(name).is_dir():
+        return
+    path = Path(name)
+    beside = len(path.parts) == 2 and path.parent.is_dir()  # USER/NAME has a separator, too: a folder USER tells
+    if str(name).startswith((".", "~")) or path.is_absolute() or len(path.parts) > 2 or beside:
+        raise FileNotFoundError(f"--pretrained_model_name_or_path: there is no folder {name}.")
 
 
 def check_not_negative(args, *names):

@@ -7,6 +7,8 @@ from .losses import rating_loss
 
 #: share of the textures that hide their friction coefficient: a texture's file often lacks it
 FRICTION_DROPOUT = 0.2
+#: R² on fewer surfaces is chance: of one, whose ratings do not differ, it is a division by rounding.
+ENOUGH_SURFACES = 3
 
 
 def fit_rating_estimator(
@@ -53,3 +55,10 @@ def fit_rating_estimator(
         spread = (truth - truth.mean()).square().sum()
         scores.append(float(1 - (truth - guess).square().sum() / spread) if spread > 0 else float("nan"))
     return head, scores
+
+
+def scores_in_words(scores, surfaces):
+    """R² per axis for people, or why there is none: `scores` of `fit_rating_estimator`, on so many rated surfaces."""
+    if surfaces < ENOUGH_SURFACES:
+        return f"too few held-out surfaces ({surfaces}) to tell"
+    return ", ".join("unknown" if score != score else f"{score:.3f}" for score in scores)

@@ -214,7 +214,9 @@ class Context:
         if len(np.unique(self.held_out.surface_ids[np.array(first, dtype=int)])) < 2:
             raise ValueError(
                 f"`data` must have two surfaces or more with two segments each that share no sample in the split "
-                f"{self.split!r}, to compare with another take and another surface. Record longer, or hold more out."
+                f"{self.split!r}, to compare with another take and another surface. Record longer, or "
+                "hold more out: `--test 2` or more of examples/prepare_data.py; then train again, since what is held "
+                "out now was trained on."
             )
         return np.array(first), np.array(second)
 

@@ -1,0 +1,50 @@
+"""How training scripts refuse to start: one line and exit code 2; what comes later keeps its traceback."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tactile_diffusers.training.refusals import run, starting
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def _stopped(script, words):
+    done = subprocess.run([sys.executable, str(EXAMPLES / script), *words], capture_output=True, text=True, timeout=240)
+    told = done.stderr.strip().splitlines()[-1]
+    assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
+    return told
+
+
+def test_wrong_data_are_told_in_one_line(options_of_a_tiny_training, prepared, tmp_path):
+    recordings = prepared.with_name("recordings.h5")
+    told = _stopped("train_lctg.py", options_of_a_tiny_training("lctg", tmp_path / "out", train_data_dir=recordings))
+    assert told.startswith("train_lctg.py: error: ") and "is no prepared data set" in told
+
+
+def test_a_missing_model_is_told_in_one_line(options_of_a_tiny_training, tmp_path):
+    changes = {"pretrained_model_name_or_path": tmp_path / "nope"}
+    told = _stopped("train_dale.py", options_of_a_tiny_training("dale", tmp_path / "out", **changes))
+    assert told.endswith(f"--pretrained_model_name_or_path: there is no folder {tmp_path / 'nope'}.")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("error", [ImportError, FileNotFoundError, ValueError])
+def test_only_the_start_is_refused_in_one_line(error, capsys):
+    def refusing():
+        with starting():
+            raise error("not\nso")
+
+    with pytest.raises(SystemExit) as stopped:
+        run(refusing)
+    assert stopped.value.code == 2 and capsys.readouterr().err.endswith(": error: not so\n")
+
+    def failing():
+        with starting():
+            pass
+        raise error("a fault of ours")
+
+    with pytest.raises(error, match="a fault of ours"):
+        run(failing)
