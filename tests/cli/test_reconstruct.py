@@ -17,9 +17,9 @@ def texture(pink_noise):
     return pink_noise(8192, DEVICE_RATE)[0]
 
 
-def _write_csv(path, texture):
-    columns = np.stack([np.arange(len(texture)) / DEVICE_RATE, texture], axis=1)
-    np.savetxt(path, columns, delimiter=",", header="t,Fx", comments="")
+def _write_csv(path, texture, header="t,Fx", rate=DEVICE_RATE):
+    columns = np.stack([np.arange(len(texture)) / rate, texture], axis=1)
+    np.savetxt(path, columns, delimiter=",", header=header, comments="")
 
 
 def test_a_recording_comes_back(texture, tmp_path, capsys):
@@ -51,7 +51,11 @@ def test_kinds_of_files(texture, tmp_path):
     [
         ("missing.csv", {}, "There is no file"),
         ("r.txt.zip", {}, "of no kind that can be read"),
-        ("r.npy", {}, "does not say its sampling rate"),
+        ("r.npy", {}, "does not say its sampling rate, and has no column of time: give --rate"),
+        ("stage.csv", {"column": "px_mm"}, "column 'px_mm' is in mm, by its name.*--newtons_per_unit"),
+        ("ticks.csv", {"column": "Fx"}, "time stamps of column 'time' have no unit .*: give --rate"),
+        ("coarse.csv", {"column": "Fx"}, "column 'time_s' are coarser than the samples: give --rate"),
+        ("back.csv", {"column": "Fx"}, "column 'time_s' gives no sampling rate: give --rate.*time runs backward"),
         ("r.npy", {"rate": 1500.0}, "must be a whole number of at least 2500 Hz, got 1500"),
         ("r.npy", {"rate": float("nan")}, "must be a whole number"),
         ("two.csv", {"rate": 10_000}, "several columns; say which one is the force: t, Fx"),
@@ -66,6 +70,11 @@ def test_what_cannot_be_read_is_refused(name, options, message, texture, tmp_pat
     np.save(tmp_path / "short.npy", texture[:100])
     np.save(tmp_path / "holes.npy", np.where(np.arange(8192) == 7, np.nan, texture))
     _write_csv(tmp_path / "two.csv", texture)
+    _write_csv(tmp_path / "stage.csv", texture, "time_s,px_mm")
+    _write_csv(tmp_path / "ticks.csv", texture, "time,Fx", rate=25)  # or 25 kHz, in ms
+    for file, stamps in (("coarse", np.arange(8192) // 10), ("back", np.abs(np.arange(8192) - 4000))):
+        rows = np.stack([stamps / DEVICE_RATE, texture], axis=1)
+        np.savetxt(tmp_path / f"{file}.csv", rows, delimiter=",", header="time_s,Fx", comments="")
     with pytest.raises((ValueError, FileNotFoundError), match=message):
         read_recording(tmp_path / name, **options)
 
@@ -87,3 +96,20 @@ def test_numbers_that_are_not_newtons(texture, tmp_path, capsys):
     assert "warning" not in said.err and json.loads(said.out)["rms_mn"] == pytest.approx(10, rel=0.1)  # of `pink_noise`
     with pytest.raises(SystemExit):
         reconstruct.main([*words, "--newtons_per_unit", "-1"])
+
+
+@pytest.mark.parametrize(("header", "seconds", "newtons"), [("time_s,Fx_mN", 1, 1e-3), ("time (ms),Fx (N)", 1e-3, 1)])
+def test_rate_and_unit_are_those_of_the_table(header, seconds, newtons, texture, tmp_path):
+    """Time stamps with jitter; where samples were dropped, there is no number."""
+    jitter = np.random.default_rng(0).uniform(-0.1, 0.1, len(texture))
+    rows = np.stack([(np.arange(len(texture)) + jitter) / DEVICE_RATE / seconds, texture / newtons], axis=1)
+    np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header=header, comments="")
+    column = header.split(",")[1]
+    found, rate = read_recording(tmp_path / "r.csv", column)
+    assert rate == DEVICE_RATE
+    np.testing.assert_allclose(found, band_pass(texture - texture.mean(), DEVICE_RATE), atol=1e-9)
+    raw, _ = read_recording(tmp_path / "r.csv", column, newtons_per_unit=2.0)  # what is asked for goes before
+    np.testing.assert_allclose(raw, found * 2 / newtons, rtol=1e-6)
+    np.savetxt(tmp_path / "r.csv", np.delete(rows, [5000, 5001], axis=0), delimiter=",", header=header, comments="")
+    with pytest.raises(ValueError, match="has 2 samples that are no number"):
+        read_recording(tmp_path / "r.csv", column)

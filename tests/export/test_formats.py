@@ -1,11 +1,13 @@
 """What is written can be read again, and says the same."""
 
 import json
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import soundfile
+from matplotlib.figure import Figure
 from PIL import Image
 
 from tactile_diffusers.data.files import atomic_path
@@ -112,6 +114,18 @@ def test_figure_is_a_png_of_the_size_of_a_page(tmp_path, texture):
         header = (tmp_path / f"{name}.png").read_bytes()[:24]
         assert header.startswith(b"\x89PNG")
         assert int.from_bytes(header[16:20]) > 1000 and int.from_bytes(header[20:24]) > 600
+
+
+def test_figure_of_a_reconstruction_shows_the_original(tmp_path, texture, monkeypatch):
+    drawn = []
+    save = lambda figure, path, **_: drawn.append(figure) or Path(path).write_bytes(b"png")  # noqa: E731
+    monkeypatch.setattr(Figure, "savefig", save)
+    write_figure(tmp_path / "a.png", 0.5 * texture, **COMMON | {"ratings": [float("nan")] * 3}, original=texture)
+    waveform, spectrum, *_ = drawn[0].axes
+    for panel in (waveform, spectrum):
+        assert panel.lines[0].get_label() == "original" and len(panel.lines) == 2
+    np.testing.assert_allclose(waveform.lines[0].get_ydata(), 1e3 * texture)
+    assert drawn[0].get_suptitle().startswith("reconstruction, RMS ") and "specified" not in drawn[0].get_suptitle()
 
 
 def test_figure_of_a_few_samples_is_refused(tmp_path):

@@ -22,19 +22,19 @@ def parse_arguments(argv=None):
         description="Encode and decode a recording: what is left of it in the latents. It is band-passed to 20-1000 Hz "
         "first. Writes reconstruction.npz, .wav and .png.",
     )
-    parser.add_argument(
-        "recording", type=Path, help="csv, xlsx, npy, npz, mat, hdf5, parquet or wav; lateral force in N"
-    )
+    parser.add_argument("recording", type=Path, help="csv, xlsx, npy, npz, mat, hdf5, parquet or wav; lateral force")
     parser.add_argument(
         "--column", metavar="NAME", help="of the force, by name or number from 0; where there are several"
     )
-    parser.add_argument("--rate", type=float, metavar="HZ", help="sampling rate, where the file does not say it")
+    parser.add_argument(
+        "--rate", type=float, metavar="HZ", help="sampling rate; default: the file's, or that of its column of time"
+    )
     parser.add_argument(
         "--newtons_per_unit",
         type=float,
         metavar="N",
         help="of the numbers in the file, of full scale in a WAV; default: "
-        "1, or what the sidecar of a WAV of this package says",
+        "what the column's name says, as Fx_mN, or the sidecar of a WAV of this package; else 1",
     )
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="where the files go")
     parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
@@ -102,7 +102,7 @@ def _reconstruct(arguments):
     files = [arguments.output / f"reconstruction{suffix}" for suffix in (".npz", ".wav", ".png")]
     write_npz(files[0], made, **common, **origin)
     write_wav(files[1], made, **common, **origin)
-    write_figure(files[2], made, **common)
+    write_figure(files[2], made, **common, original=reference)
     return {
         "seconds": len(made) / out.sampling_rate,
         "nine_band_error_db": float(nine_band_error_db(made[None], reference[None], out.sampling_rate)[0]),

@@ -11,9 +11,10 @@ from .checks import check_positive_or_unknown, check_ratings, check_texture
 SPECTRUM_HZ = (10.0, 5000.0)
 SPECTROGRAM_TOP_HZ = 1200.0
 DYNAMIC_RANGE_DB = 60.0
+_ORIGINAL = {"color": "0.6", "label": "original"}
 
 
-def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings):
+def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings, original=None):
     """Writes a PNG with the waveform in mN, the power spectral density and the spectrogram of one texture.
 
     Args:
@@ -22,6 +23,8 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings)
         sampling_rate (`int`): Hz.
         friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
         ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
+        original (`np.ndarray`, *optional*): (samples,), N, what `texture` is a reconstruction of: waveform and spectrum
+            show it, and the title tells no ratings.
 
     Raises:
         ValueError: on a bad argument, before anything is written.
@@ -33,6 +36,9 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings)
         )
     friction_coefficient = check_positive_or_unknown("friction_coefficient", friction_coefficient)
     title = _title(texture, friction_coefficient, check_ratings(ratings))
+    if original is not None:
+        original = check_texture(original, sampling_rate)
+        title = f"reconstruction, RMS {1e3 * rms(texture):.2f} mN; original {1e3 * rms(original):.2f} mN"
 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -41,8 +47,13 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings)
     FigureCanvasAgg(figure)
     panels = figure.subplot_mosaic([["waveform", "waveform"], ["spectrum", "spectrogram"]], height_ratios=(2, 3))
     figure.suptitle(title, fontsize=11)
+    if original is not None:
+        panels["waveform"].plot(np.arange(len(original)) / sampling_rate, 1e3 * original, linewidth=0.5, **_ORIGINAL)
     draw_waveform(panels["waveform"], texture, sampling_rate)
-    _draw_spectrum(panels["spectrum"], texture, sampling_rate)
+    if original is not None:
+        panels["waveform"].lines[-1].set_label("reconstruction")
+        panels["waveform"].legend(loc="upper right", fontsize=9)
+    _draw_spectrum(panels["spectrum"], texture, sampling_rate, original)
     draw_spectrogram(panels["spectrogram"], texture, sampling_rate)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, format="png", dpi=120)
@@ -65,13 +76,19 @@ def draw_waveform(panel, texture, sampling_rate):
     panel.grid(alpha=0.3)
 
 
-def _draw_spectrum(panel, texture, sampling_rate):
+def _draw_spectrum(panel, texture, sampling_rate, original=None):
     frequencies, density = power_spectral_density(texture, sampling_rate)
     top = min(SPECTRUM_HZ[1], sampling_rate / 2)
     shown = (frequencies >= SPECTRUM_HZ[0]) & (frequencies <= top)
     density_db = 10 * np.log10(np.maximum(density[shown], np.finfo(np.float64).tiny))
     highest = density_db.max()
     panel.axvspan(*BAND_HZ, alpha=0.12, linewidth=0, label=f"{BAND_HZ[0]:g}–{BAND_HZ[1]:g} Hz")
+    if original is not None:
+        known, reference = power_spectral_density(original, sampling_rate)
+        inside = (known >= SPECTRUM_HZ[0]) & (known <= top)
+        reference_db = 10 * np.log10(np.maximum(reference[inside], np.finfo(np.float64).tiny))
+        highest = max(highest, reference_db.max())
+        panel.semilogx(known[inside], reference_db, linewidth=2, **_ORIGINAL)
     panel.semilogx(frequencies[shown], density_db, linewidth=1)
     panel.set(
         xlim=(SPECTRUM_HZ[0], top),
