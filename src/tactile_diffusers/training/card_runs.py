@@ -10,7 +10,7 @@ from .record import read_log, read_losses, read_record
 #: Arguments of a training that say nothing about its result.
 _SILENT = {
     *("quiet", "resume_from_checkpoint", "overwrite_output_dir", "checkpoints_total_limit"),
-    *("report_to", "logging_dir", "tracker_project_name"),
+    *("logging_dir", "tracker_project_name"),
     *("cache_dir", "push_to_hub", "hub_model_id", "hub_private_repo"),
 }
 
@@ -72,7 +72,8 @@ def _told(record):
 def _words(arguments):
     """Arguments of a command, without those that say nothing about the result, and without this machine's folders."""
     for name, value in arguments.items():
-        if name in _SILENT:
+        # without a tracker the command runs anywhere; which one there was says nothing
+        if name in _SILENT or (name == "report_to" and value != "none"):
             continue
         if isinstance(value, bool):
             yield f"--{name}" if value else f"--no-{name}"

@@ -21,7 +21,8 @@ def plot_losses(log_path, output_path):
     for axis, prefix in zip(axes, ("train/", "validation/"), strict=True):
         for key in sorted({k for entry in entries for k in entry if k.startswith(prefix)}):
             points = [(entry["step"], entry[key]) for entry in entries if key in entry]
-            axis.plot(*zip(*points, strict=True), label=key.removeprefix(prefix), linewidth=1.2)
+            alone = "o" if len(points) == 1 else ""  # a line needs two
+            axis.plot(*zip(*points, strict=True), label=key.removeprefix(prefix), linewidth=1.2, marker=alone)
         axis.set(xlabel="optimiser step", title=prefix.rstrip("/"))
         if prefix == "train/":
             axis.set_yscale("log")
@@ -84,17 +85,27 @@ def plot_axis_sweep(pipe, output_path, takes=8, values=(-2.0, -1.0, 0.0, 1.0, 2.
     figure, axes = plt.subplots(1, len(names), figsize=(4.5 * len(names), 3.4), constrained_layout=True, sharey=True)
     for axis, name, (low, high) in zip(axes, names, ranges, strict=True):
         generator = torch.Generator("cpu").manual_seed(0)
-        asked = [min(max(value, low), high) for value in values]
+        asked = sorted({min(max(value, low), high) for value in values})  # two of them may end at the same bound
+        told = _told_apart(asked)
         out = pipe([{name: v} for v in asked], num_textures_per_rating=takes, generator=generator)
         frequencies, density = power_spectral_density(out.textures, out.sampling_rate)
-        spectra = (10 * np.log10(density + 1e-20)).reshape(len(values), takes, -1).mean(1)
-        friction = out.friction_coefficient.reshape(len(values), takes).mean(1)
-        for value, spectrum, mu in zip(asked, spectra, friction, strict=True):
+        spectra = (10 * np.log10(density + 1e-20)).reshape(len(asked), takes, -1).mean(1)
+        friction = out.friction_coefficient.reshape(len(asked), takes).mean(1)
+        for value, name_of_value, spectrum, mu in zip(asked, told, spectra, friction, strict=True):
             colour = plt.cm.coolwarm(0.5 + value / 2 / max(values) if max(values) else 0.5)
-            axis.semilogx(frequencies[1:], spectrum[1:], color=colour, label=f"{value:+.1f}, friction {mu:.2f}")
+            axis.semilogx(frequencies[1:], spectrum[1:], color=colour, label=f"{name_of_value}, friction {mu:.2f}")
         axis.set(title=name, xlabel="Hz", xlim=(20, 1250), ylim=(-115, -45))
         axis.grid(alpha=0.3)
         axis.legend(fontsize=7)
     axes[0].set_ylabel("dB re 1 N²/Hz")
     figure.savefig(output_path, dpi=80)
     plt.close(figure)
+
+
+def _told_apart(values):
+    """Different numbers as text, with as many decimals as tell them apart: three at most."""
+    for decimals in (1, 2, 3):
+        told = [f"{value:+.{decimals}f}" for value in values]
+        if len(set(told)) == len(told):
+            break
+    return told
