@@ -91,7 +91,7 @@ def _warnings(report):
     if seen := warning(report.get("seen_in_training"), count):
         yield f"**Warning: {seen}.**"
     if count < ENOUGH_SURFACES:
-        yield f"**Warning: {count} surfaces are too few surfaces to judge distances by: their differences are chance.**"
+        yield f"**Warning: too few surfaces to judge distances by ({count}): differences between them are chance.**"
 
 
 def _side_by_side(report, level=2):
