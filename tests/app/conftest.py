@@ -69,7 +69,7 @@ class Visitor:
 
     def make(self, percentile):
         """Generates a texture and has it written: path of the file on the server."""
-        assert self.call("generate", [None, "percentile", percentile, 50, 50, False, False, False, *HOW])[0]
+        assert self.call("generate", ["percentile", percentile, 50, 50, False, False, False, *HOW])[0]
         success, written = self.download()
         assert success
         return Path(written["data"][0]["value"][0]["path"])

@@ -70,7 +70,7 @@ def test_states_of_no_more_than_some_visitors_are_kept(page, visit):
 
 @pytest.mark.slow
 def test_who_asks_too_often_waits_or_is_refused(visit):
-    values = [None, "percentile", 50, 50, 50, False, False, False, *HOW]
+    values = ["percentile", 50, 50, 50, False, False, False, *HOW]
     visitors = [visit() for _ in range(serve.WAITING + 8)]
     with ThreadPoolExecutor(len(visitors)) as pool:
         statuses = list(pool.map(lambda visitor: visitor.join("generate", values)[0], visitors))
