@@ -183,7 +183,10 @@ class _Index:
 def _common_rate(source, band, order, passes):
     rates = {source.rate(name) for name in source.names}
     if len(rates) > 1:
-        raise ValueError(f"{source.path}: recordings have rates {sorted(rates)} Hz. Resample them to one rate first.")
+        raise ValueError(
+            f"{source.path}: recordings have rates {sorted(rates)} Hz. Resample them to one rate first: `resample` in "
+            "a layout does."
+        )
     rate = rates.pop()
     if not 0 < band[0] < band[1] < rate / 2:
         raise ValueError(f"`band` must satisfy 0 < low < high < {rate / 2} Hz for {source.path}, got {tuple(band)}.")
@@ -228,6 +231,8 @@ def _recording_notes(data, windows):
 def _few_held_out(recordings, splits, wanted):
     """Notes, if a split that is wanted has segments of fewer surfaces than evaluation needs."""
     counts = {name: len(np.unique(splits.owners[recordings[splits.members(name)[recordings]]])) for name in wanted}
+    if not len(recordings):
+        return
     few = [f"{counts[name]} {name} surface{'s' * (counts[name] != 1)}" for name in wanted if counts[name] < 2]
     if few:
         yield f"{' and '.join(few)} with segments: evaluation needs 2 of each; prepare with --test 2 --validation 2"

@@ -86,7 +86,8 @@ def batch(convert, tmp_path):
 
 def test_every_header_is_read(batch, tmp_path):
     inventory = inspect_folder(tmp_path / "root", quiet=True)
-    doubt = "2 of 12 files have other columns: denim/P02_1.csv, denim/P02_2.csv; the first has t, fx, fy, fz_mN, px."
+    found = "denim/P02_1.csv, denim/P02_2.csv; the first of them has t, fx, fy, fz_mN, px."
+    doubt = f"2 of 12 files have other columns: {found}"
     assert doubt in str(inventory) and doubt in draft_layout(inventory)
 
 
@@ -104,3 +105,28 @@ def test_an_odd_batch_has_an_entry_of_its_own(batch, tmp_path, pattern):
         batch(BATCH + odd.replace('"denim", e', '"silk", e').replace("denim/P02", "{surface}/P02"))
     with pytest.raises(ValueError, match="`surfce` is unknown: did you mean `surface`"):
         batch(BATCH + odd.replace("surface =", "surfce =").replace("denim/P02", "{surface}/P02"))
+
+
+def test_two_rates_are_told_and_brought_to_one(convert, tmp_path):
+    """Every second sample of another surface: drafted with a doubt, and resampled; a gap stays one."""
+    table = pd.read_csv(tmp_path / "root" / "felt.csv")
+    smooth = table.assign(fx=0.3 + 0.1 * np.sin(2 * np.pi * 20 * table["t"]))
+    smooth[::2].assign(fz=smooth["fz"].where((smooth.index < 1000) | (smooth.index >= 1100))).to_csv(
+        tmp_path / "root" / "wood.csv", index=False
+    )
+    told = "rates differ between files: 500 to 1000 Hz: preparation will refuse this; resample to one rate"
+    assert told in str(inspect_folder(tmp_path / "root", quiet=True))
+    assert convert().rates == [1000, 500]
+    report = convert("force =", "resample = 1000\nforce =")
+    assert report.rates == [1000] and report.notes["recordings resampled to 1000 Hz"][0] == 1
+    with RecordingsFile(tmp_path / "r.h5") as file:
+        force = file.read("wood/0/0").force
+        assert (file.read("felt/0/0").force[:, 0] == np.float32(table["fx"])).all()
+    missing = np.isnan(force).any(axis=1)
+    assert missing[1000:1099].all() and missing.sum() <= 101 and len(force) == 4000
+    middle = ~missing & (smooth["t"] > 0.2) & (smooth["t"] < 3.8)
+    np.testing.assert_allclose(force[middle, 0], smooth["fx"][middle], atol=1e-3)
+    np.testing.assert_allclose(force[~missing, 2].mean(), 0.5, atol=0.01)
+    for old, new in (("force =", "resample = 0.5\nforce ="), ("position", "resample = 99.5\nposition")):
+        with pytest.raises(ValueError, match="`resample` = .* must be a whole number of Hz"):
+            convert(old, new)

@@ -103,7 +103,7 @@ class ConversionReport:
         ]
         if len(self.rates) > 1:
             lines.append(
-                "note: a prepared data set needs one rate of force: resample, or convert them to several files"
+                "note: a prepared data set needs one rate of force: `resample` in the layout, or several files"
             )
         for kind, (count, first) in self.notes.items():
             lines.append(f"note: {count} {kind}; first {first}")

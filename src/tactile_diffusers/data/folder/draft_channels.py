@@ -57,7 +57,7 @@ def _doubt_tables(group):
         group.doubts.append("columns differ between the files that were opened")
     rates = [facts.rate for facts in group.tables if facts.rate]
     if rates and max(rates) > 1.01 * min(rates):
-        refused = ": preparation will refuse this; resample the force to one rate first"
+        refused = ": preparation will refuse this; resample to one rate (`resample` = Hz)"
         group.doubts.append(
             f"rates differ between files: {min(rates):.6g} to {max(rates):.6g} Hz"
             + refused * bool(group.channels.keys() & {"force", "lateral"})

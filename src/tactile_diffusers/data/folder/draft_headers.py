@@ -25,8 +25,9 @@ def check_headers(root, groups):
         if odd:
             more = f" and {len(odd) - _FEW} more" if len(odd) > _FEW else ""
             group.doubts.append(
-                f"{len(odd)} of {len(found)} files have other columns: {', '.join(list(odd)[:_FEW])}{more}; the first "
-                f"has {', '.join(next(iter(odd.values())))}. Give them a [[files]] of their own, with `where`"
+                f"{len(odd)} of {len(found)} files have other columns: {', '.join(list(odd)[:_FEW])}{more}; "
+                f"the first of them has {', '.join(next(iter(odd.values())))}. Give them a [[files]] of their own, "
+                "with `where`"
             )
 
 

@@ -101,6 +101,8 @@ class FilesLayout:
         inside (`Pattern` or `None`): `inside` of mat, hdf5 and npz, `sheet` of xlsx; may hold the fields, too.
         delimiter, header: of `tables.read_table`.
         rate (`float` or `None`): Hz; default: from `time`, or what the file itself says.
+        resample (`float` or `None`): whole Hz to which the force is brought, where files differ in rate; going up adds
+            nothing above half of the old rate.
         time (`TimeColumn` or `None`): the time stamps.
         offset (`float`): s, added to the time of these files.
         force, lateral, position, velocity (`Channel` or `None`): what they hold.
@@ -113,6 +115,7 @@ class FilesLayout:
     delimiter: str | None = None
     header: int | None = None
     rate: float | None = None
+    resample: float | None = None
     time: TimeColumn | None = None
     offset: float = 0.0
     force: Channel | None = None
@@ -213,6 +216,7 @@ def _files(keys):
         **table,
         where=where,
         rate=_positive(keys, "rate", None),
+        resample=_positive(keys, "resample", None),
         time=_time(time) if time else None,
         offset=_finite(keys, "offset", 0.0),
         force=_channel(keys.table("force"), ("x", "y", "z"), FORCE_SCALES),
@@ -222,6 +226,8 @@ def _files(keys):
     )
     if not files.channels:
         keys.fail("force", "is missing: give `force`, `lateral`, `position` or `velocity`")
+    if files.resample is not None and (files.resample % 1 or not {"force", "lateral"} & set(files.channels)):
+        keys.fail("resample", f"= {files.resample} must be a whole number of Hz, of files with `force` or `lateral`")
     for one, other in (("force", "lateral"), ("position", "velocity")):
         if one in files.channels and other in files.channels:
             keys.fail(one, f"and `{other}` exclude each other: remove one of them")

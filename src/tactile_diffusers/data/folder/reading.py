@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...signal import BAND_HZ, SEGMENT_SECONDS
+from ...signal import BAND_HZ, SEGMENT_SECONDS, resample
 from ..checks import LARGEST_FORCE_N, check_forces, over_range, saturated
 from .clocks import (
     RATE_TOLERANCE,
     SHORTEST_SHARE,
     Timed,
     Unusable,
+    bridged,
     on_one_clock,
     on_stamps,
     velocity_from_position,
@@ -62,6 +63,9 @@ def read_recording(name, channels, layout, report):
             _check_usable(channel)
             report.note_counts(channel.counts, channel.where)  # of the common clock
     force = _without_faults(force, kind, unit, report)
+    if (wanted := channels[kind].files.resample) not in (None, force.rate):
+        report.note(f"recordings resampled to {wanted:g} Hz", 1, f"{force.where} ({force.rate:g} Hz)")
+        force = _resampled(force, wanted)
     arrays = {kind: _shaped(force.values, kind), f"{kind}_rate": force.rate, "unit": unit}
     if motion is not None:
         _check_speed(motion, channels.get("position") or channels["velocity"])
@@ -166,6 +170,18 @@ def _without_faults(force, kind, unit, report):
         kind, _, detail = note.partition(" (")
         report.note(f"recordings: {kind}", 1, f"{force.where} ({detail}")
     return force
+
+
+def _resampled(channel, rate):
+    """At another rate; what lies beside a missing sample is missing, too."""
+    filled = bridged(channel.values)
+    mean = filled.mean(axis=0)  # the filter takes what is beyond the ends for zero
+    values = resample((filled - mean).T, channel.rate, rate).T + mean
+    gaps = np.isnan(channel.values).any(axis=1)
+    places = np.arange(len(values)) * (channel.rate / rate)
+    beside = np.interp(places, np.arange(len(gaps)), gaps) > 0
+    true_rate = channel.true_rate * rate / channel.rate
+    return replace(channel, values=np.where(beside[:, None], np.nan, values), rate=rate, true_rate=true_rate)
 
 
 def _note_normal_force(normal, where, report):
