@@ -23,6 +23,7 @@ from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.arguments import (
     add_hub_arguments,
     add_training_arguments,
+    check_model_folder,
     check_not_negative,
     parse_training_arguments,
     read_model_config,
@@ -270,6 +271,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
 def main(argv=None):
     with starting():
         args = parse_args(argv)
+        check_model_folder(args.pretrained_model_name_or_path)
         config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler"})
         pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
         accelerator = make_accelerator(args)

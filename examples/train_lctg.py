@@ -26,6 +26,7 @@ from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import (
     add_hub_arguments,
     add_training_arguments,
+    check_model_folder,
     check_not_negative,
     parse_training_arguments,
     read_model_config,
@@ -222,6 +223,7 @@ def make_validation(args, extractor, scheduler, dataset):
 def main(argv=None):
     with starting():
         args = parse_args(argv)
+        check_model_folder(args.pretrained_model_name_or_path)
         accelerator = make_accelerator(args)
         extractor, model, scheduler = build_components(args)
         model.encoder.requires_grad_(not args.freeze_encoder)

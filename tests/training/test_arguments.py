@@ -8,7 +8,12 @@ import huggingface_hub
 import pytest
 import torch
 
-from tactile_diffusers.training.arguments import add_hub_arguments, add_training_arguments, check_training_arguments
+from tactile_diffusers.training.arguments import (
+    add_hub_arguments,
+    add_training_arguments,
+    check_model_folder,
+    check_training_arguments,
+)
 
 #: Of diffusers' examples/unconditional_image_generation and examples/text_to_image; those that have no meaning here
 #: are listed, with reasons, in `tactile_diffusers/training/arguments.py`.
@@ -122,10 +127,10 @@ class TestHub:
 
 
 @pytest.mark.parametrize("name", ["./nope", "/nowhere/nope", "a/b/c", "runs/nope", "~/nope"])
-def test_a_path_to_nothing_is_no_name_on_the_hub(name, script, tmp_path, monkeypatch):
+def test_a_path_to_nothing_is_no_name_on_the_hub(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "runs").mkdir()
-    words = ["--train_data_dir", "p.h5", "--output_dir", "out", "--pretrained_model_name_or_path"]
     with pytest.raises(FileNotFoundError, match=f"there is no folder {name}"):
-        script("train_dale").parse_args([*words, name])
-    script("train_dale").parse_args([*words, "someone/textures"])
+        check_model_folder(name)
+    check_model_folder("someone/textures")
+    check_model_folder(None)

@@ -40,7 +40,7 @@ def folders(options_of_a_tiny_training, tmp_path_factory):
     return root
 
 
-def test_the_result_generates(folders, prepared, recorded_warnings):
+def _the_result_generates(folders, prepared, recorded_warnings):
     with recorded_warnings() as found:
         pipe = TactileTexturePipeline.from_pretrained(str(folders / "pipeline"))
     assert not found
@@ -51,7 +51,7 @@ def test_the_result_generates(folders, prepared, recorded_warnings):
     assert long.textures.shape == (1, 5000) and np.isfinite(long.textures).all()
 
 
-def test_statistics_of_the_data_are_in_the_config(folders, prepared):
+def _statistics_of_the_data_are_in_the_config(folders, prepared):
     pipe = TactileTexturePipeline.from_pretrained(str(folders / "pipeline"))
     data, config = PreparedDataset(prepared, "train"), pipe.dale.config
     assert config.level_mean == pytest.approx(data.levels.mean(), rel=1e-5)
@@ -72,18 +72,18 @@ def test_statistics_of_the_data_are_in_the_config(folders, prepared):
     assert min(gains) == 0 and 0 < max(gains) <= 30
 
 
-def test_the_schedulers_of_training_are_those_of_sampling(folders):
+def _the_schedulers_of_training_are_those_of_sampling(folders):
     pipe = TactileTexturePipeline.from_pretrained(str(folders / "pipeline"))
     for scheduler in (pipe.scheduler, pipe.dale_scheduler):
         assert {name: scheduler.config[name] for name in RECOMMENDED} == RECOMMENDED
 
 
-def test_dale_leaves_lctg_alone(folders):
+def _dale_leaves_lctg_alone(folders):
     name = "lctg/diffusion_pytorch_model.safetensors"
     assert (folders / "lctg" / name).read_bytes() == (folders / "pipeline" / name).read_bytes()
 
 
-def test_logs_and_pictures(folders):
+def _logs_and_pictures(folders):
     for folder, scores in (
         ("lctg", ("nine_band_db", "snr_db")),
         ("pipeline", ("velocity_rated", "velocity_unrated", "scalars_rated", "scalars_unrated")),
@@ -95,3 +95,12 @@ def test_logs_and_pictures(folders):
         for picture in ("loss.png", "validation.png"):
             assert (folders / folder / picture).stat().st_size > 5000
         assert (folders / folder / "training.json").is_file()
+
+
+def test_both_scripts_make_a_pipeline(folders, prepared, recorded_warnings):
+    """One test: processes that share the tests would each run both trainings for several."""
+    _the_result_generates(folders, prepared, recorded_warnings)
+    _statistics_of_the_data_are_in_the_config(folders, prepared)
+    _the_schedulers_of_training_are_those_of_sampling(folders)
+    _dale_leaves_lctg_alone(folders)
+    _logs_and_pictures(folders)

@@ -118,11 +118,12 @@ def check_training_arguments(args):
             raise ValueError(f"--{name} must be positive, got {getattr(args, name)}.")
     if not 0 <= args.ema_decay < 1:
         raise ValueError(f"--ema_decay must lie in [0, 1), got {args.ema_decay}.")
-    _check_model_folder(getattr(args, "pretrained_model_name_or_path", None))
 
 
-def _check_model_folder(name):
+def check_model_folder(name):
     """Refuses a folder that is not there, rather than look for it on the Hub, where names are USER/NAME.
+
+    Not a matter of `check_training_arguments`: who plans several trainings checks those before their folders are there.
 
     Raises:
         FileNotFoundError: if `name` can only be meant as a folder: it starts as a path, or its parent is a folder.
