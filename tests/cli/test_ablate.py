@@ -13,7 +13,6 @@ from tactile_diffusers.cli import ablate, ablate_measure, ablate_training
 from tactile_diffusers.cli.ablate_rows import read_rows
 from tactile_diffusers.cli.ablate_training import DIGEST, TrainingFailed, stages, train, training_facts
 from tactile_diffusers.cli.readme import markers
-from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
 from tactile_diffusers.evaluation.sections import Settings
 
 SCRIPTS = Path(__file__).parents[2] / "examples"
@@ -269,15 +268,6 @@ def test_pace_is_the_median_over_resumed_phases(tmp_path, data):
     facts = training_facts(planned)
     assert facts["step_seconds"] == pytest.approx(0.2) and facts["loss"] == pytest.approx(1 / 3)
     assert facts["training_seconds"] == pytest.approx(50 * 9.6)
-
-
-@pytest.fixture(scope="module")
-def prepared(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("ablation")
-    generate_recordings(folder / "r.h5", surfaces=8, seconds=12, explorers=1, seed=4, quiet=True)
-    limits = SegmentLimits(seconds=2048 / 2500)  # those of `evaluable_pipe`
-    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=3, test=2, quiet=True)
-    return folder / "p.h5"
 
 
 @pytest.fixture

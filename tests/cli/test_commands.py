@@ -7,23 +7,7 @@ import pytest
 from tactile_diffusers import LCTGModel, VDDIMScheduler
 from tactile_diffusers.cli import benchmark, benchmark_speed, evaluate
 from tactile_diffusers.cli.readme import markers
-from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
 from tactile_diffusers.evaluation import solver_study
-
-
-@pytest.fixture(scope="module")
-def prepared(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("commands")
-    generate_recordings(folder / "r.h5", surfaces=8, seconds=15, explorers=2, seed=4, quiet=True)
-    limits = SegmentLimits(seconds=2048 / 2500)  # those of `evaluable_pipe`
-    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=3, test=2, quiet=True)
-    return folder / "p.h5"
-
-
-@pytest.fixture
-def checkpoint(evaluable_pipe, tmp_path):
-    evaluable_pipe().save_pretrained(str(tmp_path / "pipeline"))
-    return tmp_path / "pipeline"
 
 
 def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, capsys):

@@ -13,7 +13,7 @@ from safetensors.torch import load_file
 
 from tactile_diffusers import LCTGModel, TactileTexturePipeline
 from tactile_diffusers.cli import evaluate, publish
-from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.card import write_card
 from tactile_diffusers.evaluation.report import folder_digest
 from tactile_diffusers.training.surfaces import surfaces_of, trained_on
@@ -27,21 +27,6 @@ RECORD = {
     "versions": {"torch": "2", "diffusers": "0"},
 }
 LOG = [{"step": 9, "train/loss": 0.5, "seconds": 180.0}, {"step": 9, "validation/velocity": 0.25}]
-
-
-@pytest.fixture(scope="module")
-def prepared(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("publish")
-    generate_recordings(folder / "r.h5", surfaces=8, seconds=15, explorers=2, seed=4, quiet=True)
-    limits = SegmentLimits(seconds=2048 / 2500)  # those of `evaluable_pipe`
-    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=3, test=2, quiet=True)
-    return folder / "p.h5"
-
-
-@pytest.fixture
-def checkpoint(evaluable_pipe, tmp_path):
-    evaluable_pipe().save_pretrained(str(tmp_path / "pipeline"))
-    return tmp_path / "pipeline"
 
 
 @pytest.fixture

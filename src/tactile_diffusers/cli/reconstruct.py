@@ -7,9 +7,6 @@ from pathlib import Path
 
 from .program import Parser, check_folders, program, refuse
 
-#: N, RMS of a texture: a fifth of the normal force, beyond what fingers meet.
-LARGEST_RMS = 0.1
-
 
 def parse_arguments(argv=None):
     """Arguments of the command.
@@ -81,13 +78,14 @@ def _reconstruct(arguments):
     from ..evaluation.reconstruction import snr_db
     from ..export import write_figure, write_npz, write_wav
     from ..signal import nine_band_error_db, resample, rms
-    from .recording import read_recording
+    from .recording import LARGEST_RMS, REFERENCE_FORCE, read_recording
 
     texture, rate = read_recording(arguments.recording, arguments.column, arguments.rate, arguments.newtons_per_unit)
     if rms(texture) > LARGEST_RMS:
         print(
             f"{program('reconstruct.py')}: warning: {arguments.recording}: RMS {1e3 * rms(texture):.0f} mN is more "
-            "than textures have at a normal force of 0.5 N. Give --newtons_per_unit if these are not newtons.",
+            f"than textures have at a normal force of {REFERENCE_FORCE} N. Give --newtons_per_unit if these are not "
+            "newtons.",
             file=sys.stderr,
         )
     pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint or bundled_checkpoint()))

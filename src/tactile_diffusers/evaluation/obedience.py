@@ -8,8 +8,6 @@ from ..signal import RATING_AXES
 VALUES = ("-2.0", "-1.0", "1.0", "2.0")
 #: A change is right if it is within this share of the real one, or cannot be told from it.
 TOLERANCE = 0.2
-#: Largest difference of an entry of the response matrix from that of real textures.
-MATRIX_TOLERANCE = 0.1
 QUANTITIES = {
     "level_db_change": "level, dB",
     "shape_db": "nine-band shape, dB",

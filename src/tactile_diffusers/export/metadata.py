@@ -4,17 +4,20 @@ import math
 
 import numpy as np
 
+from ..playback.stream import REFERENCE_FORCE
+from ..signal import BAND_HZ, RATING_AXES
 from .checks import check_positive_or_unknown, check_ratings, check_seed, check_texture
 
 #: Key under which a file of another's format holds what belongs to the texture, as JSON.
 METADATA_KEY = "tactile_diffusers"
 #: What the numbers in a file mean, for programs and people without this package; written beside them under `units`.
 UNITS = {
-    "texture": "N: lateral force about its mean, band 20-1000 Hz, at a normal force of 0.5 N",
+    "texture": f"N: lateral force about its mean, band {BAND_HZ[0]:g}-{BAND_HZ[1]:g} Hz, at a normal force of "
+    f"{REFERENCE_FORCE} N",
     "sampling_rate": "Hz, of the texture as it was generated",
     "friction_coefficient": "mean lateral force / mean normal force",
     "reference_speed": "mm/s: the finger's, at which the texture is felt in this time",
-    "ratings": "z-scores in the order roughness, bumpiness, slipperiness; larger = rougher, bumpier, more slippery",
+    "ratings": f"z-scores in the order {', '.join(RATING_AXES)}; larger = rougher, bumpier, more slippery",
 }
 #: What old files may lack, and what it is then.
 _OPTIONAL = {"reference_speed": None, "checkpoint": None}

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ...signal import RATING_AXES
-from ..reconstruct import LARGEST_RMS
+from ..recording import LARGEST_RMS, REFERENCE_FORCE
 from .bands import DRAWS
 from .figures import draw_comparison, draw_result, figure_html
 from .settings import SCALES, digits, from_z
@@ -53,7 +53,7 @@ def reconstruction_answer(made, scale, config):
     if made.recorded.rms > LARGEST_RMS:
         remark = (
             f'<p role="status"><strong>RMS {1e3 * made.recorded.rms:.0f} mN is more than textures have</strong> at a '
-            "normal force of 0.5 N: set <em>Newtons per unit</em>.</p>" + remark
+            f"normal force of {REFERENCE_FORCE} N: set <em>Newtons per unit</em>.</p>" + remark
         )
     return _side_by_side(textures, scale, config, remark)
 

@@ -19,7 +19,6 @@ ADJECTIVES = "hot cold warm cool hard soft wet dry regular irregular fine coarse
 #: Words for a person, and for a surface, in the names of columns.
 PERSON_WORDS = ("rater", "observer", "judge", "id", "name", *FIELD_WORDS["explorer"])
 SURFACE_WORDS = ("item", "object", *FIELD_WORDS["surface"])
-AXIS_COLUMN_WORDS = ("axis", "scale", "attribute", "adjective", "dimension", "question", "pair", "property")
 ANSWER_WORDS = ("answer", "rating", "response", "score", "value", "judgement", "judgment")
 #: Scales that are in use; answers that reach both ends of one are taken to be on it.
 SCALES = ((0, 8), (1, 9), (1, 7), (1, 5), (0, 10), (1, 10), (0, 6), (-3, 3), (-4, 4), (0, 100), (1, 100))
