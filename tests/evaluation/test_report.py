@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 import torch
+from matplotlib.figure import Figure
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli import evaluate
@@ -69,6 +70,12 @@ def prepared(tmp_path_factory):
     limits = SegmentLimits(seconds=SECONDS)
     prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=2, test=8, quiet=True)
     return folder / "p.h5"
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch):
+    """Drawing takes most of the time of a report on a tiny pipeline; one test draws."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **options: Path(path).touch())
 
 
 def _report(pipe, prepared, folder, names=tuple(SECTIONS), seed=0, settings=TINY, split="test"):
@@ -150,6 +157,7 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path):
     assert "nan" not in written.lower() and "another take" in written
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_vibromaf_judges_reconstructions_only(evaluable_pipe, prepared, tmp_path):
     pytest.importorskip("vibromaf")
     evaluable_pipe(dale=False).save_pretrained(tmp_path / "c")
@@ -160,6 +168,7 @@ def test_vibromaf_judges_reconstructions_only(evaluable_pipe, prepared, tmp_path
     assert "spqi" not in section["baselines"]["other_take"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_callers_embedding_is_used_and_named(evaluable_pipe, prepared, tmp_path):
     """Any callable serves the paper's distribution distance; this one hears nothing but level and crest."""
 
@@ -173,6 +182,7 @@ def test_callers_embedding_is_used_and_named(evaluable_pipe, prepared, tmp_path)
     assert found["fad_loudness"]["n"] == len(context.real) <= TINY.audio_textures
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_done_sections_are_read_not_run_again(evaluable_pipe, prepared, tmp_path, monkeypatch):
     pipe = evaluable_pipe(dale=False)
     first = _report(pipe, prepared, tmp_path, ["speed"])
@@ -192,6 +202,7 @@ def test_done_sections_are_read_not_run_again(evaluable_pipe, prepared, tmp_path
     assert _report(pipe, prepared, tmp_path, ["speed"], seed=1)["speed"] == "other weights"
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_embedding_is_that_of_the_report_and_kept(evaluable_pipe, prepared, tmp_path, monkeypatch):
     pipe, path = evaluable_pipe(dale=False), tmp_path / "out" / "embedding.json"
     monkeypatch.setitem(SECTIONS, "speed", lambda context: {"speed": "measured"})
@@ -207,6 +218,7 @@ def test_embedding_is_that_of_the_report_and_kept(evaluable_pipe, prepared, tmp_
     assert path.read_text() != first
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_split_is_said_and_another_one_is_measured_anew(evaluable_pipe, prepared, tmp_path):
     pipe = evaluable_pipe(dale=False)
     settings = replace(TINY, steps=(1,))
@@ -255,6 +267,7 @@ def test_surfaces_that_training_has_too_are_refused(evaluable_pipe, prepared, tm
         Context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_seed_gives_the_same_report_and_order_changes_nothing(evaluable_pipe, prepared, tmp_path):
     def plain(report):
         timed = {"seconds_per_segment", "efficiency_score"}
@@ -346,6 +359,7 @@ def test_power_is_compared_in_percent_of_the_mean_power():
     assert power_percent(np.sqrt(1.5) * real, real, np.arange(4))["power_bias_percent"]["mean"] == pytest.approx(50)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_pipeline_without_dale_reports_reconstruction_only(evaluable_pipe, prepared, tmp_path):
     report = _report(evaluable_pipe(dale=False), prepared, tmp_path, list(SECTIONS))
     assert report["reconstruction"] and report["speed"] and report["generation"] is None and report["control"] is None
@@ -368,6 +382,7 @@ def test_segments_of_another_length_are_refused(pipe, prepared, tmp_path):
         Context(pipe, prepared, "test", TINY, 0, tmp_path)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_baselines_may_know_fewer_surfaces(evaluable_pipe, prepared, tmp_path):
     whole, few = (
         Context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path, baseline_surfaces=count) for count in (None, 5)
