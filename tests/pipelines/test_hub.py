@@ -12,7 +12,7 @@ from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundEr
 from huggingface_hub.utils import filter_repo_objects
 
 from tactile_diffusers import DALEModel, LCTGModel, TactileTexturePipeline
-from tactile_diffusers.checkpoints import DISTILLED
+from tactile_diffusers.checkpoints import DISTILLED, SURFACES_FILE
 
 CARD = "---\nlibrary_name: diffusers\n---\n\n# ours\n\n![loss](loss.png)\n"
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -61,11 +61,12 @@ def hub(tmp_path, monkeypatch):
 
 @pytest.fixture
 def saved(pipe, tmp_path):
-    """A checkpoint with a card, a picture and a distilled decoder, as `publish.py` writes it."""
+    """A checkpoint with a card, a picture, its surfaces and a distilled decoder, as `publish.py` writes it."""
     folder = tmp_path / "saved"
     pipe.save_pretrained(str(folder))
     (folder / "README.md").write_text(CARD)
     (folder / "loss.png").write_bytes(b"png")
+    (folder / SURFACES_FILE).write_text("{}")
     pipe.lctg.save_pretrained(str(folder / DISTILLED))
     return folder
 
@@ -90,7 +91,9 @@ class TestSending:
         assert hub.created == [("someone/textures", {"private": True, "token": "secret", "exist_ok": True})]
         [(repo, options)] = hub.sent
         assert repo == "someone/textures" and options["token"] == "secret" and options["create_pr"] is True
-        assert {f"{DISTILLED}/config.json", "loss.png", "model_index.json"} <= set(files_of(hub.folder / repo))
+        assert {f"{DISTILLED}/config.json", "loss.png", "model_index.json", SURFACES_FILE} <= set(
+            files_of(hub.folder / repo)
+        )
 
     def test_the_repository_is_called_like_the_folder(self, hub, saved, pipe):
         pipe.save_pretrained(saved, push_to_hub=True)  # a Path, too, which diffusers' own refuses

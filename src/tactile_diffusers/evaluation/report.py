@@ -12,9 +12,10 @@ import numpy as np
 import torch
 from tqdm.auto import tqdm
 
+from ..checkpoints import SURFACES_FILE
 from ..data.files import write_text
 from ..reading import read_json
-from ..training.surfaces import SURFACES_FILE, count_seen, surfaces_of, trained_on
+from ..training.surfaces import count_seen, surfaces_of, trained_on
 from .figures import plot_beside
 from .sections import SECTIONS, WITHOUT_RATINGS, anchors
 from .statistics import is_leaf

@@ -9,17 +9,18 @@ import huggingface_hub
 from diffusers.utils import logging
 from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundError, RevisionNotFoundError
 
-from ..checkpoints import DISTILLED
+from ..checkpoints import DISTILLED, SURFACES_FILE
 from ..models.loading import WHY_NO_PICKLES
 
 logger = logging.get_logger(__name__)
 
 #: The model card of a checkpoint.
 CARD_FILE = "README.md"
-#: What belongs to a checkpoint beside its components: the card, its pictures, the distilled decoder.
-BESIDE = (CARD_FILE, "*.png", "report/*.png", f"{DISTILLED}/*")
+#: What belongs to a checkpoint beside its components: the card, its pictures, the distilled decoder, the names of
+#: the surfaces that must not judge it.
+BESIDE = (CARD_FILE, SURFACES_FILE, "*.png", "report/*.png", f"{DISTILLED}/*")
 # what is sent: a training's folder holds its optimiser and logs too, and training.json names folders of this machine
-_SENT = [CARD_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
+_SENT = [CARD_FILE, SURFACES_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
 _NOT_SENT = ["checkpoint-*", "unfinished-*"]
 
 

@@ -3,12 +3,10 @@
 import json
 from pathlib import Path
 
+from ..checkpoints import SURFACES_FILE
 from ..data.files import write_text
 from ..reading import read_json
 from .record import phases
-
-#: Beside a published checkpoint, which does not keep `training.json`.
-SURFACES_FILE = "trained_on.json"
 
 
 def surfaces_of(dataset, rows=None):
