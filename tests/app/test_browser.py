@@ -312,6 +312,17 @@ def test_blend(visit):
     page.locator("#share input[type=range]").focus()
     page.keyboard.press("ArrowRight")
     _wait_for_another(page, before, "#blend-picture")
+    told = page.locator("#blend-status")
+    sync_api.expect(told).to_have_text("")
+    page.get_by_role("tab", name="Texture", exact=True).click()
+    _fill(page, "bumpiness", "20")
+    page.get_by_role("button", name="Keep as B").click()
+    page.get_by_role("tab", name="Two textures").click()
+    sync_api.expect(told).to_have_text(re.compile("have changed since.*is the earlier"))
+    before = _picture(page, "#blend-picture")
+    page.click("#make-blend")
+    _wait_for_another(page, before, "#blend-picture")
+    sync_api.expect(told).to_have_text("")
 
 
 def test_recording_is_reconstructed_and_uploads_are_bounded(visit, tmp_path, pink_noise):

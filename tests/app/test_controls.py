@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.cli.app.controls import agree, read_ratings
+from tactile_diffusers.cli.app.page import _asked, _told_of_blend
 from tactile_diffusers.cli.app.settings import Settings, from_z, slider_ranges, to_z
 from tactile_diffusers.cli.app.texture_tab import _compare
 
@@ -51,3 +52,13 @@ def test_what_is_shown_is_told_from_what_is_asked(studio):
     told = _compare(studio, made, *asked, 2, 5, 2, 1.0, 1, 10.0, 3)
     assert "Not made" in told and "may last 20 s" in told and "is the earlier texture" in told
     assert "<b>" not in _compare(studio, made, "percentile", "<b>", 80, 64, *CLOSED, *HOW)
+
+
+def test_a_blend_is_told_from_what_it_would_be_now():
+    given = [("glass", (-1.0, 0.0, 1.0)), ("denim", (1.0, None, 0.0)), 50, *HOW]
+    asked = _asked(given)
+    assert _told_of_blend(asked, *given) == "" == _told_of_blend(None, *given)
+    assert _told_of_blend(asked, ("kept", (-1.0, 0.0, 1.0)), *given[1:-1], 8) == ""
+    for number, other in ((0, ("kept", (-1.0, 0.0, 0.9))), (2, 55), (3, 9)):
+        changed = [*given[:number], other, *given[number + 1 :]]
+        assert "is the earlier comparison" in _told_of_blend(asked, *changed)

@@ -104,26 +104,50 @@ def _blend_tab(gr, studio, kept, asked):
     with gr.Row():
         share = gr.Slider(0, 100, 50, step=5, label="Blend, %", info="0 = A, 100 = B", elem_id="share")
         make = gr.Button("Make A, blend and B", variant="primary", elem_id="make-blend")
+    status = gr.HTML(elem_id="blend-status", padding=False)
     picture, sound, numbers = gr.HTML(elem_id="blend-picture"), gr.HTML(), gr.HTML()
+    made_of = gr.State()  # what was asked for what is shown
 
-    def generate(first, second, percent, scale, *values):
+    def generate(scale, *wanted):
+        first, second, percent, *how, _ = wanted
         check_number("blend", percent, 0, True, " and <= 100", 100)
         first, second = (tuple(to_z(ratings, "z", studio.config)) for _, ratings in (first, second))
         rows = [first, blend(first, second, percent / 100), second]
-        *how, _ = values
         made = studio.generate(rows, Settings(*how, takes=1))
-        return comparison_answer(made, ("A", f"blend {percent:g} %", "B"), scale, studio.config)
+        names = ("A", f"blend {percent:g} %", "B")
+        return *comparison_answer(made, names, scale, studio.config), _asked(wanted)
 
-    gr.on(
+    wanted = [*kept, share, *asked["settings"]]
+    made = gr.on(
         [make.click, share.input],
         said(gr, generate),
-        [*kept, share, asked["scale"], *asked["settings"]],
-        [picture, sound, numbers],
+        [asked["scale"], *wanted],
+        [picture, sound, numbers, made_of],
         api_visibility="private",
         show_progress="minimal",
         trigger_mode="always_last",
     )
+    compare = {"fn": _told_of_blend, "inputs": [made_of, *wanted], "outputs": status}
+    compare |= {"api_visibility": "private", "show_progress": "hidden", "trigger_mode": "always_last"}
+    made.then(**compare)
+    gr.on([component.change for component in wanted], **compare)
     return labels
+
+
+def _asked(wanted):
+    """What decides on a blend, of all that the tab reads: not what A and B are called, nor takes, for one is made."""
+    (_, first), (_, second), *rest, _ = wanted
+    return [list(first), list(second), *rest]
+
+
+def _told_of_blend(made_of, *wanted):
+    """What the tab says if what is shown is not what would be made now, as HTML; else nothing."""
+    if made_of is None or made_of == _asked(wanted):
+        return ""
+    return (
+        '<p role="status">Ratings or settings have changed since: <em>Make A, blend and B</em>. What is shown is the '
+        "earlier comparison.</p>"
+    )
 
 
 def _recording_tab(gr, studio, asked):
