@@ -15,6 +15,7 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli.generate_dataset import checkpoint_digest, main, texture_seeds
+from tactile_diffusers.data.locks import fcntl, is_locked
 from tactile_diffusers.export import read_generated
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "generate_dataset.py"
@@ -144,6 +145,24 @@ def test_a_finished_set_is_left_alone(checkpoint, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "10 textures, 0 of them made now" in printed and "hours" not in printed
     assert before == {path: _untouched(path) for path in (tmp_path / "out").iterdir()}
+
+
+@pytest.mark.skipif(fcntl is None, reason="needs flock")
+def test_a_folder_in_which_another_call_writes_is_refused(checkpoint, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(_words(checkpoint, out)) == 0 and not is_locked(out)
+    (out / "textures-00001.h5").unlink()
+    (out / ".textures-00001.h5.1.tmp").touch()
+    before = sorted(out.iterdir())
+    handle = os.open(out, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)  # what another process holds
+        assert main(_words(checkpoint, out)) == 2
+        assert f"error: --output {out} is in use: another process is writing" in capsys.readouterr().err
+        assert sorted(out.iterdir()) == before
+    finally:
+        os.close(handle)
+    assert main(_words(checkpoint, out)) == 0 and len(list(out.iterdir())) == 4
 
 
 def test_throughput_is_printed_and_quiet_is_quiet(checkpoint, tmp_path, capfd):

@@ -146,7 +146,7 @@ def test_a_kill_while_surfaces_are_put_together_litters_nothing(tmp_path, monkey
     monkeypatch.undo()
     parts = tmp_path / "r.h5.partial"
     assert list(parts.glob(".*.tmp"))
-    generate._open_parts(path, Collection(seconds=2.0, explorers=1, seed=5))
+    generate._check_parts(parts, Collection(seconds=2.0, explorers=1, seed=5))
     assert not list(parts.glob(".*.tmp"))  # so that disk need not hold it beside the next attempt
     generate_recordings(path, 2, **SETTINGS)
     assert [file.name for file in tmp_path.iterdir()] == ["r.h5"]

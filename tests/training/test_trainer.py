@@ -7,8 +7,10 @@ import shutil
 import numpy as np
 import pytest
 import torch
+from accelerate import Accelerator
 from safetensors.torch import load_file
 
+from tactile_diffusers.data.locks import fcntl, is_locked, unlock_folder
 from tactile_diffusers.training.loop import latest_checkpoint
 
 
@@ -124,6 +126,24 @@ def test_a_kill_while_writing_leaves_the_checkpoint_before(make_trainer, tmp_pat
     assert sorted(path.name for path in tmp_path.glob("*checkpoint-*")) == ["checkpoint-5"]
     shutil.rmtree(tmp_path)
     _assert_equal(_state(model), _state(make_trainer(tmp_path, max_train_steps=5).run()))
+
+
+@pytest.mark.skipif(fcntl is None, reason="needs flock")
+def test_a_training_holds_its_folder_from_its_start_to_its_result(make_trainer, script, run_script, tmp_path):
+    trainer = make_trainer(tmp_path / "a", max_train_steps=1)
+    assert is_locked(tmp_path / "a")
+    trainer.run()
+    assert is_locked(tmp_path / "a")  # its result is yet to be written
+    run_script(script("train_lctg"), "lctg", tmp_path / "b", max_train_steps=1)
+    assert not is_locked(tmp_path / "b")
+    unlock_folder(tmp_path / "a")
+
+
+def test_other_processes_than_the_main_one_lock_nothing(make_trainer, tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(Accelerator, "is_main_process", False)
+        make_trainer(tmp_path)
+    assert not is_locked(tmp_path)
 
 
 def test_tensorboard_gets_scalars(make_trainer, tmp_path):

@@ -125,15 +125,19 @@ def _stored(plan, arguments):
 
 def _run(row, plan, scripts, arguments, bench):
     """Trains and measures a row, unless that is done."""
+    from ..data.locks import locked_folder
     from ..evaluation.report import machine
     from .ablate_training import train, training_facts
 
-    if _stored(plan, arguments) is not None:
-        return
-    train(row, plan, scripts, arguments.threads)
-    measured = bench.measure(plan[-1].folder, generates=row.dale is not None)
-    result = {"machine": machine(), **_conditions(plan, arguments), **training_facts(plan), **measured}
-    write_text(arguments.output / row.name / "result.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
+    folder = arguments.output / row.name
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked_folder(folder):  # other commands may be at other rows of the same output
+        if _stored(plan, arguments) is not None:
+            return
+        train(row, plan, scripts, arguments.threads)
+        measured = bench.measure(plan[-1].folder, generates=row.dale is not None)
+        result = {"machine": machine(), **_conditions(plan, arguments), **training_facts(plan), **measured}
+        write_text(folder / "result.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
 def _tell(rows, plans, arguments):

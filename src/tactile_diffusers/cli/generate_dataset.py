@@ -15,12 +15,12 @@ from .program import Parser, program, refuse
 
 EPILOG = """\
 Run it again after it was stopped: whole shards are kept, the others are made. All machines must see OUTPUT, and one
-call at a time may write there. Textures depend on the checkpoint, the ratings, the options above and --seed. Files are
-the same bit for bit for any number of processes on processors of one kind. Another --batch_size changes samples by
-rounding (on a CPU by 3e-6 of the RMS), another kind of processor or GPU by more. On a CPU each process computes on one
-thread, so give as many processes as cores: `torchrun --nproc_per_node 8 examples/generate_dataset.py ...` (accelerate
-1.15 launches several processes on GPUs only). `tactile_diffusers.export.read_generated(OUTPUT)` reads the shards as one
-array.
+call at a time may write there: a second is refused. Textures depend on the checkpoint, the ratings, the options above
+and --seed. Files are the same bit for bit for any number of processes on processors of one kind. Another --batch_size
+changes samples by rounding (on a CPU by 3e-6 of the RMS), another kind of processor or GPU by more. On a CPU each
+process computes on one thread, so give as many processes as cores: `torchrun --nproc_per_node 8
+examples/generate_dataset.py ...` (accelerate 1.15 launches several processes on GPUs only).
+`tactile_diffusers.export.read_generated(OUTPUT)` reads the shards as one array.
 """
 
 
@@ -74,6 +74,7 @@ def main(argv=None):
     arguments = parse_arguments(argv)
     from accelerate import PartialState
 
+    from ..data.locks import unlock_folder
     from ..training.processes import on_cpu
 
     # processes that are done wait for the last one, however long its shards take
@@ -87,6 +88,7 @@ def main(argv=None):
         return 2
     with _one_thread(state.device), _novelty_said_once():
         _run(arguments, state, **job)
+    unlock_folder(arguments.output)
     state.destroy_process_group()
     return 0
 
@@ -126,6 +128,7 @@ def _prepare(arguments, state):
 
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
+    from ..data.locks import lock_folder
     from ..export.generated import open_folder
     from ..pipelines.inputs import warn_of_novel_ratings
     from ..version import __version__
@@ -167,7 +170,13 @@ def _prepare(arguments, state):
     about = {"checkpoint": checkpoint.resolve().name, "ratings": source, "rating_axes": list(config.rating_axes)}
     if state.is_main_process and not arguments.quiet:
         warn_of_novel_ratings(torch.from_numpy(ratings), config)
-    missing = _from_main_process(state, lambda: open_folder(arguments.output, settings, about))
+
+    def claim():
+        arguments.output.mkdir(parents=True, exist_ok=True)
+        lock_folder(arguments.output, "--output")
+        return open_folder(arguments.output, settings, about)
+
+    missing = _from_main_process(state, claim)
     if not arguments.output.is_dir():
         raise ValueError(f"--output {arguments.output} is not seen by process {state.process_index}: share the folder.")
     attributes = settings | {"checkpoint": about["checkpoint"], "rating_axes": ", ".join(config.rating_axes)}

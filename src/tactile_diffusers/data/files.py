@@ -10,6 +10,8 @@ from pathlib import Path
 import h5py
 from numpy.lib import format as npy
 
+from .locks import is_locked
+
 #: A file may unpack to so many bytes, or to so many times its size, whichever is more: recordings and texts do not
 #: compress a hundredfold, a header that claims absurd sizes and an archive made to fill the memory do.
 MOST_UNPACKED, MOST_RATIO = 2**26, 100
@@ -28,10 +30,11 @@ def atomic_path(path):
 
 
 def clear_left_behind(path):
-    """Removes what killed calls of `atomic_path(path)` left beside `path`, to which one call at a time may write."""
+    """Removes what killed calls of `atomic_path(path)` left beside `path`; an HDF5 file that is being written stays."""
     path = Path(path)
     for left_behind in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
-        left_behind.unlink(missing_ok=True)
+        if not is_locked(left_behind):
+            left_behind.unlink(missing_ok=True)
 
 
 def write_text(path, text):

@@ -19,6 +19,7 @@ from diffusers.training_utils import EMAModel
 from tqdm.auto import tqdm
 
 from ..data.files import write_text
+from ..data.locks import lock_folder
 from .batches import EndlessBatches
 from .checkpoints import (
     checkpoints,
@@ -44,8 +45,10 @@ _SEED_STRIDE = 0x9E3779B1
 def make_accelerator(args):
     """Accelerator, seeds and the tracker for parsed arguments.
 
+    The output folder is this process's until `training.ending.finish`, or until the process ends, however it does.
+
     Raises:
-        ValueError: if the output folder holds another training.
+        ValueError: if the output folder holds another training, or another process trains there.
         ImportError: if the tracker is not installed, naming the extra.
     """
     output = Path(args.output_dir)
@@ -77,6 +80,7 @@ def make_accelerator(args):
     )
     if accelerator.is_main_process:
         output.mkdir(parents=True, exist_ok=True)
+        lock_folder(output, "--output_dir")
     logging.basicConfig(format="%(asctime)s %(message)s", level=logging.INFO if accelerator.is_main_process else 40)
     set_seed(args.seed)
     return accelerator
@@ -288,7 +292,8 @@ class Trainer:
         if args.report_to != "none":
             told = {k: v for k, v in vars(args).items() if k != "hub_token"}
             config = {k: v for k, v in told.items() if isinstance(v, int | float | str | bool)}
-            accelerator.init_trackers(args.tracker_project_name, config)
+            with writing("The log of the tracker", self.output):
+                accelerator.init_trackers(args.tracker_project_name, config)
         logger.info(
             "***** Running training ***** segments %d, batch %d x %d, steps %d, parameters %.2f M, %s",
             len(self.dataset), args.train_batch_size, args.gradient_accumulation_steps, self.total_steps,
@@ -301,7 +306,8 @@ class Trainer:
         self._loop(loader)
         if self.step % args.checkpointing_steps:
             self.save_checkpoint()
-        accelerator.end_training()
+        with writing("The log of the tracker", self.output):
+            accelerator.end_training()
         model = accelerator.unwrap_model(self.module).model
         if self.ema is not None:
             self.ema.copy_to(model.parameters())

@@ -15,6 +15,7 @@ from tqdm import tqdm
 from ...reading import read_json
 from ...signal import DEVICE_RATE, RATING_AXES
 from ..files import write_text
+from ..locks import locked_folder
 from ..recordings import RecordingsFile, RecordingsWriter
 from .collection import Collection, truth_fields
 from .exploration import VELOCITY_RATE
@@ -55,7 +56,7 @@ def generate_recordings(
         workers (`int`): processes that explore; 1 = this one.
 
     Raises:
-        ValueError: if an argument is out of range, or the folder holds surfaces of other settings.
+        ValueError: if an argument is out of range, or the folder holds surfaces of other settings, or is in use.
         FileNotFoundError: if the folder of `path` does not exist.
         ChildProcessError: if a worker was killed.
     """
@@ -67,8 +68,20 @@ def generate_recordings(
     path, surfaces, workers = Path(path), int(surfaces), int(workers)
     if _is_done(path, collection, surfaces):
         parts = _parts_of(path)
-        return _remove(parts) if parts.is_dir() else None
-    parts = _open_parts(path, collection)
+        if parts.is_dir():
+            with locked_folder(parts):
+                _remove(parts)
+        return
+    parts = _parts_of(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
+    parts.mkdir(exist_ok=True)
+    with locked_folder(parts):
+        _check_parts(parts, collection)
+        _generate(path, parts, collection, surfaces, quiet, workers)
+
+
+def _generate(path, parts, collection, surfaces, quiet, workers):
     missing = [index for index in range(surfaces) if not _is_whole(_part(parts, index))]
     tasks = [(parts, collection, index) for index in missing]
     with tqdm(total=surfaces, initial=surfaces - len(tasks), desc=SOURCE, unit="surface", disable=quiet) as bar:
@@ -93,29 +106,21 @@ def _explore(tasks, workers):
             yield write_part(*task)
 
 
-def _open_parts(path, collection):
-    """The folder of finished surfaces, made or checked against the settings of the collection."""
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
-    parts = _parts_of(path)
-    settings, stored = parts / SETTINGS_FILE, {}
-    if settings.is_file():
-        stored = read_json(settings, "settings of virtual surfaces", f"Delete the folder {parts}.")
-    else:
-        parts.mkdir(exist_ok=True)
-        write_text(settings, json.dumps(collection.attributes, indent=1) + "\n")
-    others = {name: value for name, value in stored.items() if collection.attributes.get(name) != value}
+def _check_parts(parts, collection):
+    """Checks the folder of finished surfaces against the settings of the collection, and cleans it."""
+    settings, wanted = parts / SETTINGS_FILE, collection.attributes
+    if not settings.is_file():
+        write_text(settings, json.dumps(wanted, indent=1) + "\n")
+    stored = read_json(settings, "settings of virtual surfaces", f"Delete the folder {parts}.")
+    others = [name for name in {**stored, **wanted} if stored.get(name) != wanted.get(name)]
     if others:
-        differences = ", ".join(
-            f"{name} {value}, not {collection.attributes.get(name)}" for name, value in others.items()
-        )
+        differences = ", ".join(f"{name} {stored.get(name)}, not {wanted.get(name)}" for name in others)
         raise ValueError(
             f"{parts} holds surfaces of other settings ({differences}). Finish them with those settings, or delete "
             "the folder."
         )
     for left_behind in parts.glob(".*.tmp"):  # by a call that was killed
         left_behind.unlink(missing_ok=True)
-    return parts
 
 
 def _parts_of(path):
