@@ -36,17 +36,17 @@ from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.signal import nine_band_error_db, resample
 from tactile_diffusers.training.arguments import (
     add_training_arguments,
+    check_model_folder,
     check_not_negative,
     parse_training_arguments,
 )
 from tactile_diffusers.training.batches import make_collate
-from tactile_diffusers.training.card import write_card
-from tactile_diffusers.training.checkpoints import save_result
 from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
-from tactile_diffusers.training.figures import plot_losses
+from tactile_diffusers.training.ending import finish
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
+from tactile_diffusers.training.refusals import run, starting
 
 
 def parse_args(argv=None):
@@ -196,20 +196,25 @@ def make_validation(args, pipe, dataset):
 
 
 def main(argv=None):
-    args = parse_args(argv)
-    accelerator = make_accelerator(args)
-    pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
-    if pipe.lctg.config.distilled_steps is not None:
-        raise ValueError(f"--pretrained_model_name_or_path {args.pretrained_model_name_or_path} is distilled already.")
+    with starting():
+        args = parse_args(argv)
+        check_model_folder(args.pretrained_model_name_or_path)
+        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
+        if pipe.lctg.config.distilled_steps is not None:
+            raise ValueError(
+                f"--pretrained_model_name_or_path {args.pretrained_model_name_or_path} is distilled already. Give its "
+                "teacher."
+            )
+        accelerator = make_accelerator(args)
+        rate = pipe.feature_extractor.sampling_rate
+        dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
+        held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
     teacher = copy.deepcopy(pipe.lctg)
     teachers = pipe.scheduler
     if args.method != "trajectory":
         pipe.register_modules(scheduler=VDDIMScheduler())
     pipe.lctg.register_to_config(distilled_steps=max(args.student_steps))
     pipe.lctg.encoder.requires_grad_(False)
-    rate = pipe.feature_extractor.sampling_rate
-    dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
-    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
     share = (accelerator.process_index, accelerator.num_processes)
     trainer = Trainer(
         accelerator,
@@ -231,10 +236,8 @@ def main(argv=None):
             model.save_pretrained(str(Path(folder) / DISTILLED))
             pipe.scheduler.save_pretrained(str(Path(folder) / "scheduler"))
 
-        save_result(args.output_dir, save)
-        plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
-        write_card(args.output_dir, pipe, dataset, [args.output_dir], teacher=args.pretrained_model_name_or_path)
+        finish(args, save, pipe, dataset, teacher=args.pretrained_model_name_or_path)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

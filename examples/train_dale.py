@@ -28,15 +28,14 @@ from tactile_diffusers.training.arguments import (
     parse_training_arguments,
     read_model_config,
 )
-from tactile_diffusers.training.card import send_to_hub, write_card
-from tactile_diffusers.training.checkpoints import save_result
+from tactile_diffusers.training.checkpoints import writing
 from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
-from tactile_diffusers.training.figures import plot_axis_sweep, plot_losses
+from tactile_diffusers.training.ending import finish
+from tactile_diffusers.training.figures import plot_axis_sweep
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss
 from tactile_diffusers.training.rating_head import fit_rating_estimator, scores_in_words
-from tactile_diffusers.training.record import phases
 from tactile_diffusers.training.refusals import run, starting
 from tactile_diffusers.training.surfaces import surfaces_of
 
@@ -262,7 +261,8 @@ def make_validation(args, pipe, dale_scheduler, held_out):
             dale_scheduler=scheduler,
         )
         whole.set_progress_bar_config(disable=True)
-        plot_axis_sweep(whole, Path(args.output_dir) / "validation.png", takes=8)
+        with writing("validation.png", args.output_dir):
+            plot_axis_sweep(whole, Path(args.output_dir) / "validation.png", takes=8)
         return losses
 
     return validate
@@ -327,12 +327,7 @@ def main(argv=None):
             dale_scheduler=dale_scheduler,
             rating_estimator=None if head is None else head.cpu(),
         )
-        save_result(args.output_dir, whole.save_pretrained)
-        plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
-        runs = [folder for folder, record in phases(args.output_dir) if record]
-        write_card(args.output_dir, whole, dataset, runs, place=args.hub_model_id)
-        if args.push_to_hub:
-            send_to_hub(args)
+        finish(args, whole.save_pretrained, whole, dataset)
 
 
 if __name__ == "__main__":

@@ -32,13 +32,12 @@ from tactile_diffusers.training.arguments import (
     read_model_config,
 )
 from tactile_diffusers.training.batches import make_collate
-from tactile_diffusers.training.card import send_to_hub, write_card
-from tactile_diffusers.training.checkpoints import save_result
+from tactile_diffusers.training.checkpoints import writing
 from tactile_diffusers.training.draws import Draws
-from tactile_diffusers.training.figures import plot_losses, plot_reconstructions
+from tactile_diffusers.training.ending import finish
+from tactile_diffusers.training.figures import plot_reconstructions
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
-from tactile_diffusers.training.record import phases
 from tactile_diffusers.training.refusals import run, starting
 
 #: What the bundled checkpoint was trained with (the rows of examples/configs/ablation led to it).
@@ -207,7 +206,8 @@ def make_validation(args, extractor, scheduler, dataset):
         )
         pipe.set_progress_bar_config(disable=True)
         made = decode(pipe, base_only=False)
-        plot_reconstructions(reference[:4], made[:4], rate, Path(args.output_dir) / "validation.png")
+        with writing("validation.png", args.output_dir):
+            plot_reconstructions(reference[:4], made[:4], rate, Path(args.output_dir) / "validation.png")
         error = np.square(made - reference).mean(-1)
         found = {
             "nine_band_db": nine_band_error_db(made, reference, rate).mean(),
@@ -246,12 +246,7 @@ def main(argv=None):
     model = trainer.run()
     if accelerator.is_main_process:
         pipe = TactileTexturePipeline(lctg=model, scheduler=scheduler, feature_extractor=extractor)
-        save_result(args.output_dir, pipe.save_pretrained)
-        plot_losses(Path(args.output_dir) / "log.jsonl", Path(args.output_dir) / "loss.png")
-        runs = [folder for folder, record in phases(args.output_dir) if record]
-        write_card(args.output_dir, pipe, dataset, runs, place=args.hub_model_id)
-        if args.push_to_hub:
-            send_to_hub(args)
+        finish(args, pipe.save_pretrained, pipe, dataset)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import torch
 from diffusers import DDIMScheduler
 from safetensors.torch import load_file
 
+from tactile_diffusers.data.locks import unlock_folder
 from tactile_diffusers.training.checkpoints import checkpoints, clear_unfinished, latest_checkpoint, save_result
 from tactile_diffusers.training.record import read_log
 
@@ -184,6 +185,7 @@ def small_disk(tmp_path):
     if sys.platform != "linux":
         pytest.skip("mounts a tmpfs")
     yield make
+    unlock_folder(place)
     if mounted:
         subprocess.run(["umount", str(place)], check=True)
 

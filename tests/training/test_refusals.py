@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tactile_diffusers.data.locks import fcntl, locked_folder
 from tactile_diffusers.training.refusals import run, starting
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -29,6 +30,27 @@ def test_a_missing_model_is_told_in_one_line(options_of_a_tiny_training, tmp_pat
     told = _stopped("train_dale.py", options_of_a_tiny_training("dale", tmp_path / "out", **changes))
     assert told.endswith(f"--pretrained_model_name_or_path: there is no folder {tmp_path / 'nope'}.")
     assert not (tmp_path / "out").exists()
+
+
+def test_distilling_refuses_in_one_line_too(options_of_a_tiny_training, tmp_path):
+    changes = {"pretrained_model_name_or_path": tmp_path / "nope", "model_config_name_or_path": None}
+    words = options_of_a_tiny_training("lctg", tmp_path / "out", **changes)
+    told = _stopped("distill_lctg.py", words)
+    assert told == (f"distill_lctg.py: error: --pretrained_model_name_or_path: there is no folder {tmp_path / 'nope'}.")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(fcntl is None, reason="needs flock")
+def test_a_folder_in_which_another_process_trains(options_of_a_tiny_training, tmp_path):
+    output = tmp_path / "out"
+    output.mkdir()
+    for name in ("unfinished-checkpoint-2", "checkpoint-1"):
+        (output / name).mkdir()
+    with locked_folder(output):
+        for how in ("--overwrite_output_dir", "--resume_from_checkpoint=latest"):
+            told = _stopped("train_lctg.py", [*options_of_a_tiny_training("lctg", output), how])
+            assert told.startswith(f"train_lctg.py: error: --output_dir {output} is in use: another process is writing")
+    assert sorted(path.name for path in output.iterdir()) == ["checkpoint-1", "unfinished-checkpoint-2"]
 
 
 @pytest.mark.parametrize("error", [ImportError, FileNotFoundError, ValueError])

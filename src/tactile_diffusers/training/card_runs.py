@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 from ..data.files import atomic_path
+from ..reading import reading
 from .record import read_log, read_losses, read_record
 
 #: Arguments of a training that say nothing about its result.
@@ -34,7 +35,16 @@ def describe_run(run, folder, number):
 
     Returns:
         `str`
+
+    Raises:
+        ValueError: if `training.json` is damaged or lacks something.
     """
+    with reading(run / "training.json", "the record of a training", "Copy it again from where it was written."):
+        text = _run_in_words(run)
+    return "\n\n".join(filter(None, [text, _picture(run, folder, number)]))
+
+
+def _run_in_words(run):
     record, losses, log = read_record(run), read_losses(run), read_log(run)
     validations = [entry for entry in log if any(key.startswith("validation/") for key in entry)]
     told = [f"Last training loss {losses[-1]['train/loss']:.4f}"] if losses else []
@@ -42,20 +52,19 @@ def describe_run(run, folder, number):
         found = [(k.split("/")[1], v) for k, v in validations[-1].items() if k.startswith("validation/")]
         told.append("last validation: " + ", ".join(f"{name} {value:.3f}" for name, value in found))
     processes = record.get("processes", 1)
-    text = RUN.format(
+    return RUN.format(
         title=run.resolve().name,
         script=record["script"],
         arguments="".join(f" \\\n    {word}" for word in _words(_told(record))),
         defaults="\nWhat is not named has its default.\n" if "changed" in record else "",
         segments=record["segments"],
         steps=record["steps"],
-        time=_time(losses[-1]["seconds"]) if losses else "an unknown time",
+        time=_time(losses[-1]["seconds"]) if losses and "seconds" in losses[-1] else "an unknown time",
         machine=record["machine"],
         processes=f", {processes} processes" if processes > 1 else "",
         versions=", ".join(f"{name} {version}" for name, version in record["versions"].items()),
         losses="; ".join(told) + "." if told else "",
     ).strip()
-    return "\n\n".join(filter(None, [text, _picture(run, folder, number)]))
 
 
 def _time(seconds):
@@ -79,7 +88,7 @@ def _words(arguments):
             yield f"--{name}" if value else f"--no-{name}"
             continue
         values = value if isinstance(value, list | tuple) else [value]
-        yield " ".join([f"--{name}", *(shlex.quote(Path(v).name if "/" in str(v) else str(v)) for v in values)])
+        yield " ".join([f"--{name}", *(shlex.quote(Path(str(v)).name if "/" in str(v) else str(v)) for v in values)])
 
 
 def _picture(run, folder, number):

@@ -60,7 +60,7 @@ def remove_checkpoint(folder):
 
 
 def clear_unfinished(output_dir):
-    """Removes what a killed training left half-written or half-removed. One training at a time may run in a folder."""
+    """Removes what a killed training left half-written or half-removed: of a folder that this process has locked."""
     for path in Path(output_dir).iterdir():
         if _UNFINISHED.fullmatch(path.name):
             shutil.rmtree(path, ignore_errors=True)
@@ -69,8 +69,14 @@ def clear_unfinished(output_dir):
 
 
 @contextmanager
-def writing(what, output_dir, temporary=None):
+def writing(what, output_dir, temporary=None, finished=False):
     """Says what could not be written, where the training stands and how to go on; removes `temporary` then.
+
+    Args:
+        what (`str`): is written by the block.
+        output_dir (`str` or `Path`): of the training.
+        temporary (`Path`, *optional*): a folder that the block writes.
+        finished (`bool`): whether what the training results in is in the folder already.
 
     Raises:
         OSError: if the block raises what the writers of files raise: besides `OSError`, safetensors and torch have
@@ -82,9 +88,13 @@ def writing(what, output_dir, temporary=None):
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
         free = shutil.disk_usage(output_dir).free / 2**20
+        if finished:
+            stands = "The training is finished and what it results in is whole. To have this too, make room, then call"
+            stands += " again with --resume_from_checkpoint latest."
+        else:
+            stands = f"{last_good(output_dir)} Make room, then go on with --resume_from_checkpoint latest."
         raise OSError(
-            f"{what} could not be written to {output_dir}: {error} ({free:.1f} MiB are free there). "
-            f"{last_good(output_dir)} Make room, then go on with --resume_from_checkpoint latest."
+            f"{what} could not be written to {output_dir}: {error} ({free:.1f} MiB are free there). {stands}"
         ) from error
 
 

@@ -1,14 +1,14 @@
-"""Pictures of a training, drawn from its log."""
+"""Pictures of a training, drawn from its log; each is whole or absent."""
 
-import json
-from pathlib import Path
+from ..data.files import atomic_path
+from .record import read_entries
 
 
 def plot_losses(log_path, output_path):
     """Loss curves of a training (`log.jsonl`) as a PNG: training values left, validation values right.
 
     Args:
-        log_path (`str` or `Path`): one JSON object a line, with "step" and scalars.
+        log_path (`str` or `Path`): one JSON object a line, with "step" and scalars; damaged lines are left out.
         output_path (`str` or `Path`): the PNG.
     """
     import matplotlib
@@ -16,7 +16,7 @@ def plot_losses(log_path, output_path):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    entries = [json.loads(line) for line in Path(log_path).read_text().splitlines()]
+    entries = read_entries(log_path)
     figure, axes = plt.subplots(1, 2, figsize=(10, 3.5), constrained_layout=True)
     for axis, prefix in zip(axes, ("train/", "validation/"), strict=True):
         for key in sorted({k for entry in entries for k in entry if k.startswith(prefix)}):
@@ -28,8 +28,7 @@ def plot_losses(log_path, output_path):
             axis.set_yscale("log")
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8)
-    figure.savefig(output_path, dpi=100)
-    plt.close(figure)
+    _save(figure, output_path, dpi=100)
 
 
 def plot_reconstructions(references, textures, sampling_rate, output_path):
@@ -58,8 +57,7 @@ def plot_reconstructions(references, textures, sampling_rate, output_path):
         left.set(xlabel="s", ylabel="mN")
         right.set(xlabel="Hz", ylabel="N²/Hz", xlim=(10, sampling_rate / 2), ylim=(1e-14, None))
     axes.flat[0].legend(fontsize=8)
-    figure.savefig(output_path, dpi=80)
-    plt.close(figure)
+    _save(figure, output_path, dpi=80)
 
 
 def plot_axis_sweep(pipe, output_path, takes=8, values=(-2.0, -1.0, 0.0, 1.0, 2.0)):
@@ -98,8 +96,17 @@ def plot_axis_sweep(pipe, output_path, takes=8, values=(-2.0, -1.0, 0.0, 1.0, 2.
         axis.grid(alpha=0.3)
         axis.legend(fontsize=7)
     axes[0].set_ylabel("dB re 1 N²/Hz")
-    figure.savefig(output_path, dpi=80)
-    plt.close(figure)
+    _save(figure, output_path, dpi=80)
+
+
+def _save(figure, path, dpi):
+    import matplotlib.pyplot as plt
+
+    try:
+        with atomic_path(path) as temporary:
+            figure.savefig(temporary, dpi=dpi, format="png")
+    finally:
+        plt.close(figure)
 
 
 def _told_apart(values):

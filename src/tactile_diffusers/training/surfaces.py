@@ -98,4 +98,5 @@ def _published(folder):
 
 
 def _is_told(one):
-    return isinstance(one, dict) and isinstance(one.get("surfaces"), list)
+    names = one.get("surfaces") if isinstance(one, dict) else None
+    return isinstance(names, list) and all(isinstance(name, str) for name in names)
