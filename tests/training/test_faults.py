@@ -11,7 +11,9 @@ import torch
 from diffusers import DDIMScheduler
 from safetensors.torch import load_file
 
+from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.data.locks import unlock_folder
+from tactile_diffusers.training import ending
 from tactile_diffusers.training.checkpoints import checkpoints, clear_unfinished, latest_checkpoint, save_result
 from tactile_diffusers.training.record import read_log
 
@@ -247,3 +249,45 @@ class TestFullDisk:
             make_trainer(tmp_path / "output", at=look, **self.OPTIONS).run()
         small_quota(None)
         self._assert_it_goes_on(make_trainer, tmp_path / "output", unbroken)
+
+    @pytest.mark.parametrize(("what", "function"), [("loss.png", "plot_losses"), ("The model card", "write_card")])
+    def test_no_room_for_what_tells_of_the_result(
+        self, script, run_script, small_quota, monkeypatch, tmp_path, what, function
+    ):
+        output, original = tmp_path / "output", getattr(ending, function)
+        with monkeypatch.context() as patch:
+            patch.setattr(ending, function, lambda *a, **k: small_quota(1000) or original(*a, **k))
+            message = rf"^{what} could not be written to .*The training is finished and what it results in is whole\."
+            with pytest.raises(OSError, match=rf"{message}.*--resume_from_checkpoint latest\.$"):
+                run_script(script("train_lctg"), "lctg", output, max_train_steps=1)
+        small_quota(None)
+        TactileTexturePipeline.from_pretrained(str(output))
+        assert not list(output.glob(".*")) and not (output / "README.md").exists()
+        assert (output / "loss.png").exists() == (what != "loss.png")
+        run_script(script("train_lctg"), "lctg", output, max_train_steps=1, resume_from_checkpoint="latest")
+        assert {"README.md", "loss.png"} <= set(_names(output))
+
+    def test_no_room_for_the_picture_of_a_validation(self, script, run_script, small_quota, tmp_path):
+        module = script("train_lctg")
+        original, options = module.plot_reconstructions, {"validation_steps": 2, "max_train_steps": 3}
+        module.plot_reconstructions = lambda *a: small_quota(1000) or original(*a)
+        with pytest.raises(OSError, match=r"^validation\.png could not be written to .*checkpoint-2\. Make room"):
+            run_script(module, "lctg", tmp_path / "output", **options)
+        small_quota(None)
+        assert not (tmp_path / "output" / "validation.png").exists()
+        module.plot_reconstructions = original
+        run_script(module, "lctg", tmp_path / "output", resume_from_checkpoint="latest", **options)
+        assert (tmp_path / "output" / "validation.png").read_bytes()[:4] == b"\x89PNG"
+
+    @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # of its thread that writes
+    @pytest.mark.parametrize("step", [0, 3])
+    def test_no_room_for_the_log_of_tensorboard(self, make_trainer, unbroken, small_quota, tmp_path, step):
+        pytest.importorskip("tensorboard")
+        output, look = tmp_path / "output", {3: lambda loss: small_quota(10) or loss}
+        trainer = make_trainer(output, at=look if step else None, report_to="tensorboard", **self.OPTIONS)
+        if not step:
+            small_quota(10)
+        with pytest.raises(OSError, match=r"The log( of the tracker)? could not be written to .*Make room"):
+            trainer.run()
+        small_quota(None)
+        self._assert_it_goes_on(make_trainer, output, unbroken)

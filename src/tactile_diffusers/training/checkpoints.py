@@ -80,11 +80,12 @@ def writing(what, output_dir, temporary=None, finished=False):
 
     Raises:
         OSError: if the block raises what the writers of files raise: besides `OSError`, safetensors and torch have
-            errors of their own.
+            errors of their own. Of what is finished nothing may raise that does not say so.
     """
+    caught = (Exception,) if finished else (OSError, RuntimeError, SafetensorError)
     try:
         yield
-    except (OSError, RuntimeError, SafetensorError) as error:
+    except caught as error:
         if temporary is not None:
             shutil.rmtree(temporary, ignore_errors=True)
         free = shutil.disk_usage(output_dir).free / 2**20
