@@ -1,6 +1,7 @@
 """The ablation runner: rows, what is kept and what is done again, and what is measured of a tiny pipeline."""
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from tactile_diffusers.cli import ablate, ablate_measure, ablate_training
 from tactile_diffusers.cli.ablate_rows import read_rows
 from tactile_diffusers.cli.ablate_training import DIGEST, TrainingFailed, stages, train, training_facts
 from tactile_diffusers.cli.readme import markers
+from tactile_diffusers.data.locks import fcntl
 from tactile_diffusers.evaluation.sections import Settings
 
 SCRIPTS = Path(__file__).parents[2] / "examples"
@@ -68,6 +70,7 @@ def test_a_row_is_its_file_over_those_it_extends(tmp_path):
         ({"trian": []}, "unknown key 'trian'"),
         ({"question": ""}, "'question' must say in one line"),
         ({"extends": "nothing"}, "'nothing', which is no row"),
+        ({"extends": ["noise"]}, "'extends' must be the name of a row"),
         ({"extends": "noise"}, "round in a circle: noise < row < noise"),
         ({"model": {"dale": {}}}, "feature_extractor, lctg, scheduler, got 'dale'"),
         ({"model": {"lctg": {"latents": 3}}}, "section 'lctg' has the unknown key 'latents'"),
@@ -87,7 +90,7 @@ def test_rows_say_what_is_wrong(tmp_path, change, message):
 
 def test_a_folder_without_rows_is_refused(tmp_path):
     (tmp_path / "bad.json").write_text("{")
-    with pytest.raises(ValueError, match="bad.json is not JSON"):
+    with pytest.raises(ValueError, match="bad.json cannot be read as a row"):
         read_rows(tmp_path)
     (tmp_path / "bad.json").unlink()
     with pytest.raises(ValueError, match="there is no row file"):
@@ -182,6 +185,25 @@ def test_only_what_a_change_reaches_is_done_again(run, launched, tmp_path):
     assert "asked otherwise" in (tmp_path / "out/report.md").read_text()
     launched.clear()
     assert run("--split test") == 0 and not launched and run.measured[3:] == ["base/phase-2", "noise/dale"]
+
+
+@pytest.mark.skipif(fcntl is None, reason="needs flock")
+@pytest.mark.parametrize("place", ["out/noise", "out/noise/phase-2"])  # another command, or what a killed one started
+def test_a_row_that_another_process_is_at_is_left_alone(run, launched, tmp_path, capsys, place):
+    assert run() == 0
+    launched.clear()
+    phases = [BASE["train"][0], {"subset": "filtered", "max_train_steps": 3}]
+    write_rows(tmp_path / "rows", base=BASE, noise=NOISE | {"train": phases})
+    (tmp_path / "out/noise/phase-2/unfinished-checkpoint-2").mkdir()
+    handle = os.open(tmp_path / place, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        assert run() == 1 and not launched
+    finally:
+        os.close(handle)
+    assert f"row noise: The folder {tmp_path / place} is in use" in capsys.readouterr().err
+    assert (tmp_path / "out/noise/phase-2/unfinished-checkpoint-2").exists()
+    assert run() == 0 and launched == ["train_lctg noise/phase-2", "train_dale noise/dale"]
 
 
 def test_report_only_tells_what_is_done(run, launched, tmp_path, capsys):

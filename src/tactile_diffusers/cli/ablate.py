@@ -9,7 +9,7 @@ from tqdm.auto import tqdm
 
 from ..data.files import write_text
 from ..data.splits import SPLITS
-from ..reading import read_json
+from ..reading import read_json, reading
 from . import readme
 from .program import Parser, program, refuse
 
@@ -115,12 +115,22 @@ def _conditions(plan, arguments):
 
 
 def _stored(plan, arguments):
-    """A row's result as it was written; `None` if there is none of this row as its file is now."""
+    """A row's result as it was written; `None` if there is none of this row as its file is now, or it is damaged."""
+    from .ablate_results import check_result
+
+    path = plan[-1].folder.parent / "result.json"
     try:
-        result = read_json(plan[-1].folder.parent / "result.json", "JSON")
-    except (FileNotFoundError, ValueError):
+        with reading(path, "a result"):
+            result = read_json(path, "JSON")
+            if any(result.get(name) != value for name, value in _conditions(plan, arguments).items()):
+                return None
+            check_result(result)
+    except FileNotFoundError:
         return None
-    return result if _conditions(plan, arguments).items() <= result.items() else None
+    except ValueError as error:  # it is measured again
+        print(f"{program('ablate.py')}: warning: {error}", file=sys.stderr)
+        return None
+    return result
 
 
 def _run(row, plan, scripts, arguments, bench):

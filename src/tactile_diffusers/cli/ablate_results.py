@@ -74,6 +74,21 @@ def markdown(results, data, split, pictures=".", short=False):
     return "\n\n".join(parts) + "\n"
 
 
+def check_result(result):
+    """Refuses a result.json of which no table or picture can be made.
+
+    Raises:
+        ValueError, KeyError, TypeError, AttributeError: saying what is missing or of another kind.
+    """
+    markdown({"row": {"question": "", **result}}, "", "")
+    points = result["rate_distortion"]
+    drawn = [result["steps"]["10"], result.get("generation", {}), *points, *(point["decimated"] for point in points)]
+    for entry in drawn:
+        for key in ("nine_band_db", "ktd_excess", "snr_db", "rate_kbit_s"):
+            if not isinstance(entry.get(key), int | float | None):
+                raise ValueError(f"{key} is {entry[key]!r}, no number")
+
+
 def _points(results):
     """The points of every row's rate-distortion curve, flat."""
     points = {}

@@ -1,9 +1,10 @@
 """Rows of an ablation: one JSON file each, which says what it asks and how it differs from the row it extends."""
 
 import inspect
-import json
 from dataclasses import dataclass
 from pathlib import Path
+
+from ..reading import read_json
 
 #: Keys of a row file.
 KEYS = ("question", "extends", "model", "arguments", "train", "dale")
@@ -64,18 +65,16 @@ def read_rows(folder):
 
 
 def _read(path):
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path} is not JSON: {error}.") from error
-    if not isinstance(content, dict):
-        raise ValueError(f"{path} must hold one JSON object, got {type(content).__name__}.")
+    content = read_json(path, "a row of an ablation, one JSON object", "Correct it.")
     unknown = sorted(set(content) - set(KEYS))
     if unknown:
         raise ValueError(f"{path}: unknown key {unknown[0]!r}. A row has the keys {', '.join(KEYS)}.")
     question = content.get("question")
     if not isinstance(question, str) or not question.strip() or "\n" in question or "|" in question:
         raise ValueError(f"{path}: 'question' must say in one line, without '|', what the row asks, got {question!r}.")
+    extended = content.get("extends")
+    if not isinstance(extended, str | None):
+        raise ValueError(f"{path}: 'extends' must be the name of a row, got {extended!r}.")
     return content
 
 

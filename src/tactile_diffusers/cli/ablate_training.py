@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..data.files import write_text
+from ..data.locks import locked_folder
 
 #: What the command asks of the scripts unless a row says otherwise.
 DEFAULTS = {"report_to": "none", "checkpointing_steps": 200, "validation_samples": 16}
@@ -60,7 +61,7 @@ class Stage:
     def stored_digest(self):
         """What the folder says that it holds; `None` = nothing."""
         path = self.folder / DIGEST
-        return path.read_text(encoding="utf-8").strip() if path.is_file() else None
+        return path.read_text(encoding="utf-8", errors="replace").strip() if path.is_file() else None
 
 
 def stages(row, folder, data):
@@ -118,7 +119,7 @@ def check_stages(row, planned, scripts):
         except (SystemExit, ValueError) as error:
             said = message.getvalue().strip().splitlines()[-1:] or [str(error)]
             raise ValueError(f"{row.path}: {stage.folder.name} is refused by {stage.script}: {said[0]}") from error
-        if stage.folder.exists() and stage.stored_digest is None:
+        if stage.folder.exists() and stage.stored_digest is None and any(stage.folder.iterdir()):
             raise ValueError(
                 f"{stage.folder} was not made by this command (it has no file {DIGEST}). Move it away, or give another "
                 "--output."
@@ -156,19 +157,30 @@ def train(row, planned, scripts, threads):
 
     Raises:
         TrainingFailed: if a script ends with an error.
+        ValueError: if a folder that must be emptied is in use by a training that a killed command left behind.
     """
     for stage in planned:
         if stage.finished:
             continue
-        if stage.stored_digest != stage.digest:
-            shutil.rmtree(stage.folder, ignore_errors=True)
         stage.folder.mkdir(parents=True, exist_ok=True)
+        if stage.stored_digest != stage.digest:
+            _empty(stage.folder)
         write_text(stage.folder / DIGEST, stage.digest + "\n")
         write_text(model_file(stage.folder.parent), json.dumps(row.model, indent=2) + "\n")
         code = _launch([str(scripts / stage.script), *_words(stage.options)], stage.log, threads)
         if code:
             lines = "\n".join(stage.log.read_text(encoding="utf-8", errors="replace").splitlines()[-LOG_LINES:])
             raise TrainingFailed(f"{stage.script} ended with exit code {code}; the last lines of {stage.log}:\n{lines}")
+
+
+def _empty(folder):
+    """Removes what another training left; not what says that the folder is ours, or a kill would make it foreign."""
+    with locked_folder(folder):
+        for path in folder.iterdir():
+            if path.is_dir():
+                shutil.rmtree(path)
+            elif path.name != DIGEST:
+                path.unlink()
 
 
 def _launch(words, log, threads):
@@ -190,6 +202,9 @@ def _launch(words, log, threads):
 def training_facts(planned):
     """What the logs of finished stages say.
 
+    Raises:
+        ValueError: if a log does not say so.
+
     Returns:
         `dict`: "step_seconds" (median over LCTG's intervals between log entries), "training_seconds" of all stages,
         "loss" (LCTG's last velocity loss), and, with a DALE, "dale_loss" likewise.
@@ -202,7 +217,12 @@ def training_facts(planned):
         timed = [(0, 0.0)] + [(entry["step"], entry["seconds"]) for entry in entries if "seconds" in entry]
         seconds += timed[-1][1]
         if stage.script == "train_lctg.py":
-            paces += [(b[1] - a[1]) / (b[0] - a[0]) for a, b in zip(timed, timed[1:], strict=False)]
+            paces += [(b[1] - a[1]) / (b[0] - a[0]) for a, b in zip(timed, timed[1:], strict=False) if b[0] > a[0]]
         velocity = [entry["train/velocity"] for entry in entries if "train/velocity" in entry]
+        if not (velocity and paces):
+            raise ValueError(
+                f"{stage.folder / 'log.jsonl'} is damaged: it holds no losses, or not how long they took. Delete the "
+                f"folder {stage.folder} to train it again."
+            )
         losses["loss" if stage.script == "train_lctg.py" else "dale_loss"] = velocity[-1]
     return {"step_seconds": sorted(paces)[len(paces) // 2], "training_seconds": seconds, **losses}

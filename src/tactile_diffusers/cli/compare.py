@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..reading import read_json
+from ..reading import read_json, reading
 from . import readme
 from .program import Parser, program, refuse
 
@@ -39,30 +39,47 @@ def _named(parser, item):
     path = Path(folder) / "report.json"
     if not path.is_file():
         parser.error(f"argument --report: {path} is not a file; write one with examples/evaluate.py")
-    try:
-        return name, read_json(path, "a report", "Run examples/evaluate.py again.")
-    except ValueError as error:
-        parser.error(f"argument --report: {error}")
+    return name, path
+
+
+def read_report(path):
+    """A report.json that can be compared.
+
+    Raises:
+        FileNotFoundError: if there is no file.
+        ValueError: if it is damaged, or lacks a section.
+    """
+    from ..evaluation.comparison import check_report
+
+    with reading(path, "a report to compare", "Run examples/evaluate.py again."):
+        report = read_json(path, "JSON")
+        check_report(report)
+    return report
 
 
 def main(argv=None):
-    """Runs the command."""
+    """Runs the command.
+
+    Returns:
+        `int`: 0, or 2 if a report was refused (one line on stderr, and nothing written).
+    """
     arguments = parse_arguments(argv)
     from ..data.files import write_text
     from ..evaluation.comparison import comparison_markdown, plot_axis_spectra, plot_data
 
-    arguments.output.mkdir(parents=True, exist_ok=True)
     try:
-        text = comparison_markdown(arguments.report)
+        reports = {name: read_report(path) for name, path in arguments.report.items()}
+        text = comparison_markdown(reports)
     except ValueError as error:
         return refuse("compare.py", error)
-    plot_axis_spectra(arguments.report, arguments.output / "axes.png")
-    plot_data(arguments.report, arguments.output / "data.png")
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    plot_axis_spectra(reports, arguments.output / "axes.png")
+    plot_data(reports, arguments.output / "data.png")
     write_text(arguments.output / "report.md", text)
     if arguments.readme:
         folder = readme.results_folder(arguments.readme_name)
         readme.copy_results(arguments.output, arguments.readme.parent / folder, ("*.png", "report.md"))
-        shown = comparison_markdown(arguments.report, folder.as_posix())
+        shown = comparison_markdown(reports, folder.as_posix())
         readme.write_between(arguments.readme, arguments.readme_name, shown)
     print(text)
     return 0

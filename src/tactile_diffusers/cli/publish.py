@@ -105,12 +105,13 @@ def _warnings(folder, data):
         card = read_json(folder / "card.json", "JSON")
         described, given = card["recordings"]["attributes"].get("source"), data.source
         surfaces = (card["recordings"]["surfaces"], len(data.surfaces))
+        warnings = warnings_in_words(card)
     if described != given or surfaces[0] != surfaces[1]:
         raise ValueError(
             f"--data_card {folder} describes {surfaces[0]} surfaces of {described!r}, --data holds {surfaces[1]} of "
             f"{given!r}: write the card of these data with examples/inspect_data.py."
         )
-    return warnings_in_words(card)
+    return warnings
 
 
 def _report(folder, digests, output, known):
@@ -130,20 +131,21 @@ def _report(folder, digests, output, known):
     from ..evaluation.summary import readme_markdown
     from ..training.surfaces import count_seen, warning
 
-    with reading(folder / "report.json", "a report", "Run examples/evaluate.py again."):
-        report = read_json(folder / "report.json", "JSON")
-        evaluated = report["checkpoint"]["sha256"]
-    if evaluated not in digests:
-        raise ValueError(
-            f"--report {folder} is of another checkpoint ({report['checkpoint']['name']}): evaluate this one with "
-            "examples/evaluate.py."
-        )
-    judged = report.get("judged")  # an older report does not name them
-    if judged is not None:
-        report["seen_in_training"] = count_seen(judged, known)
-        if told := warning(report["seen_in_training"], len(judged["surfaces"])):
-            print(f"{program('publish.py')}: warning: --report {folder}: {told}", file=sys.stderr)
-    markdown = readme_markdown(report, REPORT)
+    told, path = "", folder / "report.json"
+    with reading(path, "a report", "Run examples/evaluate.py again."):
+        report = read_json(path, "JSON")
+        if report["checkpoint"]["sha256"] not in digests:
+            raise ValueError(
+                f"--report {path} is of another checkpoint ({report['checkpoint']['name']}): evaluate this one with "
+                "examples/evaluate.py."
+            )
+        judged = report.get("judged")  # an older report does not name them
+        if judged is not None:
+            report["seen_in_training"] = count_seen(judged, known)
+            told = warning(report["seen_in_training"], len(judged["surfaces"]))
+        markdown = readme_markdown(report, REPORT)
+    if told:
+        print(f"{program('publish.py')}: warning: --report {folder}: {told}", file=sys.stderr)
     pictures = re.findall(rf"\]\({REPORT}/([^)]+)\)", markdown)
     missing = [name for name in pictures if not (folder / name).is_file()]
     if missing:

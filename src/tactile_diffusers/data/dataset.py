@@ -97,6 +97,8 @@ class PreparedDataset(torch.utils.data.Dataset):
         self.band = (low, high)
         self.unit, self.source = str(attributes["unit"]), str(attributes["source"])
         self.attributes = _plain(attributes)
+        for name in ("filter_order", "filter_passes", "turnarounds", "report"):  # what a card tells in the end
+            self.attributes[name]
 
     def _set_rate(self, sampling_rate):
         rate = self._native_rate if sampling_rate is None else sampling_rate

@@ -64,6 +64,22 @@ def comparison_markdown(reports, pictures="."):
     return "\n\n".join([note, table, *figures]) + "\n"
 
 
+def check_report(report):
+    """Refuses a report of which no table or picture can be made.
+
+    Raises:
+        ValueError, KeyError, TypeError, AttributeError: saying what is missing or of another kind.
+    """
+    comparison_markdown({"one": report})
+    for axes in _with_spectra({"one": report}).values():
+        for axis in RATING_AXES:
+            for value, bands in axes[axis].items():
+                numbers = [float(value), *(_centre(band) for band in bands)]
+                numbers += [leaf["mean"] for leaf in bands.values() if leaf["mean"] is not None]
+                if not np.isfinite(numbers).all():
+                    raise ValueError(f"the spectra over {axis} hold what is no number")
+
+
 def _series(reports):
     """What the data differ in: label of the abscissa -> {name: abscissa}, of reports that share all else.
 

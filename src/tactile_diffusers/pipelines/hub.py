@@ -10,7 +10,9 @@ from diffusers.utils import logging
 from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundError, RevisionNotFoundError
 
 from ..checkpoints import DISTILLED, SURFACES_FILE
+from ..data.files import write_text
 from ..models.loading import WHY_NO_PICKLES
+from ..reading import reading
 
 logger = logging.get_logger(__name__)
 
@@ -27,9 +29,10 @@ _NOT_SENT = ["checkpoint-*", "unfinished-*"]
 def forget_folders(folder):
     """Removes from all configs of a checkpoint where it was loaded from: that is nobody's business elsewhere."""
     for path in [*Path(folder).glob("*.json"), *Path(folder).glob("*/*.json")]:
-        config = json.loads(path.read_text())
+        with reading(path, "JSON"):
+            config = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(config, dict) and config.pop("_name_or_path", None) is not None:
-            path.write_text(json.dumps(config, indent=2, sort_keys=True) + "\n")
+            write_text(path, json.dumps(config, indent=2, sort_keys=True) + "\n")
 
 
 def upload_checkpoint(

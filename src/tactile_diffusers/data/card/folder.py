@@ -1,10 +1,11 @@
 """The folder of a data card: whole or absent, and never in place of something else."""
 
-import json
 import os
 import shutil
 from contextlib import contextmanager
 from pathlib import Path
+
+from ...reading import read_json
 
 CARD_FORMAT = "tactile-data-card"
 CARD_VERSION = 1
@@ -38,10 +39,13 @@ def check_card_folder(output):
 def _files_of_card(folder):
     """Names that the card in `folder` wrote; empty if there is no card."""
     try:
-        card = json.loads((folder / NUMBERS_FILE).read_text(encoding="utf-8"))
+        card = read_json(folder / NUMBERS_FILE, "a data card")
     except (OSError, ValueError):
         return set()
-    return set(card.get("files", ())) if isinstance(card, dict) and card.get("format") == CARD_FORMAT else set()
+    files = card.get("files")
+    if card.get("format") != CARD_FORMAT or not isinstance(files, list):
+        return set()
+    return {name for name in files if isinstance(name, str)}
 
 
 @contextmanager

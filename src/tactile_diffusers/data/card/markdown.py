@@ -1,6 +1,7 @@
 """The words and tables of a data card."""
 
 from ...signal import RATING_AXES
+from ..folder.conversion_report import notes_in_words
 from .advice import listed
 from .figures import MOST_EXPLORERS, MOST_NAMES, channel_labels, unit_name
 from .surfaces import band_names
@@ -131,25 +132,10 @@ def _kept(card):
         table(("reason", "s", "share", *(f"{name}, s" for name in explorers)), rows),
     ]
     if card["recordings"]["conversion"]:
-        text += ["Notes of the conversion from a folder:", _conversion(card["recordings"]["conversion"])]
+        text += ["Notes of the conversion from a folder:", notes_in_words(card["recordings"]["conversion"])]
     if card["preparation"]["notes"]:
         text += ["Notes of the preparation:", "\n".join(f"- {note}" for note in card["preparation"]["notes"])]
     return "\n\n".join(text)
-
-
-def _conversion(report):
-    """What `ConversionReport.as_json` holds beyond counts, as a list."""
-    first, lag = report["left_out_first"], report["lag"]
-    notes = [f"{count} {kind}; first {place}" for kind, (count, place) in report["notes"].items()]
-    notes += [f"ratings: {note}" for note in report["rating_notes"]] + report["remarks"]
-    notes += [f"left out: {name}: {reason}" for name, reason in first.items()]
-    if report["left_out"] > len(first):
-        notes.append(f"left out: {report['left_out'] - len(first)} more")
-    if lag["recordings"]:
-        notes.append(f"force behind motion: {lag['median_ms']:+.1f} ms, median of {lag['recordings']} recordings")
-    else:
-        notes.append("the lag between force and motion could not be told")
-    return "\n".join(f"- {note}" for note in notes)
 
 
 def _segments(card):

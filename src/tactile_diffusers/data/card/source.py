@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from ..folder.conversion_report import REPORT_ATTRIBUTE
+from ...reading import reading
+from ..folder.conversion_report import REPORT_ATTRIBUTE, notes_in_words
 
 #: So many samples of all recordings together, evenly spread, make the histograms of speed and normal force.
 HISTOGRAM_SAMPLES = 400_000
@@ -31,7 +32,11 @@ def describe_source(source, limits, quiet=False):
         `tuple[dict, dict]`: what the file holds ("source", "licence", "unit", names, counts, rates, seconds), and for
         "normal_force" (N) and "speed" (mm/s) the histogram of time (s) per explorer, or None without the channel. The
         "conversion" is what was noted when a folder was converted to this file, or None.
+
+    Raises:
+        ValueError: if what was noted of the conversion is damaged.
     """
+    conversion = _conversion(source)
     per_recording = max(100, HISTOGRAM_SAMPLES // len(source))
     counts = {name: Counter() for name in ("channels", "rates", "velocity_rates")}
     seconds, samples = Counter(), {"normal_force": _Samples(), "speed": _Samples()}
@@ -59,10 +64,19 @@ def describe_source(source, limits, quiet=False):
         "seconds_per_explorer": dict(sorted(seconds.items())),
         **{name: dict(counter) for name, counter in counts.items()},
         "attributes": {name: value for name, value in source.attributes.items() if name not in _OTHER_ATTRIBUTES},
-        "conversion": json.loads(source.attributes.get(REPORT_ATTRIBUTE, "null")),
+        "conversion": conversion,
         "truth": source.truth is not None,
     }
     return facts, {name: collected.histogram(getattr(limits, name)) for name, collected in samples.items()}
+
+
+def _conversion(source):
+    """What was noted when the file was converted from a folder; `None` if it was not."""
+    with reading(source.path, f"a store of recordings with the attribute {REPORT_ATTRIBUTE!r}", "Convert it again."):
+        noted = json.loads(source.attributes.get(REPORT_ATTRIBUTE, "null"))
+        if noted is not None:
+            notes_in_words(noted)
+    return noted
 
 
 class _Samples:

@@ -13,6 +13,25 @@ NOTABLE_LAG = 0.005
 _LISTED = 20
 
 
+def notes_in_words(report):
+    """What `ConversionReport.as_json` holds beyond counts, as a Markdown list.
+
+    Args:
+        report (`dict`): parsed.
+    """
+    first, lag = report["left_out_first"], report["lag"]
+    notes = [f"{count} {kind}; first {place}" for kind, (count, place) in report["notes"].items()]
+    notes += [f"ratings: {note}" for note in report["rating_notes"]] + report["remarks"]
+    notes += [f"left out: {name}: {reason}" for name, reason in first.items()]
+    if report["left_out"] > len(first):
+        notes.append(f"left out: {report['left_out'] - len(first)} more")
+    if lag["recordings"]:
+        notes.append(f"force behind motion: {lag['median_ms']:+.1f} ms, median of {lag['recordings']} recordings")
+    else:
+        notes.append("the lag between force and motion could not be told")
+    return "\n".join(f"- {note}" for note in notes)
+
+
 @dataclass
 class ConversionReport:
     """Counts of a conversion; `str` prints it.

@@ -116,8 +116,8 @@ def _check_parts(parts, collection):
     if others:
         differences = ", ".join(f"{name} {stored.get(name)}, not {wanted.get(name)}" for name in others)
         raise ValueError(
-            f"{parts} holds surfaces of other settings ({differences}). Finish them with those settings, or delete "
-            "the folder."
+            f"{parts} holds surfaces of other settings, by its {SETTINGS_FILE} ({differences}). Finish them with those "
+            "settings, or delete the folder."
         )
     for left_behind in parts.glob(".*.tmp"):  # by a call that was killed
         left_behind.unlink(missing_ok=True)

@@ -1,0 +1,169 @@
+"""What commands go on from: reports, results and rows of ablations, data cards, settings of virtual surfaces.
+
+The files are those under `examples`. Flipped digits of a report cannot be noticed: JSON has no checksum.
+"""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from tactile_diffusers.cli import ablate, publish
+from tactile_diffusers.cli.ablate_rows import read_rows
+from tactile_diffusers.cli.compare import read_report
+from tactile_diffusers.data.card.folder import NUMBERS_FILE, check_card_folder
+from tactile_diffusers.data.virtual import generate
+from tactile_diffusers.data.virtual.collection import Collection
+from tactile_diffusers.evaluation.report import _kept
+from tactile_diffusers.pipelines.hub import forget_folders
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+CONDITIONS = {"digest": "abc", "split": "test"}
+
+
+def _published_report(path):
+    digest = json.loads((EXAMPLES / "results/results/report.json").read_text())["checkpoint"]["sha256"]
+    return publish._report(path.parent, {digest}, path.parent / "out", [])
+
+
+def _published_card(path):
+    recordings = json.loads((EXAMPLES / "results/data/card.json").read_text())["recordings"]
+    surfaces = [None] * recordings["surfaces"]
+    return publish._warnings(path.parent, SimpleNamespace(source=recordings["attributes"]["source"], surfaces=surfaces))
+
+
+def _row(path):
+    return [len(row.train) for row in read_rows(path.parent)]
+
+
+def _collection(path):
+    generate._check_parts(path.parent, Collection(seconds=2.0, explorers=1, seed=5))
+
+
+def _configs(path):
+    forget_folders(path.parent)
+
+
+def _ablation(path):
+    """As the command goes on from it: damage is told, and the row is measured again."""
+    plan, arguments = [SimpleNamespace(digest="abc", folder=path.parent / "dale")], SimpleNamespace(split="test")
+    found = ablate._stored(plan, arguments)
+    if found is None:
+        raise ValueError(f"{path} is measured again")
+    return found
+
+
+READERS = {
+    "report to compare": ("report.json", read_report),
+    "report to publish": ("report.json", _published_report),
+    "data card": ("card.json", _published_card),
+    "row": ("base.json", _row),
+    "result": ("result.json", _ablation),
+    "settings": (generate.SETTINGS_FILE, _collection),
+    "config": ("config.json", _configs),
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    root = tmp_path_factory.mktemp("files")
+    sources = {"row": "configs/ablation/base.json", "data card": "results/data/card.json"}
+    sources |= {"report to compare": "results/ratings/report.json", "report to publish": "results/results/report.json"}
+    found = {}
+    for kind, (name, _) in READERS.items():
+        (root / kind).mkdir()
+        found[kind] = root / kind / name
+        if kind in sources:
+            found[kind].write_bytes((EXAMPLES / sources[kind]).read_bytes())
+    for picture in (EXAMPLES / "results/results").glob("*.png"):
+        (root / "report to publish" / picture.name).write_bytes(b"png")
+    row = next(iter(json.loads((EXAMPLES / "results/ablation/ablation.json").read_text())["rows"].values()))
+    found["result"].write_text(json.dumps({**row, **CONDITIONS}))
+    collection = Collection(seconds=2.0, explorers=1, seed=5)
+    found["settings"].write_text(json.dumps(collection.attributes))
+    found["config"].write_text(json.dumps({"widths": [8, 16], "_name_or_path": "/somewhere/here"}))
+    return found
+
+
+@pytest.fixture(params=READERS)
+def case(request, files, damaged):
+    return damaged(files[request.param], READERS[request.param][1])
+
+
+def test_truncated(case):
+    case.truncate()
+
+
+def test_flipped(case, flips):
+    case.flip(flips)
+
+
+def test_replaced(case, foreign):
+    if case.path.name == "config.json":  # other JSON beside a checkpoint is none of its business
+        foreign = {name: content for name, content in foreign.items() if name not in ("json list", "json number")}
+    if case.path.name in ("config.json", "base.json", generate.SETTINGS_FILE):  # they may be absent
+        for content in foreign.values():
+            case.refuse(content)
+    else:
+        case.replace(foreign.values())
+
+
+def _places(content, place=(), depth=3):
+    """Paths of the keys of a JSON object and of objects in it, so deep; the first item alone of each list."""
+    listed = list(enumerate(content[:1])) if isinstance(content, list) else []
+    for key, value in content.items() if isinstance(content, dict) else listed:
+        yield (*place, key)
+        if depth > 1:
+            yield from _places(value, (*place, key), depth - 1)
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_a_key_is_missing_or_odd(kind, files, damaged, refusal, odd_values):
+    """What is not read may be anything; what is read is refused by name, or goes through without an exception."""
+    case = damaged(files[kind], READERS[kind][1])
+    content = json.loads(case.content)
+    places = list(_places(content, depth=2 if len(case.content) > 20_000 else 3))
+    for place in places[:: max(1, len(places) // (6 * len(odd_values)))]:  # some, evenly spread
+        for odd in odd_values:
+            changed = json.loads(case.content)
+            *above, last = place
+            part = changed
+            for key in above:
+                part = part[key]
+            if odd == "missing":
+                del part[last]
+            else:
+                part[last] = odd
+            refusal(case.read, case.put(json.dumps(changed).encode()))
+
+
+@pytest.mark.parametrize("place", ["paper", "control", "generation", "unseen_surfaces", "data", "machine", "pipeline"])
+@pytest.mark.parametrize("odd", [{}, [], 3, "word", {"1.0": {}}])
+def test_a_section_of_a_report_is_another(place, odd, files, damaged, refusal):
+    for kind in ("report to compare", "report to publish"):
+        case = damaged(files[kind], READERS[kind][1])
+        changed = {**json.loads(case.content), place: odd}
+        _, message = refusal(case.read, case.put(json.dumps(changed).encode()))
+        assert message or not odd or kind == "report to publish", (kind, place, odd)
+
+
+def test_a_kept_section_is_measured_again(tmp_path, foreign):
+    path, good = tmp_path / "speed.json", json.dumps({"conditions": {"a": 1}, "result": {"b": 2.0}}).encode()
+    path.write_bytes(good)
+    assert _kept(path, {"a": 1}, lambda context: {"b": 3.0}, None) == {"b": 2.0}
+    cuts = [good[: len(good) * tenth // 10] for tenth in range(10)]
+    for content in (*cuts, *foreign.values(), b'{"conditions": 7}', b'{"conditions": {"a": 1}}', b"\xff"):
+        path.write_bytes(content)
+        assert _kept(path, {"a": 1}, lambda context: {"b": 3.0}, None) == {"b": 3.0}
+        assert json.loads(path.read_text())["result"] == {"b": 3.0}
+
+
+def test_a_damaged_card_is_no_card_to_replace(tmp_path, foreign):
+    good = json.dumps({"format": "tactile-data-card", "files": [NUMBERS_FILE]})
+    for content in (good[:20], '{"format": "tactile-data-card", "files": 7}', *foreign.values()):
+        (tmp_path / NUMBERS_FILE).write_bytes(content.encode() if isinstance(content, str) else content)
+        with pytest.raises(ValueError, match="which no data card wrote"):
+            check_card_folder(tmp_path)
+    (tmp_path / NUMBERS_FILE).write_text(good)
+    check_card_folder(tmp_path)
