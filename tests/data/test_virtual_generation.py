@@ -182,7 +182,7 @@ def test_other_settings_do_not_mix(tmp_path, monkeypatch):
         generate_recordings(path, 3, **SETTINGS)
     monkeypatch.undo()
     for name, value in {"seed": 6, "seconds": 2.5, "rater_moisture": 0.25}.items():
-        with pytest.raises(ValueError, match=rf"r\.h5\.partial holds surfaces of other settings \({name} .*delete"):
+        with pytest.raises(ValueError, match=rf"of other settings, by its collection\.json \({name} .*delete"):
             generate_recordings(path, 3, **{**SETTINGS, name: value})
     generate_recordings(path, 2, **SETTINGS)  # how many is no setting
     with RecordingsFile(path) as file:
