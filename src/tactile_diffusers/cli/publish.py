@@ -2,11 +2,11 @@
 
 import os
 import re
-import shutil
 import sys
 from pathlib import Path
 
 from ..checkpoints import DISTILLED
+from ..data.files import clear_left_behind, whole_folder
 from ..reading import read_json, reading
 from . import readme
 from .program import Parser, program
@@ -57,7 +57,23 @@ def parse_arguments(argv=None):
             parser.error(f"argument --{name}: {folder} has no {file}; it is written by examples/{command}.py")
     if arguments.push_to_hub is not None and not re.fullmatch(r"[\w.-]+/[\w.-]+", arguments.push_to_hub):
         parser.error(f"argument --push_to_hub: must be USER/NAME, got {arguments.push_to_hub!r}")
+    _check_output(parser, arguments)
     return arguments
+
+
+def _check_output(parser, arguments):
+    """Refuses an output that is no folder, or whose replacement would take what was given, or all, with it."""
+    output = arguments.output.resolve()
+    if output.exists() and not output.is_dir():
+        parser.error(f"argument --output: {arguments.output} is not a folder")
+    given = ("checkpoint", "lctg", "distilled", "data", "report", "data_card")
+    kept = [*(getattr(arguments, name) for name in given), *arguments.runs, Path.cwd()]
+    for path in filter(None, kept):
+        if output in (path.resolve(), *path.resolve().parents):
+            parser.error(
+                f"argument --output: {arguments.output} would be replaced as a whole, and {path} lies in it; give "
+                "another folder"
+            )
 
 
 def _replace_lctg(pipe, folder):
@@ -155,7 +171,7 @@ def _report(folder, digests, output, known):
 
 
 def _fill(arguments, temporary):
-    """Writes the whole checkpoint into a new folder.
+    """Writes the whole checkpoint into a new, empty folder.
 
     Raises:
         ValueError: if what was given does not belong together.
@@ -211,18 +227,14 @@ def main(argv=None):
         ValueError: if what was given does not belong together.
     """
     arguments = parse_arguments(argv)
-    output = arguments.output
-    temporary = output.with_name(f".{output.name}.unfinished")
-    shutil.rmtree(temporary, ignore_errors=True)
-    try:
+    output = Path(os.path.realpath(arguments.output))
+    output.parent.mkdir(parents=True, exist_ok=True)
+    clear_left_behind(output)
+    replaced = output.is_dir() and any(output.iterdir())
+    with whole_folder(output) as temporary:
         _fill(arguments, temporary)
-        replaced = output.is_dir() and any(output.iterdir())
-        shutil.rmtree(output, ignore_errors=True)
-        os.replace(temporary, output)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
     size = sum(path.stat().st_size for path in output.rglob("*") if path.is_file())
-    print(f"{output}: {size / 1e6:.1f} MB" + (", in place of what the folder held" if replaced else ""))
+    print(f"{arguments.output}: {size / 1e6:.1f} MB" + (", in place of what the folder held" if replaced else ""))
     if arguments.push_to_hub is None:
         return 0
     from ..pipelines.hub import upload_checkpoint
@@ -230,7 +242,7 @@ def main(argv=None):
     try:
         upload_checkpoint(output, arguments.push_to_hub)
     except OSError as error:
-        print(f"{program('publish.py')}: error: {output} is written, but the Hub refused it: {error}", file=sys.stderr)
+        print(f"{program('publish.py')}: error: {arguments.output} is written, but the Hub refused it: {error}", file=sys.stderr)
         return 1
     print(f"sent to https://huggingface.co/{arguments.push_to_hub}")
     return 0

@@ -3,6 +3,8 @@
 import glob
 import math
 import os
+import secrets
+import shutil
 import zipfile
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,9 +21,16 @@ MOST_UNPACKED, MOST_RATIO = 2**26, 100
 
 @contextmanager
 def atomic_path(path):
-    """Yields a temporary path beside `path`, renamed to `path` at the end, or removed if the block raises."""
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    """Yields a temporary path beside `path`, renamed to `path` at the end, or removed if the block raises.
+
+    Of a link, what it points to is replaced: many keep large files on another disk.
+
+    Raises:
+        FileNotFoundError: if the folder of `path` does not exist.
+    """
+    path = Path(os.path.realpath(path))
+    _check_parent(path)
+    temporary = _beside(path, "tmp")
     try:
         yield temporary
         os.replace(temporary, path)
@@ -29,11 +38,55 @@ def atomic_path(path):
         temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def whole_folder(path, check=None):
+    """Yields a new folder beside `path`, put in its place if the block succeeds, and removed if not.
+
+    What lay there before is set aside, and only removed when the new one is in its place. Of a link, what it points to
+    is replaced.
+
+    Args:
+        path (`str` or `Path`): the final name.
+        check (`Callable`, *optional*): called before anything is replaced; it raises if that must not be.
+
+    Raises:
+        FileNotFoundError: if the folder of `path` does not exist.
+    """
+    path = Path(os.path.realpath(path))
+    _check_parent(path)
+    temporary, older = _beside(path, "tmp"), _beside(path, "old")
+    temporary.mkdir()
+    try:
+        yield temporary
+        if check is not None:
+            check()
+        if path.exists():
+            os.replace(path, older)
+        os.replace(temporary, path)
+    finally:
+        if older.exists() and not path.exists():
+            os.replace(older, path)
+        for leftover in (temporary, older):
+            shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _check_parent(path):
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
+
+
+def _beside(path, kind):
+    # threads, and machines that share a disk, may have one process id
+    return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.{kind}")
+
+
 def clear_left_behind(path):
-    """Removes what killed calls of `atomic_path(path)` left beside `path`; an HDF5 file that is being written stays."""
-    path = Path(path)
+    """Removes what killed calls of `atomic_path(path)` or `whole_folder(path)` left; an HDF5 file in work stays."""
+    path = Path(os.path.realpath(path))
     for left_behind in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
-        if not is_locked(left_behind):
+        if left_behind.is_dir():
+            shutil.rmtree(left_behind, ignore_errors=True)
+        elif not is_locked(left_behind):
             left_behind.unlink(missing_ok=True)
 
 
@@ -94,9 +147,6 @@ def whole_file(path):
     Raises:
         FileNotFoundError: if the folder of `path` does not exist.
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
     with atomic_path(path) as temporary, h5py.File(temporary, "w") as file:
         yield file
 

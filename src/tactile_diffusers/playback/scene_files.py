@@ -54,9 +54,6 @@ def write_scene(path, state, pipe):
     Raises:
         FileNotFoundError: if the folder does not exist.
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"The folder {path.parent} of {path.name} does not exist: create it first.")
     content = {name: getattr(state, name) for name in _KEYS}
     content |= {"patches": state.patches.boxes, "decoder": _decoder_settings(pipe)}
     tensors = {

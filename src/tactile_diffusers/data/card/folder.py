@@ -1,11 +1,9 @@
 """The folder of a data card: whole or absent, and never in place of something else."""
 
-import os
-import shutil
-from contextlib import contextmanager
 from pathlib import Path
 
 from ...reading import read_json
+from ..files import whole_folder
 
 CARD_FORMAT = "tactile-data-card"
 CARD_VERSION = 1
@@ -48,20 +46,6 @@ def _files_of_card(folder):
     return {name for name in files if isinstance(name, str)}
 
 
-@contextmanager
 def card_folder(output):
-    """Yields a temporary folder beside `output`, put in its place if the block succeeds, and removed if not."""
-    output = Path(output).resolve()
-    temporary, older = (output.with_name(f".{output.name}.{os.getpid()}.{kind}") for kind in ("tmp", "old"))
-    temporary.mkdir()
-    try:
-        yield temporary
-        check_card_folder(output)  # again: files may have appeared since
-        if output.exists():
-            os.replace(output, older)
-        os.replace(temporary, output)
-    finally:
-        if older.exists() and not output.exists():
-            os.replace(older, output)
-        for leftover in (temporary, older):
-            shutil.rmtree(leftover, ignore_errors=True)
+    """A context that yields a new folder, put in place of `output` if the block succeeds (`whole_folder`)."""
+    return whole_folder(output, lambda: check_card_folder(output))  # again: files may have appeared since

@@ -1,9 +1,6 @@
 """A `recordings.h5` written out as a folder of plain files with its `layout.toml`: the way back of `convert_folder`."""
 
 import csv
-import os
-import shutil
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +9,7 @@ import numpy as np
 from scipy import io
 from tqdm import tqdm
 
+from ..files import whole_folder
 from ..recordings import RATING_SCALE, VELOCITY_UNIT, RecordingsFile
 from .draft_walk import HIDDEN_PREFIXES
 from .layout import FORMAT, VERSION
@@ -61,7 +59,7 @@ def export_folder(recordings, folder, kind="csv", quiet=False):
     _check_target(folder)
     with RecordingsFile(recordings) as source:
         _check_names(source)
-        with _whole_folder(folder) as temporary:
+        with whole_folder(folder) as temporary:
             entries = {}  # in order, each once
             for recording in tqdm(source, total=len(source), desc="exporting", unit="recording", disable=quiet):
                 for entry in _write_recording(temporary, recording, kind):
@@ -77,20 +75,6 @@ def _check_target(folder):
         raise FileNotFoundError(f"The folder {folder.parent} of {folder.name} does not exist: create it first.")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ValueError(f"`folder` must be new or empty, {folder} exists: remove it, or give another name.")
-
-
-@contextmanager
-def _whole_folder(folder):
-    """Yields a new folder beside `folder`, renamed to it if the block succeeds, or removed."""
-    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
-    temporary.mkdir()
-    try:
-        yield temporary
-        if folder.exists():
-            folder.rmdir()  # empty, as was checked; not every system renames onto a folder
-        temporary.rename(folder)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _check_names(source):

@@ -65,7 +65,7 @@ def generate_recordings(
     for name, value in (("surfaces", surfaces), ("workers", workers)):
         if not value >= 1 or value % 1:
             raise ValueError(f"`{name}` must be a whole number of at least 1, got {value}.")
-    path, surfaces, workers = Path(path), int(surfaces), int(workers)
+    path, surfaces, workers = Path(os.path.realpath(path)), int(surfaces), int(workers)  # of a link, what it points to
     if _is_done(path, collection, surfaces):
         parts = _parts_of(path)
         if parts.is_dir():
