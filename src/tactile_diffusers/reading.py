@@ -12,12 +12,15 @@ _LONGEST_REASON = 300
 def reading(path, kind, remedy="Copy it again, or write it again."):
     """Whatever a damaged file makes the block raise becomes a `ValueError` that names the file, and `kind`.
 
-    A `FileNotFoundError`, and a `ValueError` or `OSError` that names the file already, pass as they are.
+    So does a `PermissionError`, whose remedy is another one. A `FileNotFoundError`, and a `ValueError` or `OSError` that
+    names the file already, pass as they are.
     """
     try:
         yield
     except FileNotFoundError:
         raise
+    except PermissionError as error:
+        raise ValueError(f"{path} may not be read ({error}). Change its permissions.") from error
     except Exception as error:  # h5py, zipfile, numpy, json and others raise a dozen kinds
         if type(error) in (ValueError, OSError) and str(path) in str(error):
             raise
@@ -33,7 +36,7 @@ def read_json(path, kind, remedy="Copy it again, or write it again."):
         ValueError: if it is truncated, no JSON, or no object.
     """
     with reading(path, kind, remedy):
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = json.loads(Path(path).read_text(encoding="utf-8-sig"))  # Windows puts a mark before UTF-8
         if not isinstance(content, dict):
             raise ValueError(f"it holds a {type(content).__name__}, not an object")
     return content

@@ -75,7 +75,7 @@ def _number(text, axis, line):
 
 
 def _read_json(path, axes):
-    return json.loads(path.read_text(encoding="utf-8"))
+    return json.loads(path.read_text(encoding="utf-8-sig"))
 
 
 def _read_npy(path, axes):
