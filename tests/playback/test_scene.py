@@ -328,3 +328,12 @@ def test_a_failed_save_leaves_what_was_there(scene, tmp_path, monkeypatch):
     assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
     with pytest.raises(FileNotFoundError, match="create it first"):
         scene.save(tmp_path / "nowhere" / "s.safetensors")
+
+
+def test_numbers_of_numpy_come_back_from_a_file(pipe, tmp_path):
+    steps, guidance = np.int64(2), {"roughness": np.float32(1.5)}
+    scene = TextureScene(
+        {"felt": [1, 0, 0]}, pipe, num_inference_steps=steps, guidance_scale=guidance, seed=np.int32(3)
+    )
+    scene.save(tmp_path / "scene.safetensors")
+    assert TextureScene.load(tmp_path / "scene.safetensors", pipe).names == ("felt",)

@@ -83,7 +83,7 @@ class TextureScene:
             rating_axes=tuple(config.rating_axes),
             patches=Patches({} if patches is None else patches, names),
             seed=int(seed),
-            num_inference_steps=decoding_steps,
+            num_inference_steps=int(decoding_steps),  # JSON knows no other
             guidance_scale=guidance_scale,
             reference_speed=float(config.reference_speed),
         )
