@@ -5,7 +5,7 @@ import torch
 from accelerate import cpu_offload, dispatch_model
 from accelerate.hooks import ModelHook, add_hook_to_module
 
-from tactile_diffusers import DALEModel, LCTGModel
+from tactile_diffusers import DALEModel, LCTGModel, bundled_checkpoint
 
 
 def _normal(*shape, seed=0):
@@ -153,3 +153,8 @@ def test_pickles_are_not_written(make_lctg, tmp_path):
     assert not (tmp_path / "a").exists()
     make_lctg().save_pretrained(str(tmp_path / "b"), variant="fp16", safe_serialization=True)
     assert (tmp_path / "b" / "diffusion_pytorch_model.fp16.safetensors").is_file()
+
+
+def test_of_a_pipelines_folder_the_subfolder_is_asked_for():
+    with pytest.raises(FileNotFoundError, match="is a pipeline's: name the model's `subfolder`, too"):
+        LCTGModel.from_pretrained(bundled_checkpoint())

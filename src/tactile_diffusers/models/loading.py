@@ -66,7 +66,9 @@ def _holds_no_numbers(parameter):
 def _check_model_folder(cls, folder, variant, changes):
     """Raises unless config and weights of a local folder are there and fit each other; only headers are read."""
     if not (folder / "config.json").is_file():
-        raise FileNotFoundError(f"There is no {folder / 'config.json'}. {_AGAIN}")
+        pipeline = (folder / "model_index.json").is_file()
+        remedy = f"{folder} is a pipeline's: name the model's `subfolder`, too." if pipeline else _AGAIN
+        raise FileNotFoundError(f"There is no {folder / 'config.json'}. {remedy}")
     found, paths = {}, _weights(folder, variant)
     held = paths[0].name if len(paths) == 1 else f"{len(paths)} shards"
     for path in paths:
