@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -203,4 +204,12 @@ def test_every_rating_scale_of_the_pipeline_has_its_word(scale):
 def test_the_check_of_ratings_follows_the_scale(tmp_path, capsys, arguments, message):
     assert main([*arguments, "--checkpoint", str(TINY), "--output", str(tmp_path / "out"), "--quiet"]) == 2
     assert re.match(f"generate.py: error: .*{message}", capsys.readouterr().err.splitlines()[-1])
+    assert not (tmp_path / "out").exists()
+
+
+def test_guidance_that_makes_levels_explode_is_refused_in_a_line(tmp_path, capsys):
+    words = ["--ratings", "1", "0", "0", "--guidance-scale", "1e30", "--steps", "2", "--quiet"]
+    with warnings.catch_warnings(action="error", category=RuntimeWarning):
+        assert main([*words, "--checkpoint", str(TINY), "--output", str(tmp_path / "out")]) == 2
+    assert "generate.py: error: Textures overflow" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -246,6 +246,7 @@ def test_unusual_ratings_are_warned_of_once(checkpoint, tmp_path, recorded_warni
         ({"batch_size": -1}, "--batch_size: must be at least 1"),
         ({"textures_per_shard": 0}, "--textures_per_shard: must be at least 1"),
         ({"seed": -1}, "--seed: must be at least 0"),
+        ({"seed": 2**64}, "--seed: must be at least 0 and below 2**63"),
         ({"ratings_file": "nowhere.csv"}, "--ratings_file: nowhere.csv is not a file"),
         ({"checkpoint": "nowhere"}, "--checkpoint: nowhere is not a folder"),
         ({"output": __file__}, "is not a folder"),

@@ -1,6 +1,8 @@
 """`tactile-diffusers reconstruct`: files of several kinds in, the reconstruction and its error out."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -113,3 +115,30 @@ def test_rate_and_unit_are_those_of_the_table(header, seconds, newtons, texture,
     np.savetxt(tmp_path / "r.csv", np.delete(rows, [5000, 5001], axis=0), delimiter=",", header=header, comments="")
     with pytest.raises(ValueError, match="has 2 samples that are no number"):
         read_recording(tmp_path / "r.csv", column)
+
+
+def test_a_json_file_beside_another_kind_is_not_ours(texture, tmp_path):
+    _write_csv(tmp_path / "r.csv", texture)
+    (tmp_path / "r.csv.json").write_text('{"participant": 7}')
+    assert read_recording(tmp_path / "r.csv", "Fx", 10_000)[1] == DEVICE_RATE
+
+
+@pytest.mark.parametrize("seed", [-1, 2**63, 10**30])
+def test_seeds_that_no_generator_takes_are_refused_by_name(tmp_path, capsys, seed):
+    with pytest.raises(SystemExit) as stop:
+        reconstruct.main(["r.csv", "--output", str(tmp_path / "out"), "--seed", str(seed)])
+    assert stop.value.code == 2 and "--seed: must be at least 0 and below 2**63" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("silence", ["--quiet", "--json"])
+def test_nothing_but_errors_on_stderr(texture, tmp_path, silence):
+    """In a process of its own: once a bar is off, it stays off."""
+    _write_csv(tmp_path / "r.csv", texture)
+    words = ["reconstruct", str(tmp_path / "r.csv"), "--column", "Fx", "--rate", "10000", "--output", str(tmp_path)]
+    done = subprocess.run(
+        [sys.executable, "-m", "tactile_diffusers.cli.main", *words, silence],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""

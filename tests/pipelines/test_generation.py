@@ -607,3 +607,8 @@ def test_the_example_of_the_docstring_runs():
     test = doctest.DocTestParser().get_doctest(example, {}, "example", None, 0)
     assert len(test.examples) >= 4
     assert doctest.DocTestRunner(verbose=False).run(test).failed == 0
+
+
+def test_a_list_without_a_generator_is_refused_before_any_work(pipe):
+    with pytest.raises(ValueError, match="`generator` must be a torch.Generator or a list of them, got NoneType"):
+        pipe([1, 0, 0], generator=[None])

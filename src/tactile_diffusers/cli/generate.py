@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from ..signal.constants import RATING_AXES
-from .program import Parser, check_folders, program, refuse
+from .program import Parser, check_folders, check_seed, program, refuse
 
 
 def rating(word):
@@ -75,8 +75,7 @@ def parse_arguments(argv=None):
         arguments.ratings = [float("nan") if value is None else value for value in single]
     if arguments.takes < 1:
         parser.error(f"argument --takes: must be at least 1, got {arguments.takes}")
-    if not 0 <= arguments.seed <= 2**63 - arguments.takes:
-        parser.error(f"argument --seed: must be at least 0 and below 2**63, got {arguments.seed}")
+    check_seed(parser, arguments.seed, arguments.takes)
     check_folders(parser, arguments)
     return arguments
 
@@ -93,7 +92,7 @@ def main(argv=None):
     arguments = parse_arguments(argv)
     try:
         _generate(arguments)
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, FloatingPointError) as error:  # the last: guidance that makes levels explode
         return refuse("generate.py", error)
     return 0
 
@@ -101,6 +100,7 @@ def main(argv=None):
 def _generate(arguments):
     """Makes the textures, then writes them."""
     import torch
+    from diffusers.utils.logging import disable_progress_bar
 
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
@@ -110,6 +110,8 @@ def _generate(arguments):
 
     say = (lambda text: None) if arguments.quiet else print
     checkpoint = Path(arguments.checkpoint or bundled_checkpoint())
+    if arguments.quiet:
+        disable_progress_bar()  # of loading
     pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
     pipe.set_progress_bar_config(disable=arguments.quiet)
 

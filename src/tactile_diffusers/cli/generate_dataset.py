@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..reading import read_json
-from .program import Parser, program, refuse
+from .program import Parser, check_seed, program, refuse
 
 EPILOG = """\
 Run it again after it was stopped: whole shards are kept, the others are made. All machines must see OUTPUT, and one
@@ -54,8 +54,7 @@ def parse_arguments(argv=None):
     for name in ("num_textures", "batch_size", "textures_per_shard"):
         if getattr(arguments, name) < 1:
             parser.error(f"argument --{name}: must be at least 1, got {getattr(arguments, name)}")
-    if arguments.seed < 0:
-        parser.error(f"argument --seed: must be at least 0, got {arguments.seed}")
+    check_seed(parser, arguments.seed)
     if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
         parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder; give a local checkpoint")
     if arguments.ratings_file is not None and not arguments.ratings_file.is_file():

@@ -38,6 +38,16 @@ def refuse(script, error):
     return 2
 
 
+def check_seed(parser, seed, count=1):
+    """Refuses a seed that generators and files do not take, or that counts beyond it.
+
+    Raises:
+        SystemExit: with exit code 2 and a line that names the argument and the value.
+    """
+    if not 0 <= seed <= 2**63 - count:
+        parser.error(f"argument --seed: must be at least 0 and below 2**63, got {seed}")
+
+
 def check_folders(parser, arguments):
     """Refuses a `--checkpoint` that is no folder, and an `--output` that is something else or cannot be written.
 

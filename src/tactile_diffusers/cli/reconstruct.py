@@ -5,7 +5,7 @@ import math
 import sys
 from pathlib import Path
 
-from .program import Parser, check_folders, program, refuse
+from .program import Parser, check_folders, check_seed, program, refuse
 
 
 def parse_arguments(argv=None):
@@ -42,6 +42,7 @@ def parse_arguments(argv=None):
     arguments = parser.parse_args(argv)
     if arguments.newtons_per_unit is not None and not 0 < arguments.newtons_per_unit < math.inf:
         parser.error(f"argument --newtons_per_unit: must be above zero, got {arguments.newtons_per_unit}")
+    check_seed(parser, arguments.seed)
     check_folders(parser, arguments)
     return arguments
 
@@ -72,6 +73,7 @@ def main(argv=None):
 
 def _reconstruct(arguments):
     import torch
+    from diffusers.utils.logging import disable_progress_bar
 
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
@@ -88,6 +90,8 @@ def _reconstruct(arguments):
             "newtons.",
             file=sys.stderr,
         )
+    if arguments.quiet or arguments.json:
+        disable_progress_bar()  # of loading
     pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint or bundled_checkpoint()))
     pipe.set_progress_bar_config(disable=arguments.quiet or arguments.json)
     generator = torch.Generator("cpu").manual_seed(arguments.seed)

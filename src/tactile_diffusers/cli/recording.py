@@ -41,7 +41,8 @@ def read_recording(path, column=None, rate=None, newtons_per_unit=None):
         raise FileNotFoundError(f"There is no file {path}.")
     if kind_of(path) is None:
         raise ValueError(f"{path} is of no kind that can be read: use csv, xlsx, npy, npz, mat, hdf5, parquet or wav.")
-    if newtons_per_unit is None and sidecar_path(path).is_file():
+    # other kinds may have a JSON file beside them, too, but it is not ours
+    if newtons_per_unit is None and kind_of(path) == "wav" and sidecar_path(path).is_file():
         texture, metadata = read_wav(path)
         return _prepared(texture, metadata["sampling_rate"], path)
     table = read_table(path)

@@ -319,9 +319,10 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             waveform = impose_band_levels(waveform, _as_float64(band_levels), contrast=contrast, **self._latent_grid)
         texture = resample_quickly(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
         texture = texture - texture.mean(-1, keepdims=True)
-        scale, wanted = rms(texture)[:, None], np.exp(levels)[:, None]
-        heard = (scale > SILENCE) & (wanted > SILENCE)
-        return (texture / np.where(heard, scale, np.inf) * wanted).astype(np.float32)
+        with np.errstate(over="ignore", invalid="ignore"):  # levels that explode: infinities tell
+            scale, wanted = rms(texture)[:, None], np.exp(levels)[:, None]
+            heard = (scale > SILENCE) & (wanted > SILENCE)
+            return (texture / np.where(heard, scale, np.inf) * wanted).astype(np.float32)
 
     def _emphasize(self, waveform, sign):
         """Whitens (`sign` = +1) or colours back (-1) with zero phase.

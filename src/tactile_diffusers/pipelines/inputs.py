@@ -229,7 +229,7 @@ def check_generator(generator, batch_size):
                 f"num_textures_per_rating), got {len(generator)}."
             )
     for entry in generator if isinstance(generator, list) else [generator]:
-        if entry is not None and not isinstance(entry, torch.Generator):
+        if generator is not None and not isinstance(entry, torch.Generator):
             raise ValueError(f"`generator` must be a torch.Generator or a list of them, got {type(entry).__name__}.")
     return generator
 

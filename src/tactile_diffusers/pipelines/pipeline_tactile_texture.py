@@ -249,6 +249,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
 
         Raises:
             ValueError: for any impossible argument, before any work starts.
+            FloatingPointError: if textures overflow: a large `guidance_scale`, or `latents` far from unit variance.
 
         Examples:
         """
