@@ -60,6 +60,7 @@ def test_other_files_are_taken(tmp_path, texture, write, suffix):
 
 def test_folders_are_taken(source, tmp_path, texture, capsys):
     write_npz(source.with_name("more.npz"), texture, **COMMON)
+    source.with_name("._more.npz").write_bytes(b"what a Mac puts beside a file on a stick")
     assert _run(source.parent, tmp_path / "out", "--formats", "haptic") == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"texture.haptic", "more.haptic"}
 

@@ -108,3 +108,24 @@ def test_nothing_is_left_behind_by_a_failed_write(tmp_path, filled):
     with pytest.raises(OSError):
         write_csv(tmp_path / "absent" / "x.csv", filled)
     assert not list(tmp_path.iterdir())
+
+
+class TestSpreadsheets:
+    """What spreadsheets and their file systems add to a list that is filled in."""
+
+    def _read(self, folder, trials, text):
+        (folder / "p001.csv").write_text(text, encoding="utf-8")
+        return check_responses(trials, read_tables(folder))
+
+    def test_empty_rows_below_the_last_one(self, trials, filled, tmp_path):
+        text = filled.to_csv(index=False) + 2 * ("," * (filled.shape[1] - 1) + "\n")
+        assert len(self._read(tmp_path, trials, text)[0]) == len(trials)
+
+    def test_a_comma_after_each_row(self, trials, filled, tmp_path):
+        names, *rows = filled.to_csv(index=False).splitlines()
+        answers, _ = self._read(tmp_path, trials, "\n".join([names, *(f"{row}," for row in rows)]))
+        assert set(answers["participant"]) == {"p001"}
+
+    def test_what_a_mac_puts_beside_a_file(self, trials, filled, tmp_path):
+        (tmp_path / "._p001.csv").write_bytes(b"\0\5\26\7\0\2\0\0Mac OS X")
+        assert len(self._read(tmp_path, trials, filled.to_csv(index=False))[0]) == len(trials)

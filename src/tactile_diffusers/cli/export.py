@@ -114,7 +114,7 @@ def read_textures(path):
     elif (path / MANIFEST).is_file():
         yield from _read_generated(path)
     else:
-        files = sorted(path.glob("*.npz"))
+        files = sorted(file for file in path.glob("*.npz") if not file.name.startswith("."))  # "._a.npz" of a Mac's
         if not files:
             raise ValueError(f"The folder {path} holds neither {MANIFEST} nor .npz files. Give one with textures.")
         for file in files:

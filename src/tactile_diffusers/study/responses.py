@@ -1,5 +1,6 @@
 """Answers of participants: read from CSV files, held against the trial lists, refused where they cannot be right."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -26,16 +27,19 @@ def read_tables(folder):
         FileNotFoundError: if there is no CSV file.
         ValueError: if a file is no table with the columns participant, trial and response.
     """
-    files = sorted(Path(folder).glob("*.csv"))
+    # what begins with a point is of a file system: "._p001.csv" of a Mac's on a stick
+    files = sorted(path for path in Path(folder).glob("*.csv") if not path.name.startswith("."))
     if not files:
         raise FileNotFoundError(f"There is no .csv file in {folder}: put trial lists there, with responses filled in.")
     return pandas.concat([_read_table(path) for path in files], ignore_index=True)
 
 
 def _read_table(path):
-    with reading(path, "a table of comma-separated values, UTF-8", "Export it again."):
-        # spreadsheets put a mark before UTF-8
-        table = pandas.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig")
+    with reading(path, "a table of comma-separated values, UTF-8", "Export it again."), warnings.catch_warnings():
+        warnings.simplefilter("ignore", pandas.errors.ParserWarning)  # of cells that have no name
+        # spreadsheets put a mark before UTF-8, a comma after each line, and empty cells below the last one
+        table = pandas.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig", index_col=False)
+    table = table[(table != "").any(axis=1)]
     missing = [column for column in _NEEDED if column not in table]
     if missing:
         raise ValueError(
