@@ -340,3 +340,11 @@ def test_settings_come_back(collection, tmp_path):
     assert json.loads(json.dumps(attributes)) == attributes
     with RecordingsFile(collection) as source:
         assert attributes["licence"] == source.attributes["licence"]
+
+
+def test_recordings_are_not_replaced_by_what_is_prepared_of_them(tmp_path):
+    (tmp_path / "r.h5").write_bytes(b"a recording")
+    (tmp_path / "link.h5").symlink_to("r.h5")
+    for prepared in (tmp_path / "r.h5", tmp_path / "link.h5"):
+        with pytest.raises(ValueError, match="`prepared` is `recordings`, .* and would replace it"):
+            prepare_recordings(tmp_path / "r.h5", prepared, quiet=True)

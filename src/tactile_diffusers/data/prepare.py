@@ -1,6 +1,7 @@
 """From `recordings.h5` to a prepared data set: filter, cut, pool ratings, split by surface (paper section 2.1)."""
 
 import json
+import os
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
@@ -98,6 +99,8 @@ def prepare_recordings(
     """
     limits = limits or SegmentLimits()
     check_turnarounds(turnarounds)
+    if os.path.realpath(recordings) == os.path.realpath(prepared):
+        raise ValueError(f"`prepared` is `recordings`, {recordings}, and would replace it: give another file.")
     with RecordingsFile(recordings) as source:
         rate = _common_rate(source, band, order, passes)
         splits = assign_splits(source.names, source.surfaces, validation, test, split_seed, hold_out)
