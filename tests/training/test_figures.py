@@ -24,7 +24,7 @@ def drawn(monkeypatch):
 
 def test_a_single_point_is_seen(drawn, tmp_path):
     log = [{"step": 30, "train/loss": 0.5}, {"step": 30, "validation/a": 1.0}, {"step": 60, "validation/a": 0.5}]
-    (tmp_path / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in log))
+    (tmp_path / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in log) + '{"step": 61, "tr')
     plot_losses(tmp_path / "log.jsonl", tmp_path / "loss.png")
     (_, [train]), (_, [validation]) = drawn[0]
     assert train.get_marker() == "o" and validation.get_marker() == ""
