@@ -12,8 +12,8 @@ _LONGEST_REASON = 300
 def reading(path, kind, remedy="Copy it again, or write it again."):
     """Whatever a damaged file makes the block raise becomes a `ValueError` that names the file, and `kind`.
 
-    So does a `PermissionError`, whose remedy is another one. A `FileNotFoundError`, and a `ValueError` or `OSError` that
-    names the file already, pass as they are.
+    So does a `PermissionError`, whose remedy is another one. A `FileNotFoundError`, and a `ValueError` or `OSError`
+    that names the file already, pass as they are.
     """
     try:
         yield

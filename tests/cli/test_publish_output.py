@@ -1,4 +1,4 @@
-"""Where `examples/publish.py` may write: what it replaces is set aside first, and nothing that was given is replaced."""
+"""Where `examples/publish.py` may write: what it replaces is set aside first, nothing that was given is replaced."""
 
 import pytest
 

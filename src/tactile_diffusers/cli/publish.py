@@ -242,7 +242,8 @@ def main(argv=None):
     try:
         upload_checkpoint(output, arguments.push_to_hub)
     except OSError as error:
-        print(f"{program('publish.py')}: error: {arguments.output} is written, but the Hub refused it: {error}", file=sys.stderr)
+        told = f"{arguments.output} is written, but the Hub refused it: {error}"
+        print(f"{program('publish.py')}: error: {told}", file=sys.stderr)
         return 1
     print(f"sent to https://huggingface.co/{arguments.push_to_hub}")
     return 0

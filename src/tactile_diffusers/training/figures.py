@@ -3,8 +3,6 @@
 from ..data.files import atomic_path
 from .record import read_entries
 
-from .record import read_log
-
 
 def plot_losses(log_path, output_path):
     """Loss curves of a training (`log.jsonl`) as a PNG: training values left, validation values right.
