@@ -18,7 +18,7 @@ from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_reco
 from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.evaluation import TactileEmbedding
 from tactile_diffusers.evaluation.baselines import SLUGS
-from tactile_diffusers.evaluation.report import leaves, run_sections
+from tactile_diffusers.evaluation.report import folder_digest, leaves, run_sections
 from tactile_diffusers.evaluation.sections import QUICK, SECTIONS, Anchor, Context
 from tactile_diffusers.evaluation.sections.generation import _SetJudge
 from tactile_diffusers.evaluation.sections.long_textures import largest_correlation, long_texture_study, overlap_mask
@@ -476,3 +476,15 @@ def test_table_has_every_column_and_a_dash_for_what_is_missing():
     shown = markdown_table(rows, labels={"y": ("why", 0)})
     assert shown.splitlines()[0] == "| | why |" and shown.splitlines()[-1] == "| b | 2 |"
     assert text(0.0012345) == "0.00123" and text(None) == "–"
+
+
+def test_a_report_inside_of_the_checkpoint_makes_it_no_other(evaluable_pipe, tmp_path):
+    """It was: what was done was done again, and `publish.py` refused the report."""
+    evaluable_pipe().save_pretrained(str(tmp_path))
+    before = folder_digest(tmp_path)
+    for name in ("report.json", "report/report.json", "report/sections/speed.json", "checkpoint-500/lctg/config.json"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("{}")
+    assert folder_digest(tmp_path) == before
+    (tmp_path / "lctg" / "config.json").write_text("{}")
+    assert folder_digest(tmp_path) != before

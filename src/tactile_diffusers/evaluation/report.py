@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from tqdm.auto import tqdm
 
-from ..checkpoints import SURFACES_FILE
+from ..checkpoints import DISTILLED
 from ..data.files import write_text
 from ..reading import read_json
 from ..training.surfaces import count_seen, surfaces_of, trained_on
@@ -38,6 +38,8 @@ _TELLING = (
     "training_record.py",
     "winners.py",
 )
+# of a checkpoint, beside its components: what they are, and how they were trained
+_TOLD = ("model_index.json", "training.json")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
 
 
@@ -172,13 +174,14 @@ def _code_digest():
 
 
 def folder_digest(folder):
-    """SHA-256 over the configs and weights of a checkpoint folder, whatever is said of its training beside them."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(folder).rglob("*")):
-        if path.name == SURFACES_FILE or "checkpoint-" in str(path.relative_to(folder)):
-            continue
-        if path.suffix in (".json", ".safetensors"):
-            digest.update(str(path.relative_to(folder)).encode())
+    """SHA-256 over the configs and weights of a checkpoint folder, whatever else lies there: reports, checkpoints."""
+    folder, digest = Path(folder), hashlib.sha256()
+    index = folder / _TOLD[0]
+    ours = {*_TOLD, DISTILLED, *(read_json(index, "the index of a checkpoint") if index.is_file() else ())}
+    for path in sorted(folder.rglob("*")):
+        place = path.relative_to(folder)
+        if place.parts[0] in ours and path.suffix in (".json", ".safetensors"):
+            digest.update(str(place).encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()
 
