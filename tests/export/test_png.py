@@ -121,3 +121,9 @@ def test_another_picture_is_refused(tmp_path):
     Image.new("L", (10, 10)).save(tmp_path / "a.png")
     with pytest.raises(ValueError, match="a friction map that this package wrote"):
         read_png(tmp_path / "a.png")
+
+
+def test_no_picture_is_written_that_would_not_be_read(tmp_path, texture):
+    with pytest.raises(ValueError, match="`height` of 100000 rows makes a picture of .* pixels; at most 67108864"):
+        write_png(tmp_path / "a.png", texture, **COMMON, height=100_000)
+    assert not list(tmp_path.iterdir())

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from ..data.files import atomic_path, check_size
+from ..data.files import MOST_UNPACKED, atomic_path, check_size
 from ..playback.stream import REFERENCE_FORCE
 from ..reading import reading
 from ..signal import BAND_HZ, rms
@@ -83,7 +83,12 @@ def write_png(
     if int(height) != height or height < 1:
         raise ValueError(f"`height` must be a whole number of rows, at least 1, got {height}.")
 
-    _check_width(len(texture), sampling_rate, speed, pixel_pitch)
+    columns = _check_width(len(texture), sampling_rate, speed, pixel_pitch)
+    if columns * height > MOST_UNPACKED:  # its reader takes no larger ones: rows that are all alike take no room
+        raise ValueError(
+            f"`height` of {height} rows makes a picture of {columns * int(height):.3g} pixels; at most "
+            f"{MOST_UNPACKED} are written. Give fewer rows, which are all alike, or a shorter texture."
+        )
     held = highest_frequency(speed, pixel_pitch)
     coarse = texture if held >= BAND_HZ[1] else low_pass_for(texture, sampling_rate, speed / pixel_pitch)
     pixels = resample_freely(coarse, sampling_rate, speed / pixel_pitch)
@@ -108,7 +113,7 @@ def highest_frequency(reference_speed, pixel_pitch):
 
 
 def _check_width(samples, sampling_rate, speed, pitch):
-    """Refuses pitches that no display has: nothing of the texture is left, or the picture is enormous."""
+    """Columns; refuses pitches that no display has: nothing of the texture is left, or the picture is enormous."""
     if highest_frequency(speed, pitch) <= BAND_HZ[0]:
         raise ValueError(
             f"`pixel_pitch` of {pitch:g} mm leaves nothing of a texture, whose band begins at {BAND_HZ[0]:g} Hz: at "
@@ -119,6 +124,7 @@ def _check_width(samples, sampling_rate, speed, pitch):
             f"`pixel_pitch` of {pitch:g} mm makes a picture of {columns} columns; at most {WIDEST} are written. Give "
             "the display's pitch (its width in mm / its pixels), or a shorter texture."
         )
+    return columns
 
 
 def _warn_of_loss(texture, pixels, speed, pitch):
