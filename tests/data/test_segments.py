@@ -1,5 +1,8 @@
 """Selection and projection, against slow and obvious references."""
 
+import json
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -421,3 +424,10 @@ def test_uncalibrated_axes_have_no_normal_force():
 def test_dead_sensor_is_refused():
     with pytest.raises(ValueError, match="the sensor was dead"):
         channels(recording_of(np.zeros((40_000, 3)), np.tile([80.0, 0.0], (2000, 1))))
+
+
+def test_limits_of_numpy_are_plain_numbers():
+    """They are noted in the prepared file as JSON, at the end of a long preparation."""
+    ours = SegmentLimits(np.array([0.4, 0.6]), (np.int64(66), 99), np.float32(0.25), np.float64(1.5), 0)
+    plain = SegmentLimits((0.4, 0.6), (66.0, 99.0), 0.25, 1.5, 0.0)
+    assert json.dumps(asdict(ours)) == json.dumps(asdict(plain)) and ours == plain

@@ -53,8 +53,11 @@ class SegmentLimits:
         for name in ("normal_force", "speed"):
             limits = getattr(self, name)
             pair = np.ndim(limits) == 1 and len(limits) == 2 and all(isinstance(limit, Real) for limit in limits)
-            if limits is not None and not (pair and 0 <= limits[0] < limits[1]):
+            if limits is None:
+                continue
+            if not (pair and 0 <= limits[0] < limits[1]):
                 raise ValueError(f"`{name}` must be (low, high) with 0 <= low < high, or None, got {limits!r}.")
+            object.__setattr__(self, name, tuple(map(float, limits)))
         if not (isinstance(self.longest_excursion, Real) and 0 <= self.longest_excursion < np.inf):
             raise ValueError(
                 f"`longest_excursion` must be a finite time of 0 s or more, got {self.longest_excursion!r}."
@@ -63,6 +66,8 @@ class SegmentLimits:
             raise ValueError(f"`seconds` must be positive and finite, got {self.seconds!r}.")
         if not (isinstance(self.overlap, Real) and 0 <= self.overlap < 1):
             raise ValueError(f"`overlap` must be at least 0 and below 1, got {self.overlap!r}.")
+        for name in ("longest_excursion", "seconds", "overlap"):  # as JSON knows them: they are noted in the file
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     def samples(self, rate):
         """Samples of a segment at `rate` Hz."""
