@@ -12,8 +12,8 @@ from ..data.virtual.surface import VirtualSurface
 from ..evaluation.tables import markdown_table, title
 from ..models.lctg import LCTGModel, same_encoder
 from ..playback import FingerPath, GeneratingProcess, TextureProfile, TextureStream, on_time
-from ..playback.stream import REFERENCE_FORCE, SPEED_EXPONENT
-from ..signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass
+from ..playback.stream import SPEED_EXPONENT
+from ..signal import DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES, band_levels_db, band_pass
 from . import benchmark_endless
 from .distilled import distilled_folder, with_lctg
 from .suite import machine, write_results

@@ -11,7 +11,7 @@ from ..export.formats import FORMATS
 from ..export.generated import MANIFEST, read_generated
 from ..export.png import HEIGHT, PIXEL_PITCH
 from ..export.round_trip import round_trip, round_trip_markdown
-from ..playback.stream import REFERENCE_FORCE
+from ..signal import REFERENCE_FORCE
 from . import readme
 from .program import Parser, program, refuse
 

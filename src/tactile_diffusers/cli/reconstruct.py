@@ -79,8 +79,8 @@ def _reconstruct(arguments):
 
     from ..evaluation.reconstruction import snr_db
     from ..export import write_figure, write_npz, write_wav
-    from ..signal import nine_band_error_db, resample, rms
-    from .recording import LARGEST_RMS, REFERENCE_FORCE, read_recording
+    from ..signal import REFERENCE_FORCE, nine_band_error_db, resample, rms
+    from .recording import LARGEST_RMS, read_recording
 
     texture, rate = read_recording(arguments.recording, arguments.column, arguments.rate, arguments.newtons_per_unit)
     if rms(texture) > LARGEST_RMS:

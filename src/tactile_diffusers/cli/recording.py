@@ -9,8 +9,7 @@ from ..data.folder.draft_columns import UNITS, describe_table, split_unit
 from ..data.folder.layout import FORCE_SCALES, TIME_SCALES
 from ..data.folder.tables import kind_of, read_table
 from ..export.wav import read_wav, sidecar_path
-from ..playback.stream import REFERENCE_FORCE
-from ..signal import BAND_HZ, band_pass
+from ..signal import BAND_HZ, REFERENCE_FORCE, band_pass
 
 #: A recording must last longer than this, s: two periods of the lowest frequency on either side of one more.
 SHORTEST_SECONDS = 0.25

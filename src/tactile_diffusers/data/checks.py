@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..signal import REFERENCE_FORCE
 from .masks import mask_of_runs, true_runs
 
 #: The scale of the ratings in SENS3 (paper section 2.1).
@@ -14,8 +15,6 @@ LARGEST_MEAN_NORMAL_N = 15.0
 GLITCH_SHARE = 0.01
 #: What newtons are mistaken for, and how many N one of it is.
 OTHER_UNITS = {"mN": 1e-3, "gram-force": 9.80665e-3}
-#: Normal force of a finger that explores freely (N): middle of the paper's limits.
-TYPICAL_NORMAL_N = 0.5
 #: A sensor that stays at the extreme value of a channel for this long (s) is saturated (recipe).
 SATURATION_SECONDS = 0.005
 #: So many samples, evenly spread, tell the sign and mean of a channel.
@@ -69,7 +68,7 @@ def _check_unit(force, glance, where):
 
 
 def _likely_unit(normal):
-    unit = min(OTHER_UNITS, key=lambda name: abs(np.log(max(normal, 1e-9) * OTHER_UNITS[name] / TYPICAL_NORMAL_N)))
+    unit = min(OTHER_UNITS, key=lambda name: abs(np.log(max(normal, 1e-9) * OTHER_UNITS[name] / REFERENCE_FORCE)))
     newtons = OTHER_UNITS[unit]
     remedy = f"divide by {1 / newtons:.0f}" if unit == "mN" else f"multiply by {newtons:.5f}"
     return f"The values are probably in {unit}: {remedy}, which gives {normal * newtons:.3g} N."

@@ -11,9 +11,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from ..data.files import write_text
-from ..playback.stream import REFERENCE_FORCE
 from ..reading import read_json, reading
-from ..signal import BAND_HZ
+from ..signal import BAND_HZ, REFERENCE_FORCE
 from .checks import check_above_zero, check_file
 from .metadata import (
     check_arguments,

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from ..playback.stream import REFERENCE_FORCE
-from ..signal import BAND_HZ, RATING_AXES
+from ..signal import BAND_HZ, RATING_AXES, REFERENCE_FORCE
 from .checks import check_positive_or_unknown, check_ratings, check_seed, check_texture
 
 #: Key under which a file of another's format holds what belongs to the texture, as JSON.

@@ -7,9 +7,8 @@ import warnings
 import numpy as np
 
 from ..data.files import MOST_UNPACKED, atomic_path, check_size
-from ..playback.stream import REFERENCE_FORCE
 from ..reading import reading
-from ..signal import BAND_HZ, rms
+from ..signal import BAND_HZ, REFERENCE_FORCE, rms
 from .checks import check_above_zero, check_file
 from .metadata import (
     METADATA_KEY,

@@ -5,15 +5,13 @@ import threading
 import numpy as np
 
 from ..pipelines.inputs import check_positive_integer
-from ..signal import BAND_HZ, DEVICE_RATE
+from ..signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE
 from .finger import CUTOFF_HZ, FingerPath
 
 #: Speed below which friction turns smoothly with the direction, mm/s: where a resting finger is loaded, not sliding.
 TURNING_SPEED = 5.0
 #: Speed below which the power of speed, which is meant for sliding, is held, mm/s.
 SLOWEST_SLIDING = 10.0
-#: Normal force at which textures are recorded, N: the middle of the paper's limits (section 2.1).
-REFERENCE_FORCE = 0.5
 #: Exponents a, b of a texture's amplitude on normal force and speed, of virtual surfaces (`data.virtual.laws`).
 #: Measure them for a real material, or set 0.
 FORCE_EXPONENT, SPEED_EXPONENT = 0.8, 0.3

@@ -1,6 +1,14 @@
 """Filters, resampling, spectra and the constants of the field: the ground floor."""
 
-from .constants import BAND_HZ, DEVICE_RATE, RATING_AXES, SEGMENT_SAMPLES, SEGMENT_SECONDS, WORKING_RATE
+from .constants import (
+    BAND_HZ,
+    DEVICE_RATE,
+    RATING_AXES,
+    REFERENCE_FORCE,
+    SEGMENT_SAMPLES,
+    SEGMENT_SECONDS,
+    WORKING_RATE,
+)
 from .coverage import coverage_distance
 from .filters import band_pass, resample
 from .spectra import band_edges, band_levels_db, level, nine_band_error_db, power_spectral_density, rms
@@ -9,6 +17,7 @@ __all__ = [
     "BAND_HZ",
     "DEVICE_RATE",
     "RATING_AXES",
+    "REFERENCE_FORCE",
     "SEGMENT_SAMPLES",
     "SEGMENT_SECONDS",
     "WORKING_RATE",

@@ -9,5 +9,7 @@ SEGMENT_SAMPLES = 2**14
 SEGMENT_SECONDS = SEGMENT_SAMPLES / DEVICE_RATE
 #: Rate at which the default decoder runs, Hz: nothing above 1 kHz is felt (DESIGN decision 1).
 WORKING_RATE = 2500
+#: Normal force at which textures are recorded, N: the middle of the paper's limits (section 2.1).
+REFERENCE_FORCE = 0.5
 #: Perceptual axes in the order of every rating vector; positive = rougher, bumpier, more slippery.
 RATING_AXES = ("roughness", "bumpiness", "slipperiness")

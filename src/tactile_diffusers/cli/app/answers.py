@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from ...signal import RATING_AXES
-from ..recording import LARGEST_RMS, REFERENCE_FORCE
+from ...signal import RATING_AXES, REFERENCE_FORCE
+from ..recording import LARGEST_RMS
 from .bands import DRAWS
 from .figures import draw_comparison, draw_result, figure_html
 from .settings import SCALES, digits, from_z

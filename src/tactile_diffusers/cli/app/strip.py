@@ -10,8 +10,8 @@ import numpy as np
 
 from ...playback import TextureProfile
 from ...playback.finger import CUTOFF_HZ
-from ...playback.stream import REFERENCE_FORCE, SLOWEST_SLIDING, SPEED_EXPONENT, TURNING_SPEED
-from ...signal import BAND_HZ, DEVICE_RATE, SEGMENT_SAMPLES
+from ...playback.stream import SLOWEST_SLIDING, SPEED_EXPONENT, TURNING_SPEED
+from ...signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES
 from .sound import SOUND_RMS
 
 #: Height of the page in pixels.

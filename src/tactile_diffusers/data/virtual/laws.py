@@ -5,7 +5,8 @@ Forces are in N, speeds in mm/s, numbers or arrays. "Recipe" marks a size of our
 
 import numpy as np
 
-from .recipe import REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S
+from ...signal import REFERENCE_FORCE
+from .recipe import REFERENCE_SPEED_MM_S
 
 #: Common gain that brings band-passed segments to the RMS that the paper's RMSE and SNR imply: mean 0.0090 N over many
 #: surfaces (examples/validate_virtual.py measures it).
@@ -42,7 +43,7 @@ def friction_coefficient(surface, normal_force, speed, moisture=1.0):
     The coefficient falls with load by about -1/3 on smooth surfaces and is constant on rough ones; its dependence on
     speed has either sign (recipe).
     """
-    load = (normal_force / REFERENCE_FORCE_N) ** surface.load_exponent
+    load = (normal_force / REFERENCE_FORCE) ** surface.load_exponent
     rigid = surface.friction * moisture * load * relative_speed(speed) ** surface.speed_exponent
     return rigid * compliant_friction(surface, speed)
 
@@ -67,7 +68,7 @@ def compliant_background(surface, speed):
 
 def texture_amplitude(surface, normal_force, speed, gain=1.0):
     """rms of the friction fluctuation in N: common gain times g gain (Fn / 0.5 N)^0.8 (v / 80 mm/s)^0.3 (recipe)."""
-    load = (normal_force / REFERENCE_FORCE_N) ** AMPLITUDE_LOAD_EXPONENT
+    load = (normal_force / REFERENCE_FORCE) ** AMPLITUDE_LOAD_EXPONENT
     return COMMON_GAIN * 1e-3 * surface.amplitude * gain * load * relative_speed(speed) ** AMPLITUDE_SPEED_EXPONENT
 
 

@@ -6,11 +6,11 @@ from importlib.resources import files
 
 import numpy as np
 
-from ...signal import BAND_HZ
+from ...signal import BAND_HZ, REFERENCE_FORCE
 from .friction import FALL_SHARE, TEMPORAL_NOISE_N
 from .laws import finger_cutoff, friction_coefficient, stick_slip_drop, stick_slip_rate, texture_amplitude
 from .profile import HARMONICS, PERIOD_MM, harmonic_amplitudes, spectrum
-from .recipe import RECIPE_VERSION, REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S, draw_surface
+from .recipe import RECIPE_VERSION, REFERENCE_SPEED_MM_S, draw_surface
 from .streams import Stream, stream
 
 CALIBRATION_FILE = "calibration.json"
@@ -58,7 +58,7 @@ def _continuum(surface):
     A compliant grating's factor on them is 1 at 80 mm/s.
     """
     variance = np.sum(spectrum(surface)) / PERIOD_MM
-    amplitude = texture_amplitude(surface, REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S)
+    amplitude = texture_amplitude(surface, REFERENCE_FORCE, REFERENCE_SPEED_MM_S)
     profile = spectrum(surface, FREQUENCIES / REFERENCE_SPEED_MM_S) / variance / REFERENCE_SPEED_MM_S
     return amplitude**2 * profile + TEMPORAL_NOISE_N**2 / np.log(BAND_HZ[1] / BAND_HZ[0]) / FREQUENCIES
 
@@ -66,9 +66,9 @@ def _continuum(surface):
 def _lines(surface):
     """Frequencies (Hz) and powers (N^2) of the grating's and the stick-slip's harmonics."""
     order = np.arange(1, HARMONICS + 1)
-    amplitude = texture_amplitude(surface, REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S) * surface.grating_level
+    amplitude = texture_amplitude(surface, REFERENCE_FORCE, REFERENCE_SPEED_MM_S) * surface.grating_level
     grating = 0.5 * (amplitude * harmonic_amplitudes(surface)) ** 2
-    sliding = reference_friction(surface) * REFERENCE_FORCE_N
+    sliding = reference_friction(surface) * REFERENCE_FORCE
     # Fourier series of a triangle that rises for 1 - FALL_SHARE of its period
     rise = 1 - FALL_SHARE
     wave = np.sin(np.pi * order * rise) / ((np.pi * order) ** 2 * rise * FALL_SHARE)
@@ -79,7 +79,7 @@ def _lines(surface):
 
 def reference_friction(surface):
     """Friction coefficient at 0.5 N and 80 mm/s of a finger of moisture 1, compliance included."""
-    return float(friction_coefficient(surface, REFERENCE_FORCE_N, REFERENCE_SPEED_MM_S))
+    return float(friction_coefficient(surface, REFERENCE_FORCE, REFERENCE_SPEED_MM_S))
 
 
 def percept_inputs(surface):

@@ -10,9 +10,8 @@ import numpy as np
 #: Raised whenever the same seed gives other data. 2: compliant gratings, exploration that adapts to roughness, fingers
 #: of different mechanics, contact stiffness that rises with speed, levels of the size that the paper implies.
 RECIPE_VERSION = 2
-#: Speed and normal force at which every parameter is given.
+#: Speed at which every parameter is given; the normal force is `REFERENCE_FORCE`.
 REFERENCE_SPEED_MM_S = 80.0
-REFERENCE_FORCE_N = 0.5
 
 
 @dataclass(frozen=True)
