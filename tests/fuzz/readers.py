@@ -227,6 +227,13 @@ def _read_tables(path):
             assert table.numbers(name).dtype == np.float64
 
 
+def _read_tree(path):
+    for table in list_tables(path):
+        assert table.rate is None or isinstance(table.rate, float), table.rate
+        for name in table.names:
+            table.text(name)
+
+
 LATERAL_LAYOUT = b"""format = "tactile-layout"
 version = 1
 source = "s"
@@ -322,6 +329,7 @@ TARGETS = {
         structured=True,
     ),
     "recordings": Target(".h5", _read_recordings, _recordings),
+    "tables-hdf5": Target(".h5", _read_tree, _recordings),
     "tables": Target(".csv", _read_tables, lambda: CSV),
     "layout": Target(".toml", load_layout, _layouts),
     "responses": Target(".csv", _read_responses, _responses),

@@ -1,8 +1,10 @@
 """What fuzzing the readers found, one input for each kind of fault: refused as promised, or read as documented."""
 
+import faulthandler
 import json
 import math
 import struct
+import time
 import zipfile
 import zlib
 
@@ -149,9 +151,43 @@ def test_odd_chunks_of_a_png(readers, tmp_path, kind, content):
 @pytest.mark.parametrize("name", ["recordings", "hdf5"])
 @pytest.mark.parametrize("mark", [b"SNOD", b"TREE", b"HEAP"])
 def test_odd_marks_in_hdf5(readers, tmp_path, name, mark):
-    """Not in the heap of strings (GCOL): HDF5 2.0 may never return from a damaged one (HDFGroup/hdf5, issue 1707)."""
     for data in readers.TARGETS[name].seeds():
         place = data.index(mark)
         for begin, end in ((0, 4), (4, 8), (8, 16)):
             damaged = data[: place + begin] + b"\xff" * (end - begin) + data[place + end :]
             assert readers.fault(readers.TARGETS[name], damaged, tmp_path) is None
+
+
+@pytest.fixture
+def watchdog():
+    """Ends the whole run rather than wait for ever inside HDF5."""
+    faulthandler.dump_traceback_later(60, exit=True)
+    yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.mark.parametrize("name", ["recordings", "hdf5", "tables-hdf5"])
+@pytest.mark.parametrize(
+    "mark, place, content",
+    [
+        (b"GCOL", 16, bytes(16)),  # pieces of a heap: without length, leading back to themselves, a page of zeros
+        (b"GCOL", 24, b"\xf0" + b"\xff" * 7),
+        (b"GCOL", 16, bytes(512)),
+        (b"GCOL", 8, struct.pack("<Q", 6144)),  # the length of a heap: of what comes after it, and of too much
+        (b"GCOL", 8, struct.pack("<Q", 2**62)),
+        (b"format\0\0", 9, b"\x09"),  # neither sequence nor string
+        (b"format\0\0", 32, b"\x09"),  # the version of a shape
+        (b"format\0\0", 40, struct.pack("<I", 2**32 - 1)),  # the length of a string
+    ],
+)
+@pytest.mark.usefixtures("watchdog")
+def test_strings_of_hdf5(readers, tmp_path, name, mark, place, content):
+    """From the first ones HDF5 2.0 never returns, the sixth ends the process, and the last asks for 4 GB."""
+    for data in readers.TARGETS[name].seeds():
+        begin = data.index(mark) + place
+        path = tmp_path / "a.h5"
+        path.write_bytes(data[:begin] + content + data[begin + len(content) :])
+        start = time.process_time()
+        with pytest.raises(ValueError, match="a.h5"):
+            readers.TARGETS[name].read(path)
+        assert time.process_time() - start < 1

@@ -12,6 +12,7 @@ from pathlib import Path
 import h5py
 from numpy.lib import format as npy
 
+from .heaps import check_heaps
 from .locks import is_locked
 
 #: A file may unpack to so many bytes, or to so many times its size, whichever is more: recordings and texts do not
@@ -96,10 +97,14 @@ def write_text(path, text):
         temporary.write_text(text, encoding="utf-8")
 
 
+def _most_unpacked(path):
+    return max(MOST_UNPACKED, MOST_RATIO * os.stat(path).st_size)
+
+
 def check_size(path, claimed):
     """Raises a `ValueError` if a file claims to hold absurdly more bytes than it has."""
-    held = os.stat(path).st_size
-    if claimed > max(MOST_UNPACKED, MOST_RATIO * held):
+    if claimed > _most_unpacked(path):
+        held = os.stat(path).st_size
         raise ValueError(
             f"{path} claims to hold {claimed:.3g} bytes, but has {held}: its header is damaged, or it was made to fill "
             "the memory. Copy it again, or write it again."
@@ -156,13 +161,14 @@ def open_whole(path):
 
     Raises:
         FileNotFoundError: if there is no file.
-        ValueError: if the file is truncated, not HDF5, or being written by another process.
+        ValueError: if the file is truncated, not HDF5, being written by another process, or damaged where it would keep
+            HDF5 busy for ever (`check_heaps`).
     """
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"There is no file {path}.")
     try:
-        return h5py.File(path, "r")
+        file = h5py.File(path, "r")
     except BlockingIOError as error:
         raise ValueError(f"{path} is locked: another process has it open for writing. Wait, or close it.") from error
     except PermissionError as error:
@@ -171,6 +177,12 @@ def open_whole(path):
         raise ValueError(
             f"{path} is truncated or no HDF5 file ({error}). Copy it again, or write it again from its source."
         ) from error
+    try:
+        check_heaps(path, _most_unpacked(path))
+    except ValueError:
+        file.close()
+        raise
+    return file
 
 
 def as_strings(dataset):
