@@ -28,7 +28,7 @@ _HEAD = 16
 #: A file younger than this (s) may change again within one tick of the file system's clock: not remembered.
 _YOUNG = 1.0
 #: So many of the last pieces of headers are kept, and so large ones (bytes).
-_HEADERS, _LARGEST_HEADER = 64, 2**16
+_HEADERS, _LARGEST_HEADER = 16, 2**16
 # an attribute without a value
 _NULL = 2
 
@@ -56,7 +56,8 @@ class _Watched(io.FileIO):
         return count
 
     def lengths(self, name):
-        """What an attribute says of the lengths of its strings, if its header was among the last that were read."""
+        """What attributes of this name say of the lengths of their strings, where headers were among the last read."""
+        found = []
         for header in self.headers:
             place = -1
             while (place := header.find(name + b"\0", place + 1)) >= 9:
@@ -68,10 +69,10 @@ class _Watched(io.FileIO):
                 if sizes[0] != len(name) + 1 or step is None:
                     continue
                 named, kind, space = (size + -size % step for size in sizes)
-                if header[place + named] & 15 == h5t.VLEN:  # not so: of the same name, at another node
+                if header[place + named] & 15 == h5t.VLEN:  # another node may have one of this name
                     place += named + kind
-                    return self._lengths(header[place + space :], self._count(header[place:]))
-        return []
+                    found += self._lengths(header[place + space :], self._count(header[place:])).ravel().tolist()
+        return found
 
     def _count(self, space):
         """How many values there are, of the description of a shape."""
@@ -131,13 +132,14 @@ def check_heaps(path, most):
 def _check(path, most, _changed, _size):
     problem = None
     with _Watched(path) as watched:
-        # opening and visiting raise a dozen kinds: who reads the file says what is wrong
-        with suppress(Exception), h5py.File(watched, "r") as file:
-            watched.address, watched.width = file.id.get_create_plist().get_sizes()
-            names = [b"/"]
-            with suppress(Exception):
-                h5o.visit(file.id, names.append)  # leaves out the top
-            problem = next(filter(None, (_problem(watched, file.id, name, most) for name in names)), None)
+        try:
+            with h5py.File(watched, "r") as file:
+                watched.address, watched.width = file.id.get_create_plist().get_sizes()
+                problem = _problem(watched, file.id, b"/", most)
+                # leaves out the top, and ends at what is no `None`
+                problem = problem or h5o.visit(file.id, lambda name: _problem(watched, file.id, name, most))
+        except Exception as error:  # of a dozen kinds
+            problem = error
     if watched.damaged is not None:
         problem = f"the heap of strings at byte {watched.damaged}"
     if problem is not None:
