@@ -8,7 +8,12 @@ import time
 import zipfile
 import zlib
 
+import h5py
+import numpy as np
 import pytest
+
+from tactile_diffusers.data import RecordingsFile, RecordingsWriter
+from tactile_diffusers.data.folder.tables import list_tables
 
 # of NumPy, on the way to a refusal
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -175,6 +180,7 @@ def watchdog():
         (b"GCOL", 16, bytes(512)),
         (b"GCOL", 8, struct.pack("<Q", 6144)),  # the length of a heap: of what comes after it, and of too much
         (b"GCOL", 8, struct.pack("<Q", 2**62)),
+        (b"\x89HDF", 55, b"\x01"),  # the place of a driver's notes, which not every driver looks at
         (b"format\0\0", 9, b"\x09"),  # neither sequence nor string
         (b"format\0\0", 32, b"\x09"),  # the version of a shape
         (b"format\0\0", 40, struct.pack("<I", 2**32 - 1)),  # the length of a string
@@ -182,7 +188,7 @@ def watchdog():
 )
 @pytest.mark.usefixtures("watchdog")
 def test_strings_of_hdf5(readers, tmp_path, name, mark, place, content):
-    """From the first ones HDF5 2.0 never returns, the sixth ends the process, and the last asks for 4 GB."""
+    """HDF5 2.0 never returns from the first ones, an odd kind of sequence ends the process, the last asks for 4 GB."""
     for data in readers.TARGETS[name].seeds():
         begin = data.index(mark) + place
         path = tmp_path / "a.h5"
@@ -191,3 +197,27 @@ def test_strings_of_hdf5(readers, tmp_path, name, mark, place, content):
         with pytest.raises(ValueError, match="a.h5"):
             readers.TARGETS[name].read(path)
         assert time.process_time() - start < 1
+
+
+def test_a_rate_below_any_float(tmp_path):
+    """As a long double it is above 0, as a float it is not."""
+    rate = np.nextafter(np.longdouble(0), np.longdouble(1))
+    if float(rate) > 0:
+        pytest.skip("long double is double here")
+    path = tmp_path / "a.h5"
+    with RecordingsWriter(path, source="a test", licence="CC0-1.0") as writer:
+        writer.add_recording("s", "e", "0", lateral=np.ones(5000), lateral_rate=2500)
+    with h5py.File(path, "r+") as file:
+        file["recordings/s/e/0/lateral"].attrs["rate"] = rate
+    with pytest.raises(ValueError, match="a.h5.*no positive attribute `rate`"):
+        RecordingsFile(path)
+
+
+def test_names_in_hdf5_that_are_no_text(tmp_path):
+    """A name in Latin-1 has no other place to go than an escape."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file[b"kraft \xe9"] = np.arange(5.0)
+        file["time"] = np.arange(5.0)
+    (table,) = list_tables(tmp_path / "a.h5")
+    assert sorted(table.names) == ["kraft \\xe9", "time"]
+    assert table.numbers("kraft \\xe9").tolist() == [0, 1, 2, 3, 4]

@@ -284,7 +284,7 @@ class RecordingsFile:
             check_size(self.path, dataset.nbytes)
             units = FORCE_UNITS if name != "velocity" else (VELOCITY_UNIT,)
             rate = dataset.attrs.get("rate")
-            if not isinstance(rate, Real) or not 0 < rate < np.inf:
+            if not isinstance(rate, Real) or not 0 < float(rate) < np.inf:  # a long double may be less than any float
                 self._fail(dataset.name, "has no positive attribute `rate`", "Add the sampling rate in Hz.")
             if dataset.attrs.get("unit") not in units:
                 found = dataset.attrs.get("unit")

@@ -94,7 +94,8 @@ def _nested(arrays):
 def _members(node):
     """Children of a node: of a group or struct by name, of a list of structs or cells by number."""
     if isinstance(node, Mapping):
-        return {name: child for name, child in node.items() if name[:1] != "#"}  # MATLAB's own groups
+        named = {name if isinstance(name, str) else name.decode(errors="backslashreplace"): name for name in node}
+        return {text: node[name] for text, name in named.items() if text[:1] != "#"}  # those are MATLAB's own groups
     if isinstance(node, list) or (_is_array(node) and node.dtype == object and not is_text(node)):
         return {str(i): child for i, child in enumerate(node)} if not isinstance(node, h5py.Dataset) else {}
     return {}
