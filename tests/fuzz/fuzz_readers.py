@@ -3,7 +3,7 @@
 TARGET "all" is every reader, chosen by the first byte: it shows that the harness works, and finds little. Options are
 libFuzzer's: `-max_total_time=180 -rss_limit_mb=2048 -timeout=20`, and a folder for the corpus. With `--collect FOLDER`
 each kind of fault is written there once and fuzzing goes on; otherwise it ends at the first. What is found becomes a
-test in tests/fuzz/test_findings.py.
+test in tests/fuzz/test_findings.py. Readers of HDF5 files are fuzzed with fuzz_hdf5.py, beside this.
 """
 
 import json
@@ -17,9 +17,8 @@ from pathlib import Path
 import atheris
 
 sys.path.insert(0, str(Path(__file__).parent))
-with atheris.instrument_imports(
-    include=["tactile_diffusers.export", "tactile_diffusers.data", "tactile_diffusers.playback", "tomllib"]
-):
+ROOMS = [f"tactile_diffusers.{room}" for room in ("data", "export", "playback", "reading", "study")]
+with atheris.instrument_imports(include=[*ROOMS, "tomllib"]):
     import readers
 
 #: What no writer writes, in place of any value of a JSON file.
