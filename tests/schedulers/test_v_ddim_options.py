@@ -10,6 +10,7 @@ from diffusers import DDIMScheduler, DPMSolverMultistepScheduler
 
 from tactile_diffusers import VDDIMScheduler
 from tactile_diffusers.evaluation.solvers import rotation_2, run
+from tactile_diffusers.schedulers import draw_noise
 from tactile_diffusers.schedulers.scheduling_v_ddim import SPACINGS, spaced_angles
 
 OTHERS = [DDIMScheduler, DPMSolverMultistepScheduler]
@@ -542,3 +543,12 @@ def test_both_outputs_have_the_dtype_of_the_sample(order, dtype):
             out = scheduler.step(_noise(1, 2, 8, seed=1).to(velocity_dtype), t, x)
             x = out.prev_sample
             assert x.dtype == dtype and out.pred_original_sample.dtype == dtype
+
+
+@pytest.mark.parametrize("dtype", [torch.float64, torch.bfloat16, torch.float16])
+@pytest.mark.parametrize("count", [8, 17, 100, 2048])
+def test_a_seed_draws_the_same_noise_in_every_dtype(dtype, count):
+    noise, expected = (
+        draw_noise((1, count), torch.Generator().manual_seed(3), "cpu", d) for d in (dtype, torch.float32)
+    )
+    assert noise.dtype == dtype and torch.equal(noise, expected.to(dtype))

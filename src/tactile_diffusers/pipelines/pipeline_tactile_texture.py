@@ -6,11 +6,10 @@ import numpy as np
 import torch
 from diffusers import DiffusionPipeline
 from diffusers.utils import replace_example_docstring
-from diffusers.utils.torch_utils import randn_tensor
 
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
-from ..schedulers import VDDIMScheduler
+from ..schedulers import VDDIMScheduler, draw_noise
 from .guidance import Guidance
 from .hub import HubMixin
 from .inputs import (
@@ -171,7 +170,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
             ValueError: if given latents are not finite real numbers or have another shape.
         """
         if latents is None:
-            return randn_tensor(shape, generator=generator, device=device, dtype=dtype)
+            return draw_noise(shape, generator, device, dtype)
         check_noise("latents", latents, shape)
         return latents.to(device=device, dtype=dtype)
 
@@ -337,7 +336,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
         latents = latents.to(dtype)
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
         if noise is None:
-            noise = randn_tensor(shape, generator=generator, device=latents.device, dtype=dtype)
+            noise = draw_noise(shape, generator, latents.device, dtype)
         noise = noise.to(device=latents.device, dtype=dtype)
         self.scheduler.set_timesteps(num_inference_steps, device=latents.device)
         timesteps = self.scheduler.timesteps

@@ -1,5 +1,5 @@
 """The sampler."""
 
-from .scheduling_v_ddim import RECOMMENDED, VDDIMScheduler, VDDIMSchedulerOutput
+from .scheduling_v_ddim import RECOMMENDED, VDDIMScheduler, VDDIMSchedulerOutput, draw_noise
 
-__all__ = ["RECOMMENDED", "VDDIMScheduler", "VDDIMSchedulerOutput"]
+__all__ = ["RECOMMENDED", "VDDIMScheduler", "VDDIMSchedulerOutput", "draw_noise"]

@@ -34,6 +34,14 @@ _FOR_DIFFUSERS = ("prediction_type", "beta_schedule", "rescale_betas_zero_snr", 
 _TOLERANCE = 1e-3
 
 
+def draw_noise(shape, generator, device, dtype):
+    """Standard normal noise, the same for every dtype: drawn as float32.
+
+    Drawn as bfloat16, a seed gives other numbers where the count is no multiple of 16, and in torch 2.8 always.
+    """
+    return randn_tensor(shape, generator=generator, device=device, dtype=torch.float32).to(dtype)
+
+
 @dataclass
 class VDDIMSchedulerOutput(BaseOutput):
     """Output of `VDDIMScheduler.step`.
@@ -311,7 +319,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         ratio = math.sin(following) / math.sin(angle)
         spread = eta * ratio * math.sqrt(max(0.0, 1 - (math.cos(angle) / math.cos(following)) ** 2))
         noise = math.sin(angle) * x + math.cos(angle) * v
-        fresh = randn_tensor(x.shape, generator=generator, device=x.device, dtype=x.dtype)
+        fresh = draw_noise(x.shape, generator, x.device, x.dtype)
         kept = math.sqrt(max(0.0, math.sin(following) ** 2 - spread**2))
         return math.cos(following) * x0 + kept * noise + spread * fresh
 
