@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data import RecordingsFile, RecordingsWriter
+from tactile_diffusers.data.files import open_whole
 from tactile_diffusers.data.folder.tables import list_tables
 
 # of NumPy, on the way to a refusal
@@ -197,6 +198,23 @@ def test_strings_of_hdf5(readers, tmp_path, name, mark, place, content):
         with pytest.raises(ValueError, match="a.h5"):
             readers.TARGETS[name].read(path)
         assert time.process_time() - start < 1
+
+
+@pytest.mark.parametrize("userblock", [0, 512])
+@pytest.mark.usefixtures("watchdog")
+def test_a_circle_in_what_is_free(tmp_path, userblock):
+    """HDF5 2.0 follows the list of free space in a heap of names for ever."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w", userblock_size=userblock) as file:
+        file["group/a"] = 1.0
+    data = bytearray(path.read_bytes())
+    begin = data.index(b"HEAP")
+    free, address = struct.unpack("<2Q", data[begin + 16 : begin + 32])
+    place = address + userblock + free
+    data[place : place + 8] = struct.pack("<Q", free)
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match="a.h5 is damaged .*heap at byte"):
+        open_whole(path)
 
 
 def test_a_rate_below_any_float(tmp_path):

@@ -2,8 +2,9 @@
 
 HDF5 up to 2.0 goes through a heap ("GCOL": what is of variable length, strings above all) by adding the length of each
 piece to its place. A length of zero, as a page of zeros leaves it, keeps it there for ever, in C, where no signal of
-Python arrives. Where heaps lie is known only to what refers to them. So the strings of a file are read once through a
-file object that sees each heap first, and hides the mark of a damaged one, which HDF5 then refuses.
+Python arrives. So does a circle in the list of what is free in a heap of names ("HEAP"). Where heaps lie is known only
+to what refers to them. So the strings of a file are read once through a file object that sees each heap first, and
+hides the mark of a damaged one, which HDF5 then refuses.
 
 HDF5 also asks for as much memory as what refers to a string says, up to 4 GB, before it looks at the heap. What a file
 object sees of headers tells these lengths first. Not seen are those in compressed datasets and in structures: they end
@@ -12,6 +13,7 @@ in a refusal too, but may take the memory for a moment. Not seen either is a cir
 """
 
 import io
+import itertools
 import math
 import os
 import struct
@@ -32,6 +34,7 @@ _YOUNG = 1.0
 _HEADERS, _LARGEST_HEADER = 16, 2**16
 # an attribute without a value
 _NULL = 2
+_SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
 
 
 class _Watched(io.FileIO):
@@ -44,12 +47,16 @@ class _Watched(io.FileIO):
     def __init__(self, path):
         super().__init__(path)
         self.headers = deque(maxlen=_HEADERS)
+        # addresses count from the superblock, before which others may have put something: 512, 1024, 2048, ... bytes
+        places = itertools.takewhile(lambda place: place < self._size(), (0, *(512 << n for n in range(40))))
+        self.base = next((place for place in places if self._at(place, 8) == _SUPERBLOCK), 0)
 
     def readinto(self, buffer):
         place = self.tell()
         count = super().readinto(buffer)
         view = memoryview(buffer)
-        if view[:4] == b"GCOL" and not self._ends(view[:count], place):
+        ends = {b"GCOL": self._ends, b"HEAP": self._free_list_ends}.get(bytes(view[:4]))
+        if ends is not None and not ends(view[:count], place):
             view[:4] = bytes(4)
             self.damaged = place
         elif count <= _LARGEST_HEADER:
@@ -99,13 +106,10 @@ class _Watched(io.FileIO):
     def _ends(self, heap, begin):
         """Whether a heap can be gone through: every piece is as long as its own head, or longer."""
         end = int.from_bytes(heap[8 : 8 + self.width], "little")
-        if end > os.fstat(self.fileno()).st_size - begin:
+        if end > self._size() - begin:
             return False
         if end > len(heap):  # HDF5 reads so much first, and the rest then
-            rest = self.tell()
-            self.seek(begin)
-            heap = self.read(end)
-            self.seek(rest)
+            heap = self._at(begin, end)
         place = _HEAD
         while place + _HEAD <= end:
             length = int.from_bytes(heap[place + 8 : place + 8 + self.width], "little")
@@ -115,6 +119,29 @@ class _Watched(io.FileIO):
                 return False
             place += length
         return True
+
+    def _free_list_ends(self, heap, _begin):
+        """Whether the list of what is free in a heap of names comes to its end: 1 is said to stand there."""
+        size, place = (int.from_bytes(heap[8 + n * self.width :][: self.width], "little") for n in (0, 1))
+        begin = int.from_bytes(heap[8 + 2 * self.width :][: self.address], "little") + self.base
+        seen = set()
+        while place != 1 and place + 2 * self.width <= size and begin + place < self._size():  # else HDF5 refuses it
+            if place in seen:
+                return False
+            seen.add(place)
+            place = int.from_bytes(self._at(begin + place, self.width), "little")
+        return True
+
+    def _at(self, place, count):
+        """Bytes of the file, which stays where it is."""
+        before = self.tell()
+        self.seek(place)
+        data = self.read(count)
+        self.seek(before)
+        return data
+
+    def _size(self):
+        return os.fstat(self.fileno()).st_size
 
 
 def check_heaps(path, most):
@@ -142,7 +169,7 @@ def _check(path, most, _changed, _size):
         except Exception as error:  # of a dozen kinds
             problem = error
     if watched.damaged is not None:
-        problem = f"the heap of strings at byte {watched.damaged}"
+        problem = f"the heap at byte {watched.damaged}"
     if problem is not None:
         raise ValueError(f"{path} is damaged ({problem}). Copy it again, or write it again from its source.")
 
@@ -150,7 +177,7 @@ def _check(path, most, _changed, _size):
 def _problem(watched, file, name, most):
     """Reads what may lie in heaps, of one node: what is wrong with its attributes and strings, or `None`."""
     where = name.decode(errors="replace")
-    size = os.fstat(watched.fileno()).st_size
+    size = watched._size()
     with suppress(Exception):
         node = h5o.open(file, name)
         for number in range(h5a.get_num_attrs(node)):
