@@ -14,6 +14,7 @@ def given(tmp_path):
     (tmp_path / "prepared.h5").write_bytes(b"data")
     (tmp_path / "published").mkdir()
     (tmp_path / "published" / "README.md").write_text("older")
+    (tmp_path / "published" / "model_index.json").write_text("{}")
     return tmp_path
 
 
@@ -31,15 +32,36 @@ def test_what_was_given_is_not_replaced(given, capsys, output):
 
 
 def test_the_working_directory_is_not_replaced(given, capsys, monkeypatch):
-    (given / "published" / "here").mkdir()
-    monkeypatch.chdir(given / "published" / "here")
+    (given / "published" / "report").mkdir()
+    monkeypatch.chdir(given / "published" / "report")
     with pytest.raises(SystemExit):
         publish.main(words(given, given / "published"))
     assert "would be replaced as a whole" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("checkpoint", [False, True])
+def test_a_folder_with_anything_else_is_not_replaced(given, capsys, checkpoint):
+    """Results of years, or a training: it is a checkpoint with a card, too, but its log would be lost."""
+    folder = given / "published"
+    (folder / "log.jsonl").write_text("mine")
+    if not checkpoint:
+        (folder / "model_index.json").unlink()
+    with pytest.raises(SystemExit) as stop:
+        publish.main(words(given, folder))
+    told = capsys.readouterr().err
+    assert stop.value.code == 2 and f"--output: {folder} would be replaced" in told and "log.jsonl" in told
+    assert "give a new folder, or move what is in it" in told and (folder / "log.jsonl").read_text() == "mine"
+
+
+def test_what_appears_meanwhile_is_not_replaced(given, monkeypatch, capsys):
+    folder = given / "published"
+    monkeypatch.setattr(publish, "_fill", lambda *_: (folder / "mine.txt").write_text("mine"))
+    assert publish.main(words(given, folder)) == 2
+    assert "mine.txt" in capsys.readouterr().err and (folder / "mine.txt").is_file() and not list(given.glob(".*"))
+
+
 @pytest.mark.parametrize("fails", ["before", "while it is put in place"])
-def test_after_a_failure_what_was_published_is_there(given, monkeypatch, fails):
+def test_after_a_failure_what_was_published_is_there(given, monkeypatch, capsys, fails):
     def fill(_, folder):
         (folder / "README.md").write_text("new")
         if fails == "before":
@@ -54,8 +76,8 @@ def test_after_a_failure_what_was_published_is_there(given, monkeypatch, fails):
 
     monkeypatch.setattr(publish, "_fill", fill)
     monkeypatch.setattr(publish.os, "replace", refuse_new)
-    with pytest.raises((ValueError, PermissionError)):
-        publish.main(words(given, given / "published"))
+    assert publish.main(words(given, given / "published")) == 2
+    assert capsys.readouterr().err.startswith("publish.py: error: ")
     assert (given / "published/README.md").read_text() == "older"
     assert not list(given.glob(".*"))
 

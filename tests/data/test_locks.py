@@ -11,7 +11,7 @@ import h5py
 import pytest
 
 from tactile_diffusers.data import generate_recordings, locks
-from tactile_diffusers.data.files import atomic_path, clear_left_behind
+from tactile_diffusers.data.files import atomic_path, clear_left_behind, whole_folder
 from tactile_diffusers.data.locks import is_locked, lock_folder, locked_folder, unlock_folder
 
 pytestmark = pytest.mark.skipif(locks.fcntl is None, reason="needs flock")
@@ -117,6 +117,15 @@ def test_a_file_that_is_being_written_is_not_cleared_away(tmp_path):
         clear_left_behind(tmp_path / "prepared.h5")
         assert not list(tmp_path.iterdir())
         temporary.touch()
+
+
+@pytest.mark.skipif(locks.fcntl is None, reason="nothing is locked on this system")
+def test_a_folder_that_is_being_written_is_not_cleared_away(tmp_path):
+    """Two publish into one output at once."""
+    with whole_folder(tmp_path / "small") as temporary:
+        clear_left_behind(tmp_path / "small")
+        assert temporary.is_dir()
+    assert [path.name for path in tmp_path.iterdir()] == ["small"] and not is_locked(tmp_path / "small")
 
 
 def test_two_who_generate_the_same_surfaces(holder, tmp_path):

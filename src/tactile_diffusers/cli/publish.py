@@ -3,13 +3,14 @@
 import os
 import re
 import sys
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from ..checkpoints import DISTILLED
 from ..data.files import clear_left_behind, whole_folder
 from ..reading import read_json, reading
 from . import readme
-from .program import Parser, program
+from .program import Parser, program, refuse
 
 #: Folder of a checkpoint with the pictures of its report.
 REPORT = "report"
@@ -74,6 +75,32 @@ def _check_output(parser, arguments):
                 f"argument --output: {arguments.output} would be replaced as a whole, and {path} lies in it; give "
                 "another folder"
             )
+    try:
+        _check_replaceable(output)
+    except (ValueError, OSError) as error:
+        parser.error(f"argument --output: {error}")
+
+
+def _check_replaceable(output):
+    """Refuses a folder that holds anything which this command did not write: it is replaced as a whole.
+
+    Raises:
+        ValueError: naming what is foreign, if the folder is neither absent, empty nor a published checkpoint.
+    """
+    from ..pipelines.hub import BESIDE
+
+    found = {path.name for path in output.iterdir()} if output.is_dir() else set()
+    known = set()
+    if "model_index.json" in found:
+        index = read_json(output / "model_index.json", "the index of a checkpoint")
+        known = {"model_index.json", *index}
+        known |= {name for name in found for pattern in BESIDE if fnmatchcase(name, pattern.split("/")[0])}
+    foreign = sorted(found - known)
+    if foreign:
+        raise ValueError(
+            f"{output} would be replaced as a whole, and holds {foreign[:3]}, which no publish.py wrote; give a new "
+            "folder, or move what is in it"
+        )
 
 
 def _replace_lctg(pipe, folder):
@@ -221,18 +248,20 @@ def main(argv=None):
     """Runs the command: writes the folder under a temporary name, renames it, and sends it if asked.
 
     Returns:
-        `int`: the exit code, 1 if the Hub refused.
-
-    Raises:
-        ValueError: if what was given does not belong together.
+        `int`: 0; 1 if the folder is written, but the Hub refused it; or 2 if something was refused before (one line on
+        stderr, nothing written).
     """
     arguments = parse_arguments(argv)
     output = Path(os.path.realpath(arguments.output))
-    output.parent.mkdir(parents=True, exist_ok=True)
-    clear_left_behind(output)
     replaced = output.is_dir() and any(output.iterdir())
-    with whole_folder(output) as temporary:
-        _fill(arguments, temporary)
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        clear_left_behind(output)
+        # again: files may have appeared since
+        with whole_folder(output, lambda: _check_replaceable(output)) as temporary:
+            _fill(arguments, temporary)
+    except (ValueError, OSError) as error:
+        return refuse("publish.py", error)
     size = sum(path.stat().st_size for path in output.rglob("*") if path.is_file())
     print(f"{arguments.output}: {size / 1e6:.1f} MB" + (", in place of what the folder held" if replaced else ""))
     if arguments.push_to_hub is None:

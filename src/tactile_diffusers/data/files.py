@@ -13,7 +13,7 @@ import h5py
 from numpy.lib import format as npy
 
 from .heaps import check_heaps
-from .locks import is_locked
+from .locks import is_locked, locked_folder
 
 #: A file may unpack to so many bytes, or to so many times its size, whichever is more: recordings and texts do not
 #: compress a hundredfold, a header that claims absurd sizes and an archive made to fill the memory do.
@@ -58,12 +58,13 @@ def whole_folder(path, check=None):
     temporary, older = _beside(path, "tmp"), _beside(path, "old")
     temporary.mkdir()
     try:
-        yield temporary
-        if check is not None:
-            check()
-        if path.exists():
-            os.replace(path, older)
-        os.replace(temporary, path)
+        with locked_folder(temporary):  # `clear_left_behind` of another process leaves it alone
+            yield temporary
+            if check is not None:
+                check()
+            if path.exists():
+                os.replace(path, older)
+            os.replace(temporary, path)
     finally:
         if older.exists() and not path.exists():
             os.replace(older, path)
@@ -82,12 +83,14 @@ def _beside(path, kind):
 
 
 def clear_left_behind(path):
-    """Removes what killed calls of `atomic_path(path)` or `whole_folder(path)` left; an HDF5 file in work stays."""
+    """Removes what killed calls of `atomic_path(path)` or `whole_folder(path)` left; HDF5 and folders in work stay."""
     path = Path(os.path.realpath(path))
     for left_behind in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
+        if is_locked(left_behind):
+            continue
         if left_behind.is_dir():
             shutil.rmtree(left_behind, ignore_errors=True)
-        elif not is_locked(left_behind):
+        else:
             left_behind.unlink(missing_ok=True)
 
 
