@@ -45,8 +45,8 @@ def _unwritten(file, name, shape, dtype="f4"):
     return file.create_dataset(name, shape=shape, dtype=dtype, chunks=tuple(min(size, 1024) for size in shape))
 
 
-def _wav(length, form=1, riff=36):
-    head = b"RIFF" + struct.pack("<I", riff) + b"WAVEfmt " + struct.pack("<IHHIIHH", 16, form, 1, 10_000, 20_000, 2, 16)
+def _wav(length, form=1):
+    head = b"RIFF" + struct.pack("<I", 36) + b"WAVEfmt " + struct.pack("<IHHIIHH", 16, form, 1, 10_000, 20_000, 2, 16)
     return head + b"data" + struct.pack("<I", length) + bytes(2000)
 
 
@@ -93,7 +93,7 @@ def _archives(folder):
 def _arrays(folder):
     (folder / "header.npy").write_bytes(_npy((HUGE,)))
     (folder / "objects.npy").write_bytes(_npy((HUGE,), "|O"))
-    (folder / "header.wav").write_bytes(_wav(2**32 - 1, riff=2**32 - 1))
+    (folder / "header.wav").write_bytes(_wav(2**32 - 1))
     (folder / "float.wav").write_bytes(_wav(2**32 - 1, form=3))
     sound = streams.BytesIO()
     soundfile.write(sound, np.zeros(BOMB // 2, np.int16), 10_000, format="FLAC")

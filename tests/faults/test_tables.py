@@ -116,6 +116,30 @@ def test_an_upload(tables, name, foreign, damaged, flips):
         case.refuse(content)
 
 
+@pytest.mark.parametrize(
+    ("length", "whole"),
+    [(0xFFFFFFFF, 0xFFFFFFFF), (0x80000000, 0x80000024), (0x7FFFF000, 0x7FFFF024), (0x7FFFFFFF, 0x80000023)],
+)
+def test_a_wav_file_from_a_pipe_is_read(tmp_path, length, whole):
+    """ffmpeg, arecord and sox cannot come back to say how long it became; a true length that is too large is a cut."""
+    path, values = tmp_path / "a.wav", np.random.default_rng(0).uniform(-0.9, 0.9, 2 * RATE)
+    soundfile.write(path, values, RATE, subtype="PCM_16")
+    good = path.read_bytes()
+
+    def with_lengths(length, whole, samples=good[44:]):
+        path.write_bytes(good[:4] + whole.to_bytes(4, "little") + good[8:40] + length.to_bytes(4, "little") + samples)
+        return path
+
+    table = read_table(with_lengths(length, whole))
+    np.testing.assert_allclose(table.numbers("0"), values, atol=1e-4)
+    assert len(read_upload(path.read_bytes(), 0)[0]) == len(values)
+    for cut in ((length, len(good) - 8), (len(good) - 44, whole, good[44:-100]), (length, whole, b"")):
+        with pytest.raises(ValueError, match="a.wav cannot be read as wav .*cut off"):
+            read_table(with_lengths(*cut))
+        with pytest.raises(ValueError, match="cut off"):
+            read_upload(path.read_bytes(), 0)
+
+
 def test_pickled_objects_are_refused(tmp_path):
     table = np.array([{"a": 1}], dtype=object)
     np.save(tmp_path / "a.npy", table, allow_pickle=True)
