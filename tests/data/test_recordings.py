@@ -126,7 +126,7 @@ def damage_rate_text(file):
 
 
 def damage_rate_list(file):
-    file["recordings/a/explorer/0/velocity"].attrs["rate"] = [500.0]
+    file["recordings/a/explorer/0/velocity"].attrs["rate"] = [500.0, 500.0]
 
 
 def damage_numbers(file):
@@ -169,6 +169,25 @@ def test_bad_files_are_named_when_opened(tmp_path, recording_maker, recordings_w
         damage(file)
     with pytest.raises(ValueError, match=message):
         RecordingsFile(path)
+
+
+def test_attributes_as_matlab_and_c_programs_write_them(tmp_path, recording_maker, recordings_writer):
+    """Strings of fixed length, padded, and every number an array of one."""
+    path = recordings_writer(tmp_path / "r.h5", {"a": recording_maker()})
+    with RecordingsFile(path) as file:
+        expected, attributes = next(iter(file)), file.attributes
+    with h5py.File(path, "r+") as file:
+        nodes = [file, *(file[f"recordings/a/explorer/0/{name}"] for name in ("force", "velocity"))]
+        for node in nodes:
+            for name, value in dict(node.attrs).items():
+                text = isinstance(value, str)
+                node.attrs[name] = np.array(value.encode() + b"  ") if text else np.array([[value]], np.float64)
+    with RecordingsFile(path) as file:
+        found = next(iter(file))
+        assert file.attributes == attributes and file.unit == "N" and file.rate(file.names[0]) == expected.rate
+    np.testing.assert_array_equal(found.force, expected.force)
+    told = [(each.rate, each.velocity_rate, each.unit, each.notes) for each in (found, expected)]
+    assert told[0] == told[1]
 
 
 def test_truncated_file(tmp_path, recording_maker, recordings_writer):

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
+import numpy as np
 from numpy.lib import format as npy
 
 from .heaps import check_heaps
@@ -191,3 +192,17 @@ def open_whole(path):
 def as_strings(dataset):
     """Strings of an HDF5 dataset, of variable length in UTF-8 or of fixed length: a tuple of `str`."""
     return tuple(value.decode("utf-8") if isinstance(value, bytes) else str(value) for value in dataset[()])
+
+
+def plain_attributes(node):
+    """Attributes of an HDF5 file, group or dataset as a dict, however they were written.
+
+    Strings of fixed length become `str`, arrays of one element that element: MATLAB and C programs write these.
+    """
+
+    def plain(value):
+        if isinstance(value, np.ndarray) and value.size == 1:
+            value = value.reshape(())[()]
+        return value.decode("utf-8").rstrip("\0 ") if isinstance(value, bytes) else value
+
+    return {name: plain(value) for name, value in node.attrs.items()}

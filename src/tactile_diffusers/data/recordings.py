@@ -18,7 +18,7 @@ import numpy as np
 from ..reading import reading
 from ..signal import SEGMENT_SECONDS
 from .checks import RATING_SCALE, check_forces, check_ratings  # noqa: F401 (the scale of this store)
-from .files import as_strings, check_size, open_whole, whole_file
+from .files import as_strings, check_size, open_whole, plain_attributes, whole_file
 
 FORMAT = "tactile-recordings"
 VERSION = 1
@@ -243,7 +243,7 @@ class RecordingsFile:
         raise ValueError(f"{self.path}, {group}: {problem}. {remedy}")
 
     def _check_structure(self):
-        attributes = self._file.attrs
+        attributes = plain_attributes(self._file)
         if attributes.get("format") != FORMAT or attributes.get("version") != VERSION:
             found = f"format={attributes.get('format')!r}, version={attributes.get('version')!r}"
             self._fail("/", f"{found} instead of {FORMAT!r}, {VERSION}", "Convert the source with RecordingsWriter.")
@@ -259,12 +259,12 @@ class RecordingsFile:
                     dataset = self._check_recording(trial)
                     self.names.append(trial.name.removeprefix("/recordings/"))
                     self.lengths.append(len(dataset))
-                    units.add(str(dataset.attrs["unit"]))
+                    units.add(plain_attributes(dataset)["unit"])
         if len(units) > 1:
             self._fail("/recordings", f"units {sorted(units)} are mixed", "Keep one unit per file.")
         self.unit = units.pop()
         self.surfaces = tuple(self._file["recordings"])
-        self.attributes = dict(attributes)
+        self.attributes = attributes
         self.ratings = self._read_ratings()
 
     def _subgroups(self, group):
@@ -283,12 +283,12 @@ class RecordingsFile:
             dataset = group[name]
             check_size(self.path, dataset.nbytes)
             units = FORCE_UNITS if name != "velocity" else (VELOCITY_UNIT,)
-            rate = dataset.attrs.get("rate")
+            attributes = plain_attributes(dataset)
+            rate = attributes.get("rate")
             if not isinstance(rate, Real) or not 0 < float(rate) < np.inf:  # a long double may be less than any float
                 self._fail(dataset.name, "has no positive attribute `rate`", "Add the sampling rate in Hz.")
-            if dataset.attrs.get("unit") not in units:
-                found = dataset.attrs.get("unit")
-                self._fail(dataset.name, f"attribute `unit` is {found!r}", f"Convert the data to one of {units}.")
+            if (unit := attributes.get("unit")) not in units:
+                self._fail(dataset.name, f"attribute `unit` is {unit!r}", f"Convert the data to one of {units}.")
             if dataset.ndim != 1 + len(columns) or dataset.shape[1:] != columns:
                 self._fail(dataset.name, f"has shape {dataset.shape}", f"Store (samples, *{columns}).")
             if dataset.dtype.kind not in "fiu":
@@ -297,7 +297,7 @@ class RecordingsFile:
             if seconds < SEGMENT_SECONDS:
                 problem = f"lasts {seconds:.3g} s, less than one segment of {SEGMENT_SECONDS} s"
                 self._fail(dataset.name, problem, "Leave it out, or check its `rate`.")
-        rate = float(group[fields[0]].attrs["rate"])
+        rate = float(plain_attributes(group[fields[0]])["rate"])
         if rate != int(rate):
             self._fail(f"{group.name}/{fields[0]}", f"`rate` is {rate}", "Resample to a whole number of Hz.")
         return group[fields[0]]
@@ -305,7 +305,7 @@ class RecordingsFile:
     def rate(self, name):
         """Rate of the force of recording `name`, Hz."""
         group = self._file[f"recordings/{name}"]
-        return int(group["force" if "force" in group else "lateral"].attrs["rate"])
+        return int(plain_attributes(group["force" if "force" in group else "lateral"])["rate"])
 
     def read(self, name):
         """Reads one recording.
@@ -327,7 +327,7 @@ class RecordingsFile:
         surface, explorer, trial = name.split("/")
         field = "force" if "force" in group else "lateral"
         values = _finite(group[field])
-        unit = str(group[field].attrs["unit"])
+        unit = plain_attributes(group[field])["unit"]
         notes = check_forces(values, f"{self.path}, {group[field].name}", unit)
         velocity = _finite(group["velocity"]) if "velocity" in group else None
         return Recording(
@@ -336,9 +336,9 @@ class RecordingsFile:
             trial,
             force=values if field == "force" else None,
             lateral=values if field == "lateral" else None,
-            rate=int(group[field].attrs["rate"]),
+            rate=self.rate(name),
             velocity=velocity,
-            velocity_rate=float(group["velocity"].attrs["rate"]) if velocity is not None else None,
+            velocity_rate=float(plain_attributes(group["velocity"])["rate"]) if velocity is not None else None,
             unit=unit,
             notes=tuple(notes),
         )
