@@ -20,7 +20,7 @@ def extractor():
 # --- features
 
 
-@pytest.mark.parametrize("samples", [16384, 16383, 1, 500])
+@pytest.mark.parametrize("samples", [16384, 16383, 3, 500])
 def test_shapes(extractor, pink_noise, samples):
     texture = np.random.default_rng(0).normal(size=(3, samples)) * 0.01
     made = extractor(texture, DEVICE_RATE)
@@ -270,6 +270,12 @@ def test_save_and_load(make_extractor, pink_noise, tmp_path, scale, recorded_war
         (np.ones(100), float("nan"), "`sampling_rate`"),
         (np.ones(100), 2500.5, "`sampling_rate`"),
         (np.ones(0), DEVICE_RATE, "`texture` must be .* not empty"),
+        (
+            np.ones((100, 1)),
+            DEVICE_RATE,
+            r"got \(100, 1\): more textures than samples. Transpose it, or pass one column",
+        ),
+        (np.ones((100, 3)), DEVICE_RATE, "more textures than samples"),
         (np.ones((0, 100)), DEVICE_RATE, "`texture` must be"),
         (np.ones((1, 1, 100)), DEVICE_RATE, "`texture` must be"),
         (np.float64(1.0), DEVICE_RATE, "`texture` must be"),

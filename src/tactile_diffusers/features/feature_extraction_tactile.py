@@ -355,6 +355,11 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         texture = texture[None] if texture.ndim == 1 else texture
         if texture.ndim != 2 or 0 in texture.shape:
             raise ValueError(f"`texture` must be (samples,) or (batch, samples), not empty; got {texture.shape}.")
+        if texture.shape[0] > texture.shape[1]:  # any length is taken, but so many so short ones are columns of a table
+            raise ValueError(
+                f"`texture` must be (samples,) or (batch, samples), got {texture.shape}: more textures than samples. "
+                "Transpose it, or pass one column as (samples,)."
+            )
         usable = np.abs(texture) <= LARGEST_SAMPLE  # NaN is not
         if not usable.all():
             rows = np.flatnonzero(~usable.all(-1)).tolist()
