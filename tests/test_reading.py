@@ -14,3 +14,13 @@ def test_what_may_not_be_read_need_not_be_copied_again():
     with pytest.raises(ValueError, match="^a.h5 may not be read .*Permission denied.* Change its permissions.$"):
         with reading("a.h5", "a store"):
             raise PermissionError(13, "Permission denied")
+
+
+def test_what_does_not_fit_into_memory_need_not_be_copied_again():
+    with pytest.raises(ValueError) as refused, reading("a.npz", "an array"):
+        raise MemoryError("Unable to allocate 7.28 TiB for an array")
+    told = str(refused.value)
+    assert told.startswith("a.npz cannot be read as an array: it does not fit into memory (Unable to allocate 7.28 TiB")
+    assert "Free memory" in told and "its header claims too much" in told and "Copy it again" not in told
+    with pytest.raises(ValueError, match="memory .full."), reading("a.npz", "an array"):
+        raise MemoryError

@@ -12,8 +12,8 @@ _LONGEST_REASON = 300
 def reading(path, kind, remedy="Copy it again, or write it again."):
     """Whatever a damaged file makes the block raise becomes a `ValueError` that names the file, and `kind`.
 
-    So does a `PermissionError`, whose remedy is another one. A `FileNotFoundError`, and a `ValueError` or `OSError`
-    that names the file already, pass as they are.
+    So do a `PermissionError` and a `MemoryError`, whose remedies are others. A `FileNotFoundError`, and a `ValueError`
+    or `OSError` that names the file already, pass as they are.
     """
     try:
         yield
@@ -21,6 +21,12 @@ def reading(path, kind, remedy="Copy it again, or write it again."):
         raise
     except PermissionError as error:
         raise ValueError(f"{path} may not be read ({error}). Change its permissions.") from error
+    except MemoryError as error:
+        raise ValueError(
+            f"{path} cannot be read as {kind}: it does not fit into memory ({str(error)[:_LONGEST_REASON] or 'full'}). "
+            "Free memory, or read it on a larger machine; write the file again if it is much smaller than that: its "
+            "header claims too much."
+        ) from error
     except Exception as error:  # h5py, zipfile, numpy, json and others raise a dozen kinds
         if type(error) in (ValueError, OSError) and str(path) in str(error):
             raise

@@ -18,7 +18,7 @@ from ..signal import coverage_distance
 
 logger = logging.get_logger(__name__)
 
-#: A hundred times the steps of training: beyond, the times alone would not fit into memory.
+#: A hundred times the steps of training: more is a mistake (a rate, say), and would run for hours.
 MOST_STEPS = 100_000
 #: scales in which ratings may be given
 RATING_SCALES = ("z", "raw", "percentile")
