@@ -130,6 +130,8 @@ def test_a_resting_finger_feels_a_constant(profile):
         ({"sampling_rate": 0}, "`sampling_rate`"),
         ({"reference_speed": -80.0}, "`reference_speed`"),
         ({"reference_speed": np.nan}, "`reference_speed`"),
+        ({"sampling_rate": None}, "`sampling_rate` must be a finite number above 0 in Hz, got None"),
+        ({"reference_speed": "80"}, "`reference_speed` must be a finite number above 0 in mm/s, got '80'"),
     ],
 )
 def test_bad_input_is_refused(change, message):

@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 import pytest
+import torch
 
 from tactile_diffusers.playback import TextureProfile, TextureStream
 from tactile_diffusers.playback.stream import FORCE_EXPONENT, SLOWEST_SLIDING, SPEED_EXPONENT
@@ -31,7 +32,7 @@ def profile(pink_noise):
 
 @pytest.fixture
 def make_stream(profile):
-    return lambda friction=0.0, **options: TextureStream(profile, friction, SENSOR, **options)
+    return lambda friction=0.0, sensor_rate=SENSOR, **options: TextureStream(profile, friction, sensor_rate, **options)
 
 
 def test_force_is_the_profile_at_the_finger(make_stream, profile):
@@ -155,11 +156,25 @@ def test_a_replacement_from_another_thread(make_stream, pink_noise):
         (np.nan, {}, "`friction_coefficient`"),
         (0.5, {"sampling_rate": 1000}, "`sampling_rate`"),
         (0.5, {"cutoff": 100.0}, "`cutoff`"),
+        (None, {}, "`friction_coefficient` must be a finite number of at least 0 .*got None"),
+        ("0.5", {}, "`friction_coefficient` .*got '0.5'"),
+        (0.5, {"sampling_rate": None}, "`sampling_rate` must be a finite number above 2000 in Hz, got None"),
+        (0.5, {"sensor_rate": "125"}, "`sensor_rate` must be a finite number above 0 in Hz, got '125'"),
+        (0.5, {"cutoff": None}, "`cutoff` .*got None"),
+        (0.5, {"speed_exponent": None}, "`speed_exponent` .*got None"),
     ],
 )
 def test_bad_settings_are_refused(make_stream, friction, options, message):
     with pytest.raises(ValueError, match=message):
         make_stream(friction, **options)
+
+
+@pytest.mark.parametrize("number", [np.float32(0.5), np.array(0.5), torch.tensor(0.5)])
+def test_a_number_of_any_kind_is_one(make_stream, number):
+    """`friction_coefficient[0]` of a pipeline's output is one of these."""
+    stream = make_stream(number)
+    stream.replace(stream._surface[0], number)
+    assert stream._surface[1] == 0.5
 
 
 def test_bad_calls_are_refused(make_stream, pink_noise):

@@ -21,6 +21,8 @@ SILENCE = 1e-12
 #: Largest rate in Hz, and length of a window in samples: a damaged config may ask for any, and a rate without a common
 #: divisor with ours takes a filter of gigabytes beyond.
 MOST_RATE = 1_000_000
+#: Any length is taken, but more textures than samples, of no more samples than this, are the columns of a table.
+_MOST_COLUMNS = 16
 #: Larger samples have no place in the float32 of features and textures, and their squares none in float64.
 LARGEST_SAMPLE = float(np.finfo(np.float32).max)
 
@@ -355,7 +357,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         texture = texture[None] if texture.ndim == 1 else texture
         if texture.ndim != 2 or 0 in texture.shape:
             raise ValueError(f"`texture` must be (samples,) or (batch, samples), not empty; got {texture.shape}.")
-        if texture.shape[0] > texture.shape[1]:  # any length is taken, but so many so short ones are columns of a table
+        if texture.shape[0] > texture.shape[1] <= _MOST_COLUMNS:
             raise ValueError(
                 f"`texture` must be (samples,) or (batch, samples), got {texture.shape}: more textures than samples. "
                 "Transpose it, or pass one column as (samples,)."

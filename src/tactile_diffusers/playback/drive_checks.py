@@ -1,4 +1,4 @@
-"""What the conversion from newtons to drive asks of its arguments."""
+"""What playback asks of numbers: those of a stream, and of the conversion from newtons to drive."""
 
 import sys
 from numbers import Real
@@ -7,12 +7,14 @@ import numpy as np
 
 
 def check_number(name, value, unit, *, above=None, at_least=None):
-    """A finite float, above or at least a bound where one is given.
+    """A finite float, above or at least a bound where one is given. An array or tensor without axes is a number, too.
 
     Raises:
         ValueError: if `value` is no finite number or beyond the bound; the message calls it `name`, in `unit`.
     """
     bound = f" above {above:g}" if above is not None else f" of at least {at_least:g}" if at_least is not None else ""
+    if getattr(value, "shape", None) == () and hasattr(value, "item"):
+        value = value.item()
     number = isinstance(value, Real) and not isinstance(value, bool)
     # a whole number beyond every float is no finite one; NaN fails
     if (

@@ -4,6 +4,7 @@ import numpy as np
 from scipy import signal
 
 from ..pipelines.inputs import check_positive_integer
+from .drive_checks import check_number
 from .reports import ReportWatch, check_clock, check_reports
 
 #: Low-pass of the path, Hz. Of a sensor of 125 Hz and 0.1 mm it leaves jitter that puts 20 dB less energy into the
@@ -49,14 +50,14 @@ class FingerPath:
     """
 
     def __init__(self, sampling_rate, sensor_rate, cutoff=CUTOFF_HZ, dimensions=1):
-        for name, value in (("sampling_rate", sampling_rate), ("sensor_rate", sensor_rate), ("cutoff", cutoff)):
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"`{name}` must be a positive number in Hz, got {value}.")
+        sampling_rate = check_number("sampling_rate", sampling_rate, "Hz", above=0)
+        sensor_rate = check_number("sensor_rate", sensor_rate, "Hz", above=0)
+        cutoff = check_number("cutoff", cutoff, "Hz", above=0)
         if cutoff >= sensor_rate / 2:
             raise ValueError(f"`cutoff` must be below half of the sensor's {sensor_rate:g} Hz, got {cutoff:g}.")
         if dimensions not in (1, 2):
             raise ValueError(f"`dimensions` must be 1 or 2, got {dimensions}.")
-        self.sampling_rate, self.dimensions = float(sampling_rate), dimensions
+        self.sampling_rate, self.dimensions = sampling_rate, dimensions
         self._wait = 1 / sensor_rate + _MARGIN
         smooth = signal.bessel(_ORDER, cutoff, norm="phase", fs=sampling_rate, output="sos")
         low = cutoff / 100

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from ..signal import BAND_HZ
+from .drive_checks import check_number
 
 #: Resolutions of the profile per octave of spatial frequency; between two of them is interpolated.
 PER_OCTAVE = 4
@@ -67,9 +68,8 @@ class TextureProfile:
         self, texture, sampling_rate, reference_speed, band=BAND_HZ, fill=True, seed=0, repeats=True, noise=None
     ):
         texture = np.asarray(texture, dtype=np.float64)
-        for name, value in (("sampling_rate", sampling_rate), ("reference_speed", reference_speed)):
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"`{name}` must be a positive number, got {value}.")
+        sampling_rate = check_number("sampling_rate", sampling_rate, "Hz", above=0)
+        reference_speed = check_number("reference_speed", reference_speed, "mm/s", above=0)
         least = int(np.ceil(4 * sampling_rate / band[0]))
         if texture.ndim != 1 or len(texture) < least or not np.isfinite(texture).all():
             raise ValueError(
@@ -77,7 +77,7 @@ class TextureProfile:
                 f"Hz), got {texture.shape}."
             )
         self.band = tuple(band)
-        self.reference_speed = float(reference_speed)
+        self.reference_speed = reference_speed
         self.pitch = reference_speed / sampling_rate
         if repeats:
             overlap = round(LOOP_SHARE * len(texture))

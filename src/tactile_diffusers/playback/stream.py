@@ -6,6 +6,7 @@ import numpy as np
 
 from ..pipelines.inputs import check_positive_integer
 from ..signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE
+from .drive_checks import check_number
 from .finger import CUTOFF_HZ, FingerPath
 
 #: Speed below which friction turns smoothly with the direction, mm/s: where a resting finger is loaded, not sliding.
@@ -69,11 +70,11 @@ class TextureStream:
         cutoff=CUTOFF_HZ,
         dimensions=1,
     ):
-        if sampling_rate <= 2 * BAND_HZ[1]:
-            raise ValueError(f"`sampling_rate` must be above {2 * BAND_HZ[1]:g} Hz, got {sampling_rate:g}.")
+        check_number("sampling_rate", sampling_rate, "Hz", above=2 * BAND_HZ[1])
         self._finger = FingerPath(sampling_rate, sensor_rate, cutoff, dimensions)
         self.sampling_rate = sampling_rate
-        self.force_exponent, self.speed_exponent = float(force_exponent), float(speed_exponent)
+        self.force_exponent = check_number("force_exponent", force_exponent, "powers of normal force")
+        self.speed_exponent = check_number("speed_exponent", speed_exponent, "powers of speed")
         self._lock = threading.Lock()
         self._surface = _checked(profile, friction_coefficient)
         self._next, self._faded = None, 0
@@ -235,9 +236,7 @@ def _read(profile, place, velocity):
 def _checked(profile, friction_coefficient):
     if not callable(getattr(profile, "read", None)):
         raise ValueError(f"`profile` must be a TextureProfile or an EndlessProfile, got {type(profile).__name__}.")
-    if not (np.isfinite(friction_coefficient) and friction_coefficient >= 0):
-        raise ValueError(f"`friction_coefficient` must be at least 0, got {friction_coefficient}; 0 = texture alone.")
-    return profile, float(friction_coefficient)
+    return profile, check_number("friction_coefficient", friction_coefficient, "N per N of normal force", at_least=0)
 
 
 def _turned(speed):
