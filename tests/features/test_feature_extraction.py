@@ -260,6 +260,11 @@ def test_save_and_load(make_extractor, pink_noise, tmp_path, scale, recorded_war
 # --- bad input
 
 
+def test_many_short_textures_are_no_table(make_extractor):
+    made = make_extractor()(np.random.default_rng(0).standard_normal((40, 30)), DEVICE_RATE)
+    assert len(made["level"]) == 40
+
+
 @pytest.mark.parametrize(
     ("texture", "sampling_rate", "message"),
     [
