@@ -6,6 +6,7 @@ import os
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from diffusers import DDIMScheduler
@@ -233,6 +234,21 @@ def test_forms_of_not_specified_are_equal(pipe):
     for form in (None, {}, [{}], [[None] * 3]):
         assert np.array_equal(_run(pipe, form).textures, free.textures)
     assert not np.allclose(free.textures, expected.textures, atol=1e-4)
+
+
+def test_tables_of_pandas_are_ratings_too(pipe):
+    rows = [[1.0, -0.5, 0.25], [0.0, np.nan, 0.5]]
+    expected = _run(pipe, rows).textures
+    table = pd.DataFrame(rows, columns=["roughness", "bumpiness", "slipperiness"], index=["glass", "denim"])
+    for form in (table, table[["slipperiness", "roughness", "bumpiness"]], pd.DataFrame(rows)):
+        assert np.array_equal(_run(pipe, form).textures, expected)
+    one = _run(pipe, [rows[0]]).textures
+    assert np.array_equal(_run(pipe, table.loc["glass"]).textures, one)
+    assert np.array_equal(_run(pipe, pd.Series(rows[0])).textures, one)
+    with pytest.raises(ValueError, match="unknown axes .'hardness'"):
+        _run(pipe, table.assign(hardness=1.0))
+    with pytest.raises(ValueError, match="at least one texture"):
+        _run(pipe, table.iloc[:0])
 
 
 def test_half_precision_tensors_are_ratings_too(pipe):

@@ -80,8 +80,8 @@ def parse_ratings(ratings, config, rating_scale="z"):
     """Ratings in any accepted form and scale as z-scores: a (batch, axes) float32 tensor, NaN = not specified.
 
     Args:
-        ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array or tensor, or `None` (no
-            axis specified).
+        ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array, tensor, table of pandas
+            (columns named by axes, or three), or `None` (no axis specified).
         config: DALE's, with the axes in order (`rating_axes`) and the statistics that "raw" (`ratings_mean`,
             `ratings_std`) and "percentile" (`ratings_quantiles`) need.
         rating_scale (`str`): `"z"`; `"raw"`, 0-8 of the typical rater; or `"percentile"`, 0-100 of the ratings of the
@@ -144,10 +144,20 @@ def _statistics(config, rating_scale, names):
     return list(found.values())
 
 
+def _from_table(table):
+    """A table of pandas, or a row of one, as dicts of axes; without names of columns as an array."""
+    labels = table.columns if table.ndim == 2 else table.index
+    if not all(isinstance(label, str) for label in labels):
+        return table.to_numpy()
+    return table.to_dict("records") if table.ndim == 2 else table.to_dict()
+
+
 def _as_array(ratings, axes):
     """Ratings in any accepted form as a (batch, axes) float64 array, NaN = not specified."""
     if ratings is None:
         ratings = {}
+    if hasattr(ratings, "to_dict") and hasattr(ratings, "to_numpy"):  # pandas, which need not be imported for that
+        ratings = _from_table(ratings)
     if isinstance(ratings, torch.Tensor | np.ndarray):
         if "complex" in str(ratings.dtype):  # a conversion would drop a part of it with no more than a warning
             raise ValueError(f"`ratings` must be real numbers, got {ratings.dtype}.")

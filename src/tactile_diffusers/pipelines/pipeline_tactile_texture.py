@@ -218,7 +218,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
         Generates textures from ratings.
 
         Args:
-            ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array or tensor, on
+            ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array, tensor or pandas, on
                 `rating_scale`: roughness, bumpiness, slipperiness, larger = rougher, bumpier, more slippery. NaN or
                 None = not specified; `None` for all = nothing specified.
             num_inference_steps (`int`, *optional*): steps of LCTG; `None` = 5, or what it was distilled to.
