@@ -18,11 +18,19 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from tactile_diffusers.data import RecordingsFile, RecordingsWriter
+from tactile_diffusers.data import (
+    PreparedDataset,
+    RecordingsFile,
+    RecordingsWriter,
+    SegmentLimits,
+    prepare_recordings,
+)
 from tactile_diffusers.data.folder.layout import load_layout
 from tactile_diffusers.data.folder.tables import list_tables
-from tactile_diffusers.export import FORMATS
+from tactile_diffusers.export import FORMATS, read_generated
+from tactile_diffusers.export.generated import open_folder, write_shard
 from tactile_diffusers.playback import DriveProfile, TextureScene
+from tactile_diffusers.signal import RATING_AXES
 from tactile_diffusers.study.folder import KEY_COLUMNS
 from tactile_diffusers.study.responses import check_responses, read_tables
 from tactile_diffusers.study.trials import participant_trials
@@ -211,6 +219,54 @@ def _read_recordings(path):
         assert file.truth is None or file.truth.surfaces is not None
 
 
+@cache
+def _prepared():
+    force = 0.5 + 0.01 * np.random.default_rng(0).standard_normal(4200)
+    with TemporaryDirectory() as folder:
+        source, path = Path(folder) / "r.h5", Path(folder) / "p.h5"
+        with RecordingsWriter(source, "fuzz", "CC0-1.0") as writer:
+            for surface in "abcd":
+                writer.add_recording(surface, "e", "0", lateral=force, lateral_rate=2500)
+            writer.set_ratings(np.arange(12.0).reshape(1, 4, 3) / 2, ["r"], list("abcd"), list(RATING_AXES))
+        limits = SegmentLimits(normal_force=None, speed=None, seconds=0.5)
+        prepare_recordings(source, path, limits=limits, validation=1, test=1, quiet=True)
+        return path.read_bytes()
+
+
+def _read_prepared(path):
+    data = PreparedDataset(path, "all")
+    textures = data.textures(np.arange(len(data)))
+    assert textures.ndim == 2 and not np.isinf(textures).any(), textures
+    assert set(data[0]), data
+    data.turnaround_positions(0)
+
+
+#: Two shards, of which the second is fuzzed.
+_SETTINGS = {"num_textures": 5, "textures_per_shard": 3, "seed": 0, "sampling_rate": 10_000, "duration_s": None}
+
+
+def _write_generated(folder):
+    for shard in open_folder(folder, _SETTINGS, {"ratings": "none"}):
+        rows = np.arange(shard["first"], shard["first"] + shard["count"])
+        columns = {"textures": np.outer(rows, np.ones(50)).astype(np.float32), "seed": rows, "level": rows / 10}
+        write_shard(folder / shard["file"], shard["count"], _SETTINGS, [columns])
+    return folder / shard["file"]
+
+
+@cache
+def _generated():
+    with TemporaryDirectory() as folder:
+        return _write_generated(Path(folder) / "set").read_bytes()
+
+
+def _read_generated(path):
+    folder = path.parent / "set"
+    last = folder / "textures-00001.h5" if folder.is_dir() else _write_generated(folder)
+    path.replace(last)
+    data = read_generated(folder)
+    assert data[:].shape == (5, 50) and len(data.column("seed")) == 5
+
+
 CSV = [
     b"t,Fx,Fy\n0.0,1,2\n0.1,1.5,2e-3\n0.2,,nan\n",
     b"\xef\xbb\xbft;Fx\n0,0;1,25\n0,1;1,5\n",
@@ -329,6 +385,8 @@ TARGETS = {
         structured=True,
     ),
     "recordings": Target(".h5", _read_recordings, _recordings),
+    "prepared": Target(".h5", _read_prepared, lambda: [_prepared()]),
+    "generated": Target(".h5", _read_generated, lambda: [_generated()]),
     "tables-hdf5": Target(".h5", _read_tree, _recordings),
     "tables": Target(".csv", _read_tables, lambda: CSV),
     "layout": Target(".toml", load_layout, _layouts),
