@@ -61,6 +61,18 @@ class TestWholeFolder:
             assert (folder / "old").exists()
         assert os.listdir(folder) == ["new"] and os.listdir(tmp_path) == ["card"]
 
+    @pytest.mark.parametrize("replaced", [False, True])
+    def test_what_a_kill_left_aside_is_put_back_or_goes(self, tmp_path, replaced):
+        aside, folder = tmp_path / ".card.123-abc.old", tmp_path / "card"
+        aside.mkdir()
+        (aside / "old").touch()
+        if replaced:
+            folder.mkdir()
+            (folder / "new").touch()
+        with pytest.raises(RuntimeError), whole_folder(folder):
+            raise RuntimeError("it did not get far")
+        assert os.listdir(tmp_path) == ["card"] and os.listdir(folder) == ["new" if replaced else "old"]
+
     def test_a_check_at_the_end_keeps_it(self, tmp_path):
         folder = tmp_path / "card"
         folder.mkdir()

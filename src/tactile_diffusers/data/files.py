@@ -44,8 +44,8 @@ def atomic_path(path):
 def whole_folder(path, check=None):
     """Yields a new folder beside `path`, put in its place if the block succeeds, and removed if not.
 
-    What lay there before is set aside, and only removed when the new one is in its place. Of a link, what it points to
-    is replaced.
+    What lay there before is set aside, and only removed when the new one is in its place; if a call was killed between
+    these two, the next puts it back first. Of a link, what it points to is replaced.
 
     Args:
         path (`str` or `Path`): the final name.
@@ -56,6 +56,7 @@ def whole_folder(path, check=None):
     """
     path = Path(os.path.realpath(path))
     _check_parent(path)
+    _put_back(path)
     temporary, older = _beside(path, "tmp"), _beside(path, "old")
     temporary.mkdir()
     try:
@@ -71,6 +72,15 @@ def whole_folder(path, check=None):
             os.replace(older, path)
         for leftover in (temporary, older):
             shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _put_back(path):
+    """What a killed `whole_folder` set aside becomes the folder again, or goes where the new one had its place."""
+    for older in path.parent.glob(f".{glob.escape(path.name)}.*.old"):
+        if path.exists():
+            shutil.rmtree(older, ignore_errors=True)
+        else:
+            os.replace(older, path)
 
 
 def _check_parent(path):
