@@ -3,6 +3,7 @@
 import faulthandler
 import json
 import math
+import re
 import struct
 import time
 import zipfile
@@ -214,6 +215,35 @@ def test_a_circle_in_what_is_free(tmp_path, userblock):
     data[place : place + 8] = struct.pack("<Q", free)
     path.write_bytes(data)
     with pytest.raises(ValueError, match="a.h5 is damaged .*heap at byte"):
+        open_whole(path)
+
+
+@pytest.mark.usefixtures("watchdog")
+def test_a_circle_in_a_tree(tmp_path):
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["group/a"] = 1.0
+    data = bytearray(path.read_bytes())
+    for begin in [match.start() for match in re.finditer(b"TREE", data)]:
+        damaged = bytearray(data)
+        damaged[begin + 16 : begin + 24] = struct.pack("<Q", begin)  # right of it is itself
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match="a.h5 is damaged .*at byte"):
+            open_whole(path)
+
+
+@pytest.mark.usefixtures("watchdog")
+def test_a_string_of_another_size(tmp_path):
+    """Of a type of one byte, HDF5 reads sixteen all the same: what lies behind."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("a", data=1.0).attrs["unit"] = "newtons"
+    data = bytearray(path.read_bytes())
+    place = data.index(b"unit\0\0\0\0") + 12
+    assert data[place] == 16
+    data[place] = 1
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match="a.h5 is damaged .*attribute unit of a"):
         open_whole(path)
 
 

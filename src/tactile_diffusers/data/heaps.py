@@ -2,14 +2,14 @@
 
 HDF5 up to 2.0 goes through a heap ("GCOL": what is of variable length, strings above all) by adding the length of each
 piece to its place. A length of zero, as a page of zeros leaves it, keeps it there for ever, in C, where no signal of
-Python arrives. So does a circle in the list of what is free in a heap of names ("HEAP"). Where heaps lie is known only
-to what refers to them. So the strings of a file are read once through a file object that sees each heap first, and
-hides the mark of a damaged one, which HDF5 then refuses.
+Python arrives. So do circles in the list of what is free in a heap of names ("HEAP") and among the nodes of a tree
+("TREE"). Where these lie is known only to what refers to them. So the strings of a file are read once through a file
+object that sees each of them first, and hides the mark of a damaged one, which HDF5 then refuses.
 
-HDF5 also asks for as much memory as what refers to a string says, up to 4 GB, before it looks at the heap. What a file
-object sees of headers tells these lengths first. Not seen are those in compressed datasets and in structures: they end
-in a refusal too, but may take the memory for a moment. Not seen either is a circle in the free list of a heap of names
-("HEAP"), in which HDF5 stays, asking for memory: two of 9,404 damaged files of recordings.
+HDF5 also asks for as much memory as what refers to a string says, up to 4 GB, before it looks at the heap, and reads as
+many bytes as such a reference takes, whatever the type says. What a file object sees of headers tells both first. Not
+seen are strings in compressed datasets and in structures: they end in a refusal too, but may take the memory for a
+moment.
 """
 
 import io
@@ -46,7 +46,7 @@ class _Watched(io.FileIO):
 
     def __init__(self, path):
         super().__init__(path)
-        self.headers = deque(maxlen=_HEADERS)
+        self.headers, self.ending = deque(maxlen=_HEADERS), set()
         # addresses count from the superblock, before which others may have put something: 512, 1024, 2048, ... bytes
         places = itertools.takewhile(lambda place: place < self._size(), (0, *(512 << n for n in range(40))))
         self.base = next((place for place in places if self._at(place, 8) == _SUPERBLOCK), 0)
@@ -55,7 +55,7 @@ class _Watched(io.FileIO):
         place = self.tell()
         count = super().readinto(buffer)
         view = memoryview(buffer)
-        ends = {b"GCOL": self._ends, b"HEAP": self._free_list_ends}.get(bytes(view[:4]))
+        ends = {b"GCOL": self._ends, b"HEAP": self._free_list_ends, b"TREE": self._row_ends}.get(bytes(view[:4]))
         if ends is not None and not ends(view[:count], place):
             view[:4] = bytes(4)
             self.damaged = place
@@ -78,6 +78,8 @@ class _Watched(io.FileIO):
                     continue
                 named, kind, space = (size + -size % step for size in sizes)
                 if header[place + named] & 15 == h5t.VLEN:  # another node may have one of this name
+                    if header[place + named + 4 :][:4] not in (struct.pack("<I", 8 + self.address), b""):
+                        found.append(math.inf)  # of another size, HDF5 reads beyond what there is
                     place += named + kind
                     found += self._lengths(header[place + space :], self._count(header[place:])).ravel().tolist()
         return found
@@ -130,6 +132,19 @@ class _Watched(io.FileIO):
                 return False
             seen.add(place)
             place = int.from_bytes(self._at(begin + place, self.width), "little")
+        return True
+
+    def _row_ends(self, node, begin):
+        """Whether what is right of a node of a tree comes to its end, where there is no address."""
+        seen, place = set(), begin - self.base
+        while place + self.base < self._size() and place not in self.ending and node[:4] == b"TREE":
+            if place in seen:
+                return False
+            seen.add(place)
+            place = int.from_bytes(node[8 + self.address :][: self.address], "little")
+            if place + self.base < self._size():
+                node = self._at(place + self.base, 8 + 2 * self.address)
+        self.ending |= seen  # a long row is gone through once
         return True
 
     def _at(self, place, count):
