@@ -124,27 +124,34 @@ class _Watched(io.FileIO):
 
     def _free_list_ends(self, heap, _begin):
         """Whether the list of what is free in a heap of names comes to its end: 1 is said to stand there."""
-        size, place = (int.from_bytes(heap[8 + n * self.width :][: self.width], "little") for n in (0, 1))
+        size, first = (int.from_bytes(heap[8 + n * self.width :][: self.width], "little") for n in (0, 1))
         begin = int.from_bytes(heap[8 + 2 * self.width :][: self.address], "little") + self.base
-        seen = set()
-        while place != 1 and place + 2 * self.width <= size and begin + place < self._size():  # else HDF5 refuses it
-            if place in seen:
-                return False
-            seen.add(place)
-            place = int.from_bytes(self._at(begin + place, self.width), "little")
-        return True
 
-    def _row_ends(self, node, begin):
+        def free(offset):
+            inside = offset != 1 and offset + 2 * self.width <= size and begin + offset < self._size()
+            return begin + offset if inside else None  # HDF5 refuses what lies outside
+
+        return self._chain_ends(free(first), lambda place: free(int.from_bytes(self._at(place, self.width), "little")))
+
+    def _row_ends(self, _node, begin):
         """Whether what is right of a node of a tree comes to its end, where there is no address."""
-        seen, place = set(), begin - self.base
-        while place + self.base < self._size() and place not in self.ending and node[:4] == b"TREE":
+
+        def right(place):
+            node = self._at(place, 8 + 2 * self.address)
+            following = int.from_bytes(node[8 + self.address :][: self.address], "little") + self.base
+            return following if node[:4] == b"TREE" and following < self._size() else None
+
+        return self._chain_ends(begin, right)
+
+    def _chain_ends(self, place, following):
+        """Whether places that lead to one another, the last to `None`, form no circle."""
+        seen = set()
+        while place is not None and place not in self.ending:
             if place in seen:
                 return False
             seen.add(place)
-            place = int.from_bytes(node[8 + self.address :][: self.address], "little")
-            if place + self.base < self._size():
-                node = self._at(place + self.base, 8 + 2 * self.address)
-        self.ending |= seen  # a long row is gone through once
+            place = following(place)
+        self.ending |= seen  # a long chain is gone through once
         return True
 
     def _at(self, place, count):
