@@ -22,6 +22,9 @@ import torch
 from hypothesis import HealthCheck, settings
 
 from tactile_diffusers import DALEModel, LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.data import RecordingsWriter, SegmentLimits, prepare_recordings
+from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES
+from tactile_diffusers.virtual import generate_recordings
 
 # How many examples a property is tried on: "few" where one takes long, "many" where it does not. The same ones in every
 # run; FUZZ=50 tries fifty times as many, others each time.
@@ -36,6 +39,7 @@ for _name, _examples in (("few", 25), ("many", 100)):
         suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large],
     )
 
+_VELOCITY_RATE = 500
 LCTG = {
     "feature_channels": 24,
     "feature_hop": 8,
@@ -182,6 +186,67 @@ def pink_noise():
 @pytest.fixture
 def recorded_warnings():
     return _recorded_warnings
+
+
+@pytest.fixture(scope="session")
+def prepared(tmp_path_factory):
+    """Nobody writes to it; recordings are beside it, r.h5."""
+    folder = tmp_path_factory.mktemp("data")
+    generate_recordings(folder / "r.h5", surfaces=8, seconds=15, explorers=2, seed=4, quiet=True)
+    limits = SegmentLimits(seconds=2048 / 2500)  # those of `evaluable_pipe`
+    prepare_recordings(folder / "r.h5", folder / "p.h5", limits=limits, validation=3, test=2, quiet=True)
+    return folder / "p.h5"
+
+
+@pytest.fixture
+def checkpoint(evaluable_pipe, tmp_path):
+    evaluable_pipe().save_pretrained(str(tmp_path / "pipeline"))
+    return tmp_path / "pipeline"
+
+
+def _make_recording(seconds=4.0, normal_force=0.5, speed=80.0, friction=0.6, heading=0.0, seed=0):
+    """A steady slide with white noise on the friction: keyword arguments of `add_recording`."""
+    rng = np.random.default_rng(seed)
+    samples = int(seconds * DEVICE_RATE)
+    lateral = friction * normal_force + 0.01 * rng.standard_normal(samples)
+    force = np.stack([lateral * np.cos(heading), lateral * np.sin(heading), np.full(samples, normal_force)], axis=-1)
+    direction = np.array([np.cos(heading), np.sin(heading)])
+    velocity = np.tile(speed * direction, (int(seconds * _VELOCITY_RATE), 1))
+    return dict(force=force, force_rate=DEVICE_RATE, velocity=velocity, velocity_rate=_VELOCITY_RATE)
+
+
+def _write_recordings(path, recordings, ratings=None):
+    """Writes {surface: keyword arguments of `add_recording`}; `ratings` is (raters, surfaces, 3)."""
+    with RecordingsWriter(path, source="a test", licence="CC0-1.0") as writer:
+        for surface, recording in recordings.items():
+            writer.add_recording(surface, "explorer", "0", **recording)
+        if ratings is not None:
+            writer.set_ratings(ratings, [f"r{i}" for i in range(len(ratings))], list(recordings), RATING_AXES)
+    return path
+
+
+@pytest.fixture
+def recording_maker():
+    return _make_recording
+
+
+@pytest.fixture
+def recordings_writer():
+    return _write_recordings
+
+
+@pytest.fixture(scope="session")
+def virtual_recordings(tmp_path_factory):
+    path = tmp_path_factory.mktemp("virtual") / "recordings.h5"
+    generate_recordings(path, surfaces=6, seconds=12, explorers=1, seed=3, quiet=True)
+    return path
+
+
+@pytest.fixture(scope="session")
+def virtual_prepared(virtual_recordings):
+    path = virtual_recordings.with_name("prepared.h5")
+    prepare_recordings(virtual_recordings, path, validation=1, test=1, quiet=True)
+    return path
 
 
 class _Lives:

@@ -19,7 +19,6 @@ DISTRIBUTIONS = {"PIL": "pillow"}
 #: Extra -> what the package imports of it, and where (one call path each; the error names the extra).
 OPTIONAL = {
     "training": {"tensorboard": "training/loop.py"},
-    "demo": {"gradio": "cli/app/", "starlette": "cli/app/serve.py"},  # gradio brings starlette
     "parquet": {"pyarrow": "data/folder/tables.py"},
     "vibromaf": {"vibromaf": "evaluation/vibrotactile.py"},
 }

@@ -2,12 +2,14 @@
 
 import json
 
+import benchmark
 import pytest
+import solver_study
+import speed as benchmark_speed
 
 from tactile_diffusers import LCTGModel, VDDIMScheduler
-from tactile_diffusers.cli import benchmark, benchmark_speed, evaluate
+from tactile_diffusers.cli import evaluate
 from tactile_diffusers.cli.readme import markers
-from tactile_diffusers.evaluation import solver_study
 
 
 def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, capsys):

@@ -15,8 +15,8 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli.generate_dataset import checkpoint_digest, main, texture_seeds
-from tactile_diffusers.data.locks import fcntl, is_locked
 from tactile_diffusers.export import read_generated
+from tactile_diffusers.io.locks import fcntl, is_locked
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "generate_dataset.py"
 TIMEOUT = 1200  # seconds; ten are enough, but not on a machine that is busy with something else

@@ -4,7 +4,8 @@ import pytest
 
 from tactile_diffusers.cli.inspect_data import main
 from tactile_diffusers.cli.readme import markers
-from tactile_diffusers.data import generate_recordings, prepare_recordings
+from tactile_diffusers.data import prepare_recordings
+from tactile_diffusers.virtual import generate_recordings
 
 
 @pytest.fixture(scope="module")

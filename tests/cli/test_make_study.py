@@ -7,7 +7,8 @@ import pandas
 import pytest
 
 from tactile_diffusers.cli import make_study
-from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import SegmentLimits, prepare_recordings
+from tactile_diffusers.virtual import generate_recordings
 
 
 @pytest.fixture(scope="module")

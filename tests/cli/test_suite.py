@@ -4,7 +4,7 @@ import json
 
 import torch
 
-from tactile_diffusers.cli.suite import machine, write_results
+from tactile_diffusers.evaluation.result_files import machine, write_results
 
 
 def test_results_are_two_files_of_one_name(tmp_path):

@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from tactile_diffusers.data import (
-    PreparedDataset,
-    RecordingsFile,
-    SegmentLimits,
-    generate_recordings,
-    prepare_recordings,
-    split_surfaces,
-)
+from tactile_diffusers.data import PreparedDataset, RecordingsFile, SegmentLimits, prepare_recordings, split_surfaces
 from tactile_diffusers.signal import (
     BAND_HZ,
     DEVICE_RATE,
@@ -27,6 +20,7 @@ from tactile_diffusers.signal import (
     nine_band_error_db,
     resample,
 )
+from tactile_diffusers.virtual import generate_recordings
 
 
 def test_item(virtual_prepared):

@@ -84,7 +84,6 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--source recordings --prepared {tmp}/p.h5", "needs --recordings"),
         ("--source recordings --recordings {tmp}/no.h5 --prepared {tmp}/p.h5", "there is no file"),
         ("--source recordings --recordings " + __file__, "needs --prepared"),
-        ("--source biotac --root {tmp}/no.h5 --output {tmp}/r.h5", "there is no file"),
         ("--source sens3 --root {tmp} --output {tmp}/r.h5", "Write one with --inspect"),
         ("--source folder --root {tmp}/no --layout " + __file__ + " --output {tmp}/r.h5", "there is no folder"),
         ("--source recordings --workers 2 --recordings x", "--workers belongs to --source virtual"),
@@ -122,5 +121,5 @@ def test_help_names_every_source(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     output = capsys.readouterr().out
-    assert all(f"--source {source}" in output for source in ("virtual", "sens3", "folder", "recordings", "biotac"))
+    assert all(f"--source {source}" in output for source in ("virtual", "sens3", "folder", "recordings"))
     assert "data/folder/layout.py" in output

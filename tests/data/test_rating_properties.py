@@ -10,16 +10,14 @@ from hypothesis.extra import numpy as arrays
 
 from tactile_diffusers.data.ratings import (
     axis_correlation,
-    from_percentile,
-    from_raw,
     pool_ratings,
     rating_coverage,
     rating_quantiles,
     rating_reliability,
-    to_raw,
 )
 from tactile_diffusers.data.recordings import RaterScores
 from tactile_diffusers.signal import RATING_AXES
+from tactile_diffusers.signal.rating_scales import from_percentile, from_raw, to_raw
 
 answer = st.one_of(st.just(np.nan), st.floats(0, 8, width=32), st.integers(0, 8).map(float))
 shapes = st.tuples(st.integers(1, 5), st.integers(1, 8), st.just(3))

@@ -6,9 +6,10 @@ import statistics
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import RaterScores, from_raw, pool_ratings, to_raw
-from tactile_diffusers.data.ratings import QUANTILES, axis_correlation, from_percentile, no_ratings, rating_quantiles
+from tactile_diffusers.data import RaterScores, pool_ratings
+from tactile_diffusers.data.ratings import QUANTILES, axis_correlation, no_ratings, rating_quantiles
 from tactile_diffusers.signal import RATING_AXES
+from tactile_diffusers.signal.rating_scales import from_percentile, from_raw, to_raw
 
 TRAINING = np.array([True] * 6 + [False] * 3)
 SURFACES = [f"s{i}" for i in range(9)]

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation.report import leaves
 from tactile_diffusers.evaluation.sections import QUICK, Context, latents
 from tactile_diffusers.evaluation.sections.latents import layer_statistics, layers_of, monotony, run, time_shift
 from tactile_diffusers.evaluation.telling import latents_markdown
+from tactile_diffusers.virtual import generate_recordings
 
 SURFACES = np.repeat(np.arange(20), 2)
 

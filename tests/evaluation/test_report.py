@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli import evaluate
 from tactile_diffusers.cli.readme import markers
-from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.evaluation import TactileEmbedding
 from tactile_diffusers.evaluation.baselines import SLUGS
@@ -28,6 +28,7 @@ from tactile_diffusers.evaluation.summary import _warnings, readme_markdown, rep
 from tactile_diffusers.evaluation.tables import markdown_table, text
 from tactile_diffusers.evaluation.winners import baselines_that_win
 from tactile_diffusers.signal import rms
+from tactile_diffusers.virtual import generate_recordings
 
 SECONDS = 2048 / 2500  # the shortest segment that an embedding and the tiny networks share
 TINY = replace(

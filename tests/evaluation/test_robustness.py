@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation.generate import reconstruct
 from tactile_diffusers.evaluation.sections import QUICK, Context, robustness
 from tactile_diffusers.evaluation.sections.robustness import (
@@ -18,6 +18,7 @@ from tactile_diffusers.evaluation.sections.robustness import (
 )
 from tactile_diffusers.evaluation.telling import robustness_markdown
 from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, band_edges, band_levels_db, nine_band_error_db, rms
+from tactile_diffusers.virtual import generate_recordings
 
 EDGES = band_edges()
 

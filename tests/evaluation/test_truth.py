@@ -5,14 +5,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tactile_diffusers.data import (
-    HoldOut,
-    PreparedDataset,
-    SegmentLimits,
-    generate_recordings,
-    prepare_recordings,
-)
-from tactile_diffusers.data.virtual import FIRST_FRESH, VirtualSurface, fresh_ratings, fresh_textures
+from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation import truth
 from tactile_diffusers.evaluation.truth import (
     KERNEL_WIDTH,
@@ -24,6 +17,7 @@ from tactile_diffusers.evaluation.truth import (
     virtual_truth,
 )
 from tactile_diffusers.signal import level
+from tactile_diffusers.virtual import FIRST_FRESH, VirtualSurface, fresh_ratings, fresh_textures, generate_recordings
 
 FREE = np.nan
 POPULATION = [FREE, FREE, FREE]
@@ -286,7 +280,7 @@ def test_file_s_own_ratings_are_reproduced(prepared):
     facts = data.attributes
     for number in np.setdiff1d(np.arange(6), training):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("tactile_diffusers.data.virtual.fresh.FIRST_FRESH", number)
+            patch.setattr("tactile_diffusers.virtual.fresh.FIRST_FRESH", number)
             again = fresh_ratings(1, facts["seed"], facts["agreement"], training)
         np.testing.assert_array_equal(again[0], data.surface_ratings[number])
 

@@ -10,8 +10,8 @@ import soundfile
 from matplotlib.figure import Figure
 from PIL import Image
 
-from tactile_diffusers.data.files import atomic_path
 from tactile_diffusers.export import FORMATS, read_wav, write_figure, write_npz, write_wav
+from tactile_diffusers.io.files import atomic_path
 
 RATE = 10000
 COMMON = {"sampling_rate": RATE, "friction_coefficient": 0.62, "ratings": [1.5, float("nan"), -1.0]}

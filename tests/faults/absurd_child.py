@@ -11,7 +11,9 @@ import time
 import warnings
 from pathlib import Path
 
-from tactile_diffusers.cli.app.recording import read_upload
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "demo"))
+from uploads import read_upload  # noqa: E402
+
 from tactile_diffusers.cli.dataset_ratings import read_ratings_file
 from tactile_diffusers.data import PreparedDataset, RecordingsFile
 from tactile_diffusers.data.folder.tables import list_tables

@@ -7,8 +7,8 @@ import json
 from types import SimpleNamespace
 
 import pytest
+from ablate_training import training_facts as facts_of_a_row
 
-from tactile_diffusers.cli.ablate_training import training_facts as facts_of_a_row
 from tactile_diffusers.evaluation.training_record import training_facts
 from tactile_diffusers.training.card_runs import describe_run
 from tactile_diffusers.training.figures import plot_losses

@@ -7,16 +7,17 @@ import json
 from pathlib import Path
 from types import SimpleNamespace
 
+import ablate
 import pytest
+from ablate_rows import read_rows
 
-from tactile_diffusers.cli import ablate, publish
-from tactile_diffusers.cli.ablate_rows import read_rows
+from tactile_diffusers.cli import publish
 from tactile_diffusers.cli.compare import read_report
 from tactile_diffusers.data.card.folder import NUMBERS_FILE, check_card_folder
-from tactile_diffusers.data.virtual import generate
-from tactile_diffusers.data.virtual.collection import Collection
 from tactile_diffusers.evaluation.report import _kept
 from tactile_diffusers.pipelines.hub import forget_folders
+from tactile_diffusers.virtual import generate
+from tactile_diffusers.virtual.collection import Collection
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CONDITIONS = {"digest": "abc", "split": "test"}

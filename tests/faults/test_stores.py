@@ -4,18 +4,12 @@ import h5py
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import (
-    PreparedDataset,
-    RecordingsFile,
-    RecordingsWriter,
-    SegmentLimits,
-    generate_recordings,
-    prepare_recordings,
-)
+from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter, SegmentLimits, prepare_recordings
 from tactile_diffusers.data.card.source import describe_source
 from tactile_diffusers.export import read_generated
 from tactile_diffusers.export.generated import open_folder, write_shard
 from tactile_diffusers.playback import TextureScene
+from tactile_diffusers.virtual import generate_recordings
 
 SETTINGS = {"num_textures": 5, "textures_per_shard": 3, "seed": 0, "sampling_rate": 10_000, "duration_s": None}
 

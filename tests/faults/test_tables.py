@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 import soundfile
 from scipy import io
+from uploads import read_upload
 
-from tactile_diffusers.cli.app.recording import read_upload
 from tactile_diffusers.cli.recording import read_recording
 from tactile_diffusers.data.folder.tables import list_tables, read_table
 

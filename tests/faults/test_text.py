@@ -12,8 +12,8 @@ import pytest
 from tactile_diffusers.cli.dataset_ratings import read_ratings_file
 from tactile_diffusers.data.folder.layout import load_layout
 from tactile_diffusers.data.folder.rating_tables import read_ratings
-from tactile_diffusers.playback import DriveProfile
-from tactile_diffusers.playback.drive_files import read_drive_calibration
+from tactile_diffusers.display import DriveProfile
+from tactile_diffusers.display.drive_files import read_drive_calibration
 from tactile_diffusers.signal import RATING_AXES
 from tactile_diffusers.study.folder import FORMAT, KEY, KEY_COLUMNS, SETTINGS, VERSION, read_study
 from tactile_diffusers.study.responses import read_tables

@@ -27,9 +27,10 @@ from tactile_diffusers.data import (
 )
 from tactile_diffusers.data.folder.layout import load_layout
 from tactile_diffusers.data.folder.tables import list_tables
+from tactile_diffusers.display import DriveProfile
 from tactile_diffusers.export import FORMATS, read_generated
 from tactile_diffusers.export.generated import open_folder, write_shard
-from tactile_diffusers.playback import DriveProfile, TextureScene
+from tactile_diffusers.playback import TextureScene
 from tactile_diffusers.signal import RATING_AXES
 from tactile_diffusers.study.folder import KEY_COLUMNS
 from tactile_diffusers.study.responses import check_responses, read_tables

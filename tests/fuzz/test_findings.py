@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data import RecordingsFile, RecordingsWriter
-from tactile_diffusers.data.files import open_whole
 from tactile_diffusers.data.folder.tables import list_tables
+from tactile_diffusers.io.files import open_whole
 
 # of NumPy, on the way to a refusal
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")

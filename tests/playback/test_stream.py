@@ -82,7 +82,7 @@ def test_the_law_of_speed_can_be_switched_off(make_stream, speed):
 
 
 def test_laws_are_those_of_the_virtual_surfaces():
-    laws = pytest.importorskip("tactile_diffusers.data.virtual.laws")
+    laws = pytest.importorskip("tactile_diffusers.virtual.laws")
     assert (FORCE_EXPONENT, SPEED_EXPONENT) == (laws.AMPLITUDE_LOAD_EXPONENT, laws.AMPLITUDE_SPEED_EXPONENT)
     assert SLOWEST_SLIDING == laws.SLOWEST_SLIDING
 

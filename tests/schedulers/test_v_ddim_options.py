@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 from diffusers import DDIMScheduler, DPMSolverMultistepScheduler
+from solvers import rotation_2, run
 
 from tactile_diffusers import VDDIMScheduler
-from tactile_diffusers.evaluation.solvers import rotation_2, run
 from tactile_diffusers.schedulers import draw_noise
 from tactile_diffusers.schedulers.scheduling_v_ddim import SPACINGS, spaced_angles
 

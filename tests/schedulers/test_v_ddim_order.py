@@ -7,9 +7,9 @@ import pytest
 import torch
 from diffusers import DDIMScheduler, DPMSolverMultistepScheduler
 from scipy.special import ndtr
+from solvers import rotation_2, run
 
 from tactile_diffusers import VDDIMScheduler
-from tactile_diffusers.evaluation.solvers import rotation_2, run
 from tactile_diffusers.schedulers.scheduling_v_ddim import SPACINGS, spaced_angles
 
 # the mixture of `evaluation.solver_study`, brought to zero mean and unit variance

@@ -5,11 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import PreparedDataset, SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.export import read_wav
 from tactile_diffusers.signal import RATING_AXES, rms
 from tactile_diffusers.study import BASELINES, StimulusSettings, make_stimuli, make_study, read_study
 from tactile_diffusers.study.stimuli import choose_takes
+from tactile_diffusers.virtual import generate_recordings
 
 SETTINGS = StimulusSettings(surfaces=3, baselines=("mean_spectrum",))
 

@@ -9,10 +9,11 @@ import pytest
 import torch
 from accelerate.state import AcceleratorState, GradientState
 
-from tactile_diffusers.data import SegmentLimits, generate_recordings, prepare_recordings
+from tactile_diffusers.data import SegmentLimits, prepare_recordings
 from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import velocity_loss
+from tactile_diffusers.virtual import generate_recordings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 #: segments of 0.2048 s: 2048 samples at 10 kHz, 512 at the working rate, 32 latent frames

@@ -12,7 +12,7 @@ from diffusers import DDIMScheduler
 from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.data.locks import unlock_folder
+from tactile_diffusers.io.locks import unlock_folder
 from tactile_diffusers.training import ending
 from tactile_diffusers.training.checkpoints import checkpoints, clear_unfinished, latest_checkpoint, save_result
 from tactile_diffusers.training.record import read_log

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tactile_diffusers.data.locks import fcntl, locked_folder
+from tactile_diffusers.io.locks import fcntl, locked_folder
 from tactile_diffusers.training.refusals import run, starting
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

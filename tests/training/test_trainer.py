@@ -10,7 +10,7 @@ import torch
 from accelerate import Accelerator
 from safetensors.torch import load_file
 
-from tactile_diffusers.data.locks import fcntl, is_locked, unlock_folder
+from tactile_diffusers.io.locks import fcntl, is_locked, unlock_folder
 from tactile_diffusers.training.loop import latest_checkpoint
 
 

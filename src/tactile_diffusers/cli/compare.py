@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..reading import read_json, reading
+from ..io.reading import read_json, reading
 from . import readme
 from .program import Parser, program, refuse
 
@@ -64,8 +64,8 @@ def main(argv=None):
         `int`: 0, or 2 if a report was refused (one line on stderr, and nothing written).
     """
     arguments = parse_arguments(argv)
-    from ..data.files import write_text
     from ..evaluation.comparison import comparison_markdown, plot_axis_spectra, plot_data
+    from ..io.files import write_text
 
     try:
         reports = {name: read_report(path) for name, path in arguments.report.items()}

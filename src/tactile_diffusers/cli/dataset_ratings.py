@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr
 
-from ..data.ratings import from_percentile
+from ..io.reading import reading
 from ..pipelines.inputs import parse_ratings
-from ..reading import reading
 from ..signal import coverage_distance
+from ..signal.rating_scales import from_percentile
 
 SUFFIXES = (".csv", ".json", ".npy")
 #: ratings drawn at once; a constant, so that the first ratings are the same for any number of textures

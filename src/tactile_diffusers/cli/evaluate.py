@@ -155,9 +155,9 @@ def main(argv=None):
     arguments = parse_arguments(argv)
     from tactile_diffusers import bundled_checkpoint
 
-    from ..data.files import write_text
     from ..evaluation.report import run_sections, seen_in_training
     from ..evaluation.summary import report_markdown
+    from ..io.files import write_text
     from ..training.surfaces import warning
 
     arguments.checkpoint = str(arguments.checkpoint or bundled_checkpoint())

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..reading import read_json
+from ..io.reading import read_json
 from .program import Parser, check_seed, program, refuse
 
 EPILOG = """\
@@ -73,7 +73,7 @@ def main(argv=None):
     arguments = parse_arguments(argv)
     from accelerate import PartialState
 
-    from ..data.locks import unlock_folder
+    from ..io.locks import unlock_folder
     from ..training.processes import on_cpu
 
     # processes that are done wait for the last one, however long its shards take
@@ -127,8 +127,8 @@ def _prepare(arguments, state):
 
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
-    from ..data.locks import lock_folder
     from ..export.generated import open_folder
+    from ..io.locks import lock_folder
     from ..pipelines.inputs import warn_of_novel_ratings
     from ..version import __version__
     from .dataset_ratings import draw_ratings, read_ratings_file

@@ -10,7 +10,6 @@ COMMANDS = {
     "generate": ("generate", "ratings in, files of a texture out"),
     "reconstruct": ("reconstruct", "a recording through encoder and decoder, and how near it comes"),
     "export": ("export", "textures as files for devices"),
-    "app": ("app.serve", "sliders, pictures and sound in a browser"),
     "dataset": ("generate_dataset", "many textures, by several processes"),
     "prepare": ("prepare_data", "recordings in, a prepared data set out"),
     "inspect": ("inspect_data", "a card of recordings, with warnings and remedies"),
@@ -18,7 +17,6 @@ COMMANDS = {
     "compare": ("compare", "reports side by side"),
     "study": ("make_study", "stimuli, trials and analysis of a study with people"),
     "publish": ("publish", "a trained pipeline as a small, documented folder"),
-    "benchmark": ("benchmark", "speed, memory, playback"),
 }
 
 

@@ -146,7 +146,7 @@ def _make(arguments):
 
 
 def _rehearse(arguments):
-    from ..data.files import write_text
+    from ..io.files import write_text
     from ..study import Population, analyse, check_responses, power, read_study, simulate_participants, write_report
     from ..study.folder import write_csv
     from ..study.telling import power_markdown

@@ -3,31 +3,20 @@
 import json
 from pathlib import Path
 
-from ..data import (
-    BIOTAC_BAND_HZ,
-    BIOTAC_TEST_SURFACES,
-    HoldOut,
-    SegmentLimits,
-    convert_biotac,
-    convert_folder,
-    convert_sens3,
-    draft_layout,
-    export_folder,
-    generate_recordings,
-    inspect_folder,
-    prepare_recordings,
-    split_surfaces,
-    virtual,
-)
-from ..data.files import write_text
+from .. import virtual
+from ..data import HoldOut, SegmentLimits, prepare_recordings, split_surfaces
+from ..data.folder import convert_folder, draft_layout, export_folder, inspect_folder
+from ..data.sens3 import convert_sens3
+from ..io.files import write_text
 from ..signal import BAND_HZ, DEVICE_RATE
+from ..virtual import generate_recordings
 from .prepare_data_args import SOURCE_FLAGS, build_parser, check, check_alone, check_export
 
 
 def _preparation(args):
     """Keyword arguments of `prepare_recordings`, checked as far as they can be without the data."""
-    default, biotac = SegmentLimits(), args.source == "biotac"
-    force, speed = default.normal_force, None if biotac else default.speed
+    default = SegmentLimits()
+    force, speed = default.normal_force, default.speed
     if args.no_limits:
         force = speed = None
     limits = SegmentLimits(
@@ -37,10 +26,10 @@ def _preparation(args):
         seconds=args.segment_seconds,
         overlap=args.overlap,
     )
-    band = tuple(args.band) if args.band else BIOTAC_BAND_HZ if biotac else BAND_HZ
+    band = tuple(args.band) if args.band else BAND_HZ
     if not 0 < band[0] < band[1] < DEVICE_RATE / 2:
         raise ValueError(f"--band must satisfy 0 < LOW < HIGH < {DEVICE_RATE / 2:g} Hz, got {band}.")
-    test = args.test if args.test is not None else BIOTAC_TEST_SURFACES if biotac else 0.1
+    test = args.test if args.test is not None else 0.1
     validation = 0.1 if args.validation is None else args.validation
     if args.source == "virtual":
         split_surfaces(args.surfaces, validation, test, args.split_seed)
@@ -108,9 +97,6 @@ def _recordings(args):
         convert = convert_sens3 if args.source == "sens3" else convert_folder
         _told(convert(args.root, args.layout, args.output, quiet=args.quiet), args.output)
         return args.output
-    elif args.source == "biotac":
-        convert_biotac(args.root, args.output, args.quiet)
-        print("BioTac: sensor counts, not newtons; no normal force; 25 mm/s, below the paper's limits. Checks only.")
     else:
         return args.recordings
     print(f"wrote {args.output}")

@@ -3,10 +3,11 @@
 import argparse
 from pathlib import Path
 
-from ..data import BIOTAC_BAND_HZ, BIOTAC_TEST_SURFACES, EXPORT_KINDS, SegmentLimits
+from ..data import SegmentLimits
+from ..data.folder import EXPORT_KINDS
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
-from ..data.virtual.raters import RATERS
 from ..signal import BAND_HZ, SEGMENT_SECONDS
+from ..virtual.raters import RATERS
 from .program import Parser, program
 
 _REQUIRED = None
@@ -27,7 +28,6 @@ SOURCE_FLAGS = {
     },
     "sens3": {"root": _REQUIRED, "layout": _REQUIRED, "output": _REQUIRED},
     "folder": {"root": _REQUIRED, "layout": _REQUIRED, "output": _REQUIRED},
-    "biotac": {"root": _REQUIRED, "output": _REQUIRED},
     "recordings": {"recordings": _REQUIRED},
 }
 #: Flags that stand for work of their own, and flags of sources that they need.
@@ -39,7 +39,6 @@ Brings recordings into one file (recordings.h5) and prepares a data set from it.
   --source sens3       the folder --root, described by --layout, is converted to --output, and compared with SENS3
   --source folder      likewise, anyone's folder; the keys of a layout are explained at the top of
                        src/tactile_diffusers/data/folder/layout.py (pydoc tactile_diffusers.data.folder.layout)
-  --source biotac      slides of a BioTac robot finger (uncalibrated, 25 mm/s) are converted to --output
   --source recordings  an existing recordings.h5
 
 With --prepared the recordings are then filtered, cut into segments and split by surface. On their own:
@@ -70,7 +69,7 @@ def build_parser():
 def _add_files(group):
     group.add_argument("--output", type=Path, help="recordings.h5 to write")
     group.add_argument("--recordings", type=Path, help="recordings.h5 to read")
-    group.add_argument("--root", type=Path, help="folder (sens3, folder) or biotac_slide.h5 (biotac)")
+    group.add_argument("--root", type=Path, help="folder of the recordings (sens3, folder)")
     group.add_argument("--layout", type=Path, help="layout.toml of the folder (sens3, folder)")
     group.add_argument("--prepared", type=Path, help="prepared data set to write")
     group.add_argument("--inspect", type=Path, metavar="DIR", help="list what is in a folder, and stop")
@@ -97,7 +96,7 @@ def _add_segments(group):
     limits, low_high, both = SegmentLimits(), ("LOW", "HIGH"), "; default {} {}"
     numbers = {"nargs": 2, "type": float, "metavar": low_high}
     group.add_argument("--normal-force", **numbers, help="N" + both.format(*limits.normal_force))
-    group.add_argument("--speed", **numbers, help="mm/s" + both.format(*limits.speed) + " (biotac: any)")
+    group.add_argument("--speed", **numbers, help="mm/s" + both.format(*limits.speed))
     group.add_argument("--no-limits", action="store_true", help="any normal force and speed")
     group.add_argument(
         "--longest-excursion",
@@ -113,8 +112,7 @@ def _add_segments(group):
     )
     group.add_argument("--segment-seconds", type=float, default=SEGMENT_SECONDS, help="default %(default)s")
     group.add_argument("--overlap", type=float, default=limits.overlap, help="share of a segment; default %(default)s")
-    biotac = " (biotac: {} {})".format(*BIOTAC_BAND_HZ)
-    group.add_argument("--band", **numbers, help="Hz" + both.format(*BAND_HZ) + biotac)
+    group.add_argument("--band", **numbers, help="Hz" + both.format(*BAND_HZ))
     group.add_argument("--filter-order", type=int, default=4, help="Butterworth, per edge; default %(default)s")
     group.add_argument(
         "--filter-passes", type=int, default=2, choices=(1, 2), help="2 = zero phase; default %(default)s"
@@ -123,7 +121,7 @@ def _add_segments(group):
 
 def _add_splits(group):
     group.add_argument("--validation", type=float, help="share below 1, or number of surfaces; default 0.1")
-    group.add_argument("--test", type=float, help=f"likewise; default 0.1 (biotac: {BIOTAC_TEST_SURFACES})")
+    group.add_argument("--test", type=float, help="likewise; default 0.1")
     group.add_argument("--split-seed", type=int, default=0, help="default %(default)s")
     for kind, example in (("surfaces", "'*-rubber'"), ("explorers", "explorer-2"), ("raters", "rater-10 rater-11")):
         group.add_argument(
@@ -193,7 +191,7 @@ def _must_exist(parser, args, name, folder=False):
 def _check_files(parser, args):
     _must_exist(parser, args, "recordings")
     _must_exist(parser, args, "layout")
-    _must_exist(parser, args, "root", folder=args.source != "biotac")
+    _must_exist(parser, args, "root", folder=True)
     written = [path for path in (args.output, args.prepared) if path is not None]
     for path in written:
         if not path.parent.is_dir():

@@ -7,8 +7,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from ..checkpoints import DISTILLED
-from ..data.files import clear_left_behind, whole_folder
-from ..reading import read_json, reading
+from ..io.files import clear_left_behind, whole_folder
+from ..io.reading import read_json, reading
 from . import readme
 from .program import Parser, program, refuse
 

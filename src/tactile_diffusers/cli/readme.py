@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from ..data.files import atomic_path, write_text
+from ..io.files import atomic_path, write_text
 
 
 def markers(name):

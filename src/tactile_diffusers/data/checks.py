@@ -3,10 +3,9 @@
 import numpy as np
 
 from ..signal import REFERENCE_FORCE
+from ..signal.rating_scales import RATING_SCALE
 from .masks import mask_of_runs, true_runs
 
-#: The scale of the ratings in SENS3 (paper section 2.1).
-RATING_SCALE = (0.0, 8.0)
 #: No fingertip presses with more (N).
 LARGEST_FORCE_N = 100.0
 #: Nor explores with a larger mean normal force (N); the paper's is 0.4-0.6 N (recipe).

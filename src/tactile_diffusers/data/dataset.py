@@ -5,9 +5,9 @@ import json
 import numpy as np
 import torch
 
-from ..reading import reading
+from ..io.files import as_strings, check_sizes, open_whole
+from ..io.reading import reading
 from ..signal import RATING_AXES, resample
-from .files import as_strings, check_sizes, open_whole
 from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, read_account, read_ratings, samples_at
 from .splits import SPLITS, Splits
 

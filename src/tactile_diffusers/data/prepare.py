@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 from tqdm import tqdm
 
+from ..io.files import clear_left_behind, whole_file
 from ..signal import BAND_HZ
-from .files import clear_left_behind, whole_file
 from .prepared_file import (
     PREPARED_FORMAT,
     PREPARED_VERSION,

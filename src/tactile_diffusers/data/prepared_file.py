@@ -13,8 +13,8 @@ account/reasons, <subset>       seconds (recordings, reasons)
 import h5py
 import numpy as np
 
+from ..io.files import as_strings
 from ..signal import WORKING_RATE, resample
-from .files import as_strings
 from .ratings import RatingReliability
 from .segments import REASONS
 

@@ -195,16 +195,6 @@ def _correlations(columns):
     return pandas.DataFrame(columns).corr(min_periods=LEAST_COMMON).to_numpy(copy=True)
 
 
-def to_raw(ratings, raw_mean, raw_scale):
-    """From ratings in z-scores to the typical rater's 0-8 scale: (..., 3), not clipped."""
-    return np.asarray(ratings) * raw_scale + raw_mean
-
-
-def from_raw(answers, raw_mean, raw_scale):
-    """From the typical rater's 0-8 scale to ratings in z-scores: (..., 3)."""
-    return (np.asarray(answers) - raw_mean) / raw_scale
-
-
 def rating_quantiles(mean):
     """Quantiles of pooled means at 0, 5, ... 100 %, the table behind percentiles.
 
@@ -238,18 +228,3 @@ def rating_coverage(mean):
     centre = known.mean(0)
     covariance = np.cov(known.T) + 1e-6 * np.eye(mean.shape[1])  # axes that are always rated alike stay solvable
     return centre, covariance, float(coverage_distance(known, centre, covariance).max())
-
-
-def from_percentile(percentiles, quantiles):
-    """From percentiles to ratings in z-scores, along straight lines between the quantiles.
-
-    Args:
-        percentiles (`np.ndarray`): (..., axes) in [0, 100], NaN = not specified (and stays NaN).
-        quantiles (`np.ndarray`): (axes, n) at equally spaced shares from 0 to 1, as `rating_quantiles` makes them.
-
-    Returns:
-        `np.ndarray`: (..., axes) float64.
-    """
-    percentiles, quantiles = np.asarray(percentiles, dtype=np.float64), np.asarray(quantiles)
-    steps = np.linspace(0, 100, quantiles.shape[1])
-    return np.stack([np.interp(percentiles[..., a], steps, row) for a, row in enumerate(quantiles)], axis=-1)

@@ -15,10 +15,10 @@ from numbers import Real
 import h5py
 import numpy as np
 
-from ..reading import reading
+from ..io.files import as_strings, check_size, open_whole, plain_attributes, whole_file
+from ..io.reading import reading
 from ..signal import SEGMENT_SECONDS
-from .checks import RATING_SCALE, check_forces, check_ratings  # noqa: F401 (the scale of this store)
-from .files import as_strings, check_size, open_whole, plain_attributes, whole_file
+from .checks import check_forces, check_ratings
 
 FORMAT = "tactile-recordings"
 VERSION = 1

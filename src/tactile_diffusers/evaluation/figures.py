@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ..data.files import atomic_path
+from ..io.files import atomic_path
 from ..signal import RATING_AXES, nine_band_error_db, power_spectral_density
 from .labels import BANDS, compared_steps
 

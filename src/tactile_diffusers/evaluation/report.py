@@ -13,8 +13,8 @@ import torch
 from tqdm.auto import tqdm
 
 from ..checkpoints import DISTILLED
-from ..data.files import write_text
-from ..reading import read_json
+from ..io.files import write_text
+from ..io.reading import read_json
 from ..training.surfaces import count_seen, surfaces_of, trained_on
 from .figures import plot_beside
 from .sections import SECTIONS, WITHOUT_RATINGS, anchors

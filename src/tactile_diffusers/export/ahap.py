@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 
-from ..data.files import write_text
-from ..reading import read_json, reading
+from ..io.files import write_text
+from ..io.reading import read_json, reading
 from .checks import check_file
 from .envelopes import LOSSY, envelopes, from_unit, play, to_unit
 from .metadata import METADATA_KEY, check_arguments, check_read, check_span, metadata_from_json, metadata_to_json

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ..data.files import atomic_path
+from ..io.files import atomic_path
 from ..signal import BAND_HZ, RATING_AXES, power_spectral_density, rms
 from .checks import check_positive_or_unknown, check_ratings, check_texture
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..data.files import check_sizes, open_whole, whole_file, write_text
-from ..reading import read_json, reading
+from ..io.files import check_sizes, open_whole, whole_file, write_text
+from ..io.reading import read_json, reading
 
 FORMAT, VERSION = "tactile-generated", 1
 MANIFEST = "manifest.json"

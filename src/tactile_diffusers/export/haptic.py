@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from ..data.files import write_text
-from ..reading import read_json, reading
+from ..io.files import write_text
+from ..io.reading import read_json, reading
 from ..version import __version__
 from .checks import check_file
 from .envelopes import LOSSY, envelopes, from_unit, play, to_unit

@@ -10,8 +10,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from ..data.files import write_text
-from ..reading import read_json, reading
+from ..io.files import write_text
+from ..io.reading import read_json, reading
 from ..signal import BAND_HZ, REFERENCE_FORCE
 from .checks import check_above_zero, check_file
 from .metadata import (

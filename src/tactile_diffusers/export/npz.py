@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from ..data.files import atomic_path, check_npz
-from ..reading import reading
+from ..io.files import atomic_path, check_npz
+from ..io.reading import reading
 from .checks import check_file
 from .metadata import UNITS, check_arguments, check_read, metadata_from_json
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..data.files import atomic_path
 from ..data.wav_header import check_wav
-from ..reading import read_json, reading
+from ..io.files import atomic_path
+from ..io.reading import read_json, reading
 from .checks import check_above_zero, check_file
 from .metadata import check_arguments, check_read, metadata_from_json, metadata_to_json
 

@@ -10,8 +10,8 @@ from diffusers.utils import logging
 from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundError, RevisionNotFoundError
 
 from ..checkpoints import DISTILLED, SURFACES_FILE
+from ..io.reading import reading
 from ..models.loading import WHY_NO_PICKLES
-from ..reading import reading
 
 logger = logging.get_logger(__name__)
 
@@ -27,7 +27,7 @@ _NOT_SENT = ["checkpoint-*", "unfinished-*"]
 
 def forget_folders(folder):
     """Removes from all configs of a checkpoint where it was loaded from: that is nobody's business elsewhere."""
-    from ..data.files import write_text  # imported here: loading a pipeline needs nothing of the room of data
+    from ..io.files import write_text  # imported here: loading a pipeline needs nothing of the room of data
 
     for path in [*Path(folder).glob("*.json"), *Path(folder).glob("*/*.json")]:
         with reading(path, "JSON"):

@@ -11,8 +11,8 @@ import torch
 from diffusers.utils import logging
 
 from ..features import TactileFeatureExtractor
+from ..io.reading import read_json, reading
 from ..models import DALEModel, LCTGModel, RatingEstimator
-from ..reading import read_json, reading
 from ..schedulers import VDDIMScheduler
 from ..signal import coverage_distance
 
@@ -49,8 +49,7 @@ def _scale(name):
         remark = "most surfaces lie within -2 and 2"
         return _Scale(-LARGEST_RATING, LARGEST_RATING, "z-scores", remark, (), lambda values: values)
     # imported here: loading a pipeline and z-scores need nothing of the room of data
-    from ..data.ratings import from_percentile, from_raw
-    from ..data.recordings import RATING_SCALE
+    from ..signal.rating_scales import RATING_SCALE, from_percentile, from_raw
 
     if name == "raw":
         remark, statistics = "as the typical rater gives them", ("ratings_mean", "ratings_std")

@@ -1,9 +1,5 @@
-"""Textures under a moving finger, and the drive of the display that makes them felt."""
+"""Textures under a moving finger: position in, force out."""
 
-from .drive import DriveProfile
-from .drive_files import read_drive_calibration
-from .drive_fit import DriveFit, fit_drive_profile
-from .drive_stream import ClippingReport, DriveStream
 from .endless import EndlessProfile, EndlessStream
 from .finger import FingerPath
 from .generating import GeneratingProcess
@@ -13,10 +9,6 @@ from .scene import TextureScene
 from .stream import TextureStream
 
 __all__ = [
-    "ClippingReport",
-    "DriveFit",
-    "DriveProfile",
-    "DriveStream",
     "EndlessProfile",
     "EndlessStream",
     "FingerPath",
@@ -24,7 +16,5 @@ __all__ = [
     "TextureProfile",
     "TextureScene",
     "TextureStream",
-    "fit_drive_profile",
     "on_time",
-    "read_drive_calibration",
 ]

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import signal
 
 from ..pipelines.inputs import check_positive_integer
-from .drive_checks import check_number
+from ..signal.checks import check_number
 from .reports import ReportWatch, check_clock, check_reports
 
 #: Low-pass of the path, Hz. Of a sensor of 125 Hz and 0.1 mm it leaves jitter that puts 20 dB less energy into the

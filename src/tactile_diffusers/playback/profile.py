@@ -9,7 +9,7 @@ import numpy as np
 from scipy.fft import next_fast_len
 
 from ..signal import BAND_HZ
-from .drive_checks import check_number
+from ..signal.checks import check_number
 
 #: Resolutions of the profile per octave of spatial frequency; between two of them is interpolated.
 PER_OCTAVE = 4

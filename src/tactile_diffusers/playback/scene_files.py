@@ -17,7 +17,7 @@ import safetensors
 import torch
 from safetensors.numpy import save_file
 
-from ..data.files import atomic_path
+from ..io.files import atomic_path
 from ..pipelines.inputs import check_steps
 from .patches import LONGEST_MM, Patches
 

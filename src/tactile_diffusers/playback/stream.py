@@ -6,7 +6,7 @@ import numpy as np
 
 from ..pipelines.inputs import check_positive_integer
 from ..signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE
-from .drive_checks import check_number
+from ..signal.checks import check_number
 from .finger import CUTOFF_HZ, FingerPath
 
 #: Speed below which friction turns smoothly with the direction, mm/s: where a resting finger is loaded, not sliding.

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas
 
-from ..data.files import atomic_path
-from ..reading import read_json, reading
+from ..io.files import atomic_path
+from ..io.reading import read_json, reading
 from ..signal import RATING_AXES
 
 FORMAT, VERSION = "tactile-study", 1

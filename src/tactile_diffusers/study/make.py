@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from ..data import PreparedDataset
-from ..data.files import write_text
+from ..io.files import write_text
 from ..version import __version__
 from .folder import FORMAT, KEY, PRIVATE, PROTOCOL, SETTINGS, STIMULI, TRIALS, VERSION, Study, read_study, write_csv
 from .protocol import protocol_markdown

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 
-from ..reading import reading
+from ..io.reading import reading
 from .trials import ABX, SCALES, TRIAL_COLUMNS
 
 _NEEDED = ("participant", "trial", "response")

@@ -10,8 +10,8 @@ import numpy as np
 import pandas
 from tqdm.auto import tqdm
 
-from ..data.virtual.raters import DISAGREEMENT, GAIN_SPREAD, OFFSET_SPREAD, TYPICAL_GAIN
 from ..signal import RATING_AXES
+from ..virtual.raters import DISAGREEMENT, GAIN_SPREAD, OFFSET_SPREAD, TYPICAL_GAIN
 from .analysis import abx_scores, bootstrap, describe, rating_scores, similarity_scores
 from .responses import SIMULATED, check_responses
 from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE

@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 
-from ..data.files import write_text
 from ..evaluation.figures import figure_panels
 from ..evaluation.labels import NAMES
 from ..evaluation.tables import markdown_table, title
+from ..io.files import write_text
 from ..signal import RATING_AXES
 from .analysis import LEAST_PARTICIPANTS, RESAMPLES, abx_scores, describe, similarity_scores
 from .sensitivity import abx_proportion_correct

@@ -12,8 +12,8 @@ from itertools import permutations
 import numpy as np
 import pandas
 
-from ..data.recordings import RATING_SCALE
 from ..signal import RATING_AXES
+from ..signal.rating_scales import RATING_SCALE
 from .folder import write_csv
 from .stimuli import REFERENCE
 

@@ -10,7 +10,7 @@ megabytes), `--local_rank` (launchers set the environment).
 import argparse
 from pathlib import Path
 
-from ..reading import read_json
+from ..io.reading import read_json
 
 _RESUME_HELP = (
     "a checkpoint folder, or 'latest'; of your own trainings alone: optimiser and random state are pickles, which may "

@@ -14,11 +14,11 @@ from huggingface_hub import ModelCardData
 
 from ..checkpoints import DISTILLED
 from ..data.card.markdown import limits_in_words, table
-from ..data.files import write_text
 from ..data.splits import SPLITS
-from ..data.virtual.generate import SOURCE as VIRTUAL
+from ..io.files import write_text
 from ..pipelines.hub import CARD_FILE, forget_folders, upload_checkpoint
 from ..version import __version__
+from ..virtual.generate import SOURCE as VIRTUAL
 from .card_runs import describe_run
 
 TAGS = ["tactile", "haptics", "texture", "friction", "diffusion"]
@@ -323,7 +323,9 @@ def _limits(pipe, dataset):
 def _how_to_evaluate(place, dataset, runs, teacher):
     place, data = place.rsplit("/", 1)[-1], shlex.quote(Path(dataset.path).name)  # of a copy of what is on the Hub
     if teacher is not None:
-        command = f"python examples/benchmark.py --suite decoder --checkpoint {shlex.quote(teacher)} --data {data}"
+        command = (
+            f"python examples/benchmarks/benchmark.py --suite decoder --checkpoint {shlex.quote(teacher)} --data {data}"
+        )
         return EVALUATE.format(command=f"{command} --decoders {shlex.quote(f'distilled={place}')} --output report")
     place = shlex.quote(place)
     command = f"python examples/evaluate.py --checkpoint {place} --data {data} --output report"

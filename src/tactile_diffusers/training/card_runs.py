@@ -4,8 +4,8 @@ import shlex
 import shutil
 from pathlib import Path
 
-from ..data.files import atomic_path
-from ..reading import reading
+from ..io.files import atomic_path
+from ..io.reading import reading
 from .record import read_log, read_losses, read_record
 
 #: Arguments of a training that say nothing about its result.

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ..data.locks import unlock_folder
+from ..io.locks import unlock_folder
 from .card import send_to_hub, write_card
 from .checkpoints import save_result, writing
 from .figures import plot_losses

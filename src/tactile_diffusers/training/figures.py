@@ -1,6 +1,6 @@
 """Pictures of a training, drawn from its log; each is whole or absent."""
 
-from ..data.files import atomic_path
+from ..io.files import atomic_path
 from .record import read_entries
 
 

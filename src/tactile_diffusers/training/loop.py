@@ -18,8 +18,8 @@ from diffusers.optimization import get_scheduler
 from diffusers.training_utils import EMAModel
 from tqdm.auto import tqdm
 
-from ..data.files import write_text
-from ..data.locks import lock_folder
+from ..io.files import write_text
+from ..io.locks import lock_folder
 from .batches import EndlessBatches
 from .checkpoints import (
     checkpoints,

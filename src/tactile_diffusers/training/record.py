@@ -4,8 +4,8 @@ import json
 import os
 from pathlib import Path
 
-from ..data.files import write_text
-from ..reading import read_json
+from ..io.files import write_text
+from ..io.reading import read_json
 
 #: What a card tells of a training.
 _TOLD = {"script": str, "arguments": dict, "segments": int, "steps": int, "machine": str, "versions": dict}

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 from ..checkpoints import SURFACES_FILE
-from ..data.files import write_text
-from ..reading import read_json
+from ..io.files import write_text
+from ..io.reading import read_json
 from .record import phases
 
 

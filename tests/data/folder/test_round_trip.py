@@ -6,11 +6,12 @@ import h5py
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import RecordingsFile, generate_recordings, prepare_recordings
+from tactile_diffusers.data import RecordingsFile, prepare_recordings
 from tactile_diffusers.data.folder.convert import convert_folder
 from tactile_diffusers.data.folder.draft import draft_layout, inspect_folder
 from tactile_diffusers.data.folder.export import EXPORT_KINDS, export_folder
 from tactile_diffusers.data.folder.layout import load_layout
+from tactile_diffusers.virtual import generate_recordings
 
 #: Answers to every TODO in the draft of an exported folder.
 ANSWERS = {

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.stats import rankdata
 
 from ...signal import RATING_AXES
+from ...signal.rating_scales import RATING_SCALE
 from ..ratings import axis_correlation, rating_reliability
-from ..recordings import RATING_SCALE
 
 #: Bins of pooled ratings, in z-scores.
 Z_EDGES = np.linspace(-3, 3, 25)

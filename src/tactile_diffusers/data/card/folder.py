@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from ...reading import read_json
-from ..files import whole_folder
+from ...io.files import whole_folder
+from ...io.reading import read_json
 
 CARD_FORMAT = "tactile-data-card"
 CARD_VERSION = 1

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from ...reading import reading
+from ...io.reading import reading
 from ..folder.conversion_report import REPORT_ATTRIBUTE, notes_in_words
 
 #: So many samples of all recordings together, evenly spread, make the histograms of speed and normal force.

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from ..files import clear_left_behind
+from ...io.files import clear_left_behind
 from ..recordings import RecordingsWriter
 from .clocks import Unusable
 from .conversion_report import REPORT_ATTRIBUTE, ConversionReport

@@ -9,8 +9,9 @@ import numpy as np
 from scipy import io
 from tqdm import tqdm
 
-from ..files import whole_folder
-from ..recordings import RATING_SCALE, VELOCITY_UNIT, RecordingsFile
+from ...io.files import whole_folder
+from ...signal.rating_scales import RATING_SCALE
+from ..recordings import VELOCITY_UNIT, RecordingsFile
 from .draft_walk import HIDDEN_PREFIXES
 from .layout import FORMAT, VERSION
 from .rating_layout import AXIS_WORDS

@@ -44,7 +44,7 @@ import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...reading import reading
+from ...io.reading import reading
 from .keys import Keys, refuse_todo
 from .patterns import Pattern
 from .rating_layout import RatingsLayout, rating_keys

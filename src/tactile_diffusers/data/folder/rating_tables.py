@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ...signal import RATING_AXES
-from ..recordings import RATING_SCALE, RaterScores
+from ...signal.rating_scales import RATING_SCALE
+from ..recordings import RaterScores
 from .sources import Source, files_below, matching_places
 
 #: How many names or places a message lists.

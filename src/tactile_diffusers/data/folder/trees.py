@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from scipy import io
 
-from ..files import check_npz, check_size, open_whole
+from ...io.files import check_npz, check_size, open_whole
 
 #: Attributes of HDF5 groups and arrays, and scalars beside arrays, that give the sampling rate in Hz.
 RATE_NAMES = ("rate", "sampling_rate", "sampling_rate_hz", "fs", "Fs")

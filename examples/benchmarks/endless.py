@@ -1,0 +1,176 @@
+"""Part of `benchmark.py --suite stream`: textures without end, generated while they are played."""
+
+import multiprocessing
+import time
+from pathlib import Path
+
+import numpy as np
+from tqdm.auto import tqdm
+
+from tactile_diffusers.playback import EndlessProfile, EndlessStream
+from tactile_diffusers.playback.endless import HANDOVER, OVERLAP
+from tactile_diffusers.signal import DEVICE_RATE, band_levels_db
+
+#: Surfaces that follow each other, and how often ratings change, s.
+RATINGS = ([1.5, 0.0, -1.0], [-1.0, 1.0, 0.0], [0.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.5, 0.0, 0.5])
+CHANGE_SECONDS = 2.0
+#: Windows in which joints are compared with what lies between them; of each surface.
+WINDOWS = 24
+#: Starts and changes that are timed.
+TIMES = 9
+
+
+def joints(pipe, quiet):
+    """Level, bands and agreement where windows meet, against the middle of windows; means over surfaces.
+
+    Returns:
+        `dict`: differences in dB, and the correlation of two windows where one gives way to the other.
+    """
+    begin, end = (edge * OVERLAP / (1 - OVERLAP) for edge in HANDOVER)
+    levels, bands, agreement = [], [], []
+    for seed, ratings in enumerate(tqdm(RATINGS, disable=quiet, desc="joints")):
+        profile, speed = EndlessProfile(pipe, ratings, seed), pipe.dale.config.reference_speed
+        samples = round((end - begin) * profile.spacing / speed * DEVICE_RATE)
+        pieces = {"joint": [], "middle": []}
+        for index in range(1, WINDOWS):
+            profile.generate(index - 1, index)
+            profile._recent = {index: 0}  # what is kept lies around it
+            for name, place in (("joint", begin), ("middle", 0.5)):
+                x = (index + place) * profile.spacing + np.arange(samples) * speed / DEVICE_RATE
+                pieces[name].append(profile.read(x, np.full(samples, speed)))
+                if name == "joint":
+                    one, other = (
+                        profile._windows[k].read(x - k * profile.spacing, np.full(samples, speed))
+                        for k in (index - 1, index)
+                    )
+                    agreement.append(np.corrcoef(one, other)[0, 1])
+        power = {name: np.mean(np.square(rows)) for name, rows in pieces.items()}
+        levels.append(10 * np.log10(power["joint"] / power["middle"]))
+        spectra = {name: 10 ** (band_levels_db(np.stack(rows), DEVICE_RATE) / 10) for name, rows in pieces.items()}
+        bands.append(10 * np.log10(spectra["joint"].mean(0) / spectra["middle"].mean(0)))
+    return {
+        "level, dB": float(np.mean(levels)),
+        "largest of nine bands, dB": float(max(np.mean(bands, axis=0), key=abs)),
+        "correlation of two windows": float(np.mean(agreement)),
+    }
+
+
+def starts(pipe):
+    """Time from ratings to the first sample, and from new ratings until they alone are felt: medians, ms.
+
+    `pipe`: or a `GeneratingProcess`.
+    """
+    first, changes = [], []
+    for number in range(TIMES + 1):  # the first one warms up
+        begin = time.perf_counter()
+        with EndlessStream(EndlessProfile(pipe, RATINGS[0], number), 125.0) as stream:
+            stream.read(1)
+            first.append(time.perf_counter() - begin)
+            while stream._profile.missing():
+                time.sleep(0.001)
+            before, begin = stream._profile, time.perf_counter()
+            stream.change(RATINGS[1])
+            while stream._profile is before:
+                time.sleep(0.0005)
+            changes.append(time.perf_counter() - begin + stream._fade_samples / DEVICE_RATE)
+    return {
+        "first sample ms": 1e3 * float(np.median(first[1:])),
+        "change felt ms": 1e3 * float(np.median(changes[1:])),
+        "slowest change ms": 1e3 * float(max(changes[1:])),
+    }
+
+
+def clock(pipe, place, rate, block, minutes, quiet):
+    """Random motion in real time, while windows are generated and ratings change.
+
+    Args:
+        pipe (`TactileTexturePipeline` or `GeneratingProcess`).
+        place (`np.ndarray`): mm, of the finger, `rate` times a second.
+        rate (`float`): Hz.
+        block (`int`): samples at a time.
+        minutes (`float`): of playing.
+        quiet (`bool`): no progress bar.
+
+    Returns:
+        `dict`: percentiles in ms, late blocks, shares of a core, memory, largest step.
+    """
+    blocks, budget = round(minutes * 60 * DEVICE_RATE / block), block / DEVICE_RATE
+    times, late, steps, last, finite, number, substituted = np.empty(blocks), 0, 0.0, 0.0, True, 0, 0
+    memory, busy, began = [], time.process_time(), time.perf_counter()
+    with EndlessStream(EndlessProfile(pipe, RATINGS[0]), rate) as stream:
+        stream.read(block)
+        start = time.perf_counter()
+        for index in tqdm(range(blocks), disable=quiet, desc="endless", mininterval=5):
+            while number / rate <= stream.time and number < len(place):
+                stream.report(number / rate, place[number])
+                number += 1
+            if (index + 1) % round(CHANGE_SECONDS / budget) == 0:
+                substituted += stream._profile.substituted
+                stream.change(RATINGS[index // round(CHANGE_SECONDS / budget) % len(RATINGS)])
+            if index % round(5 / budget) == 0:
+                memory.append(_resident_mib())
+            time.sleep(max(0.0, start + index * budget - time.perf_counter()))
+            begin = time.perf_counter()
+            force = stream.read(block)
+            times[index] = time.perf_counter() - begin
+            late += time.perf_counter() > start + (index + 2) * budget
+            steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
+            last, finite = force[-1], finite and bool(np.isfinite(force).all())
+    wall = time.perf_counter() - began
+    quarter = max(1, len(memory) // 4)
+    return {
+        "median ms": 1e3 * float(np.median(times)),
+        "99.9th percentile ms": 1e3 * float(np.percentile(times, 99.9)),
+        "largest ms": 1e3 * float(times.max()),
+        "over budget": int((times > budget).sum()),
+        "underruns": int(late),
+        "reading, share of a core": float(times.sum() / wall),
+        "all, share of a core": (time.process_time() - busy) / wall,
+        "windows stood in for": int(substituted),
+        "memory MiB": float(np.mean(memory[-quarter:])),
+        "its growth MiB": float(np.mean(memory[-quarter:]) - np.mean(memory[quarter : 2 * quarter] or memory)),
+        "largest step mN": 1e3 * steps,
+        "finite": finite,
+    }
+
+
+def wakes(block, minutes, quiet):
+    """How late the machine itself wakes a program that sleeps from block to block while another computes: ms."""
+    blocks, budget = round(minutes * 60 * DEVICE_RATE / block), block / DEVICE_RATE
+    late = np.empty(blocks)
+    other = multiprocessing.get_context("spawn").Process(target=_compute, daemon=True)
+    other.start()
+    start = time.perf_counter() + 1.0  # it has begun by then
+    for index in tqdm(range(blocks), disable=quiet, desc="machine", mininterval=5):
+        time.sleep(max(0.0, start + index * budget - time.perf_counter()))
+        late[index] = time.perf_counter() - start - index * budget
+    other.terminate()
+    return {
+        "median ms": 1e3 * float(np.median(late)),
+        "99.9th percentile ms": 1e3 * float(np.percentile(late, 99.9)),
+        "largest ms": 1e3 * float(late.max()),
+        "over budget": int((late > budget).sum()),
+    }
+
+
+def _compute():
+    while True:
+        np.sin(np.arange(10_000))
+
+
+def profiles(pipe, windows=6):
+    """Some windows of every surface, for the steps that they have of their own."""
+    made = []
+    for ratings in RATINGS:
+        profile = EndlessProfile(pipe, ratings)
+        profile.generate(*range(windows))
+        made.extend(profile._windows.values())
+    return made
+
+
+def _resident_mib():
+    """Memory of this process now; NaN where there is no /proc."""
+    status = Path("/proc/self/status")
+    if not status.is_file():
+        return float("nan")
+    return int(status.read_text().split("VmRSS:")[1].split()[0]) / 2**10

@@ -1,0 +1,176 @@
+"""`benchmark.py --suite scene`: many surfaces of which few are touched, against decoding all."""
+
+import json
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from child import run_child
+
+from tactile_diffusers.evaluation.result_files import machine, write_results
+
+TOUCHED = 3
+#: Surfaces that go through both stages at once where all are decoded: larger batches are no faster on a CPU.
+BATCH = 16
+#: Ratings are drawn between plus and minus this.
+LARGEST_RATING = 1.0
+CASES = ("pipeline alone", "scene", "scene from a file", "all decoded")
+#: Columns and their digits.
+COLUMNS = {name: (name, 2) for name in ("latents s", "first profile s", "all wanted s", "processor s")} | {
+    name: (name, 0) for name in ("peak MiB", "above the pipeline MiB")
+}
+_CHILD = "import sys; from scene import child; child(*sys.argv[1:])"
+
+
+def run(arguments, pipe):
+    """Measures, writes scene.json and scene.md, and returns the Markdown.
+
+    Args:
+        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "surfaces" (`int`), "repeats", "seed", "threads",
+            "checkpoint" (`str`).
+        pipe (`TactileTexturePipeline`): makes the scene that is written to a file.
+
+    Returns:
+        `str`
+    """
+    import torch
+
+    threads = torch.get_num_threads()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scene.safetensors"
+        report = {
+            "machine": machine(),
+            "surfaces": arguments.surfaces,
+            "touched": min(TOUCHED, arguments.surfaces),
+            "repeats": arguments.repeats,
+            "file": file_size(pipe, arguments.surfaces, arguments.seed, path),
+        }
+        settings = (arguments.checkpoint, str(arguments.surfaces), str(arguments.seed), str(threads), str(path))
+        report["cases"] = measure(arguments.repeats, settings)
+    loaded = report["cases"]["pipeline alone"]["peak MiB"]
+    for row in report["cases"].values():
+        row["above the pipeline MiB"] = None if loaded is None else row["peak MiB"] - loaded
+    text = markdown(report)
+    write_results(arguments.output, "scene", report, text)
+    return text
+
+
+def draw_surfaces(count, seed):
+    """Names and ratings."""
+    ratings = np.random.default_rng(seed).uniform(-LARGEST_RATING, LARGEST_RATING, (count, 3))
+    return {f"surface {number}": row for number, row in enumerate(ratings)}
+
+
+def file_size(pipe, count, seed, path):
+    """Writes a scene; what it takes on disk, and how long it takes to write and to read, latents apart.
+
+    Returns:
+        `dict[str, float]`
+    """
+    from tactile_diffusers.playback import TextureScene
+
+    scene = TextureScene(draw_surfaces(count, seed), pipe, seed=seed)
+    scene.friction_coefficient(scene.names[0])  # runs DALE
+    begin = time.perf_counter()
+    scene.save(path)
+    written = time.perf_counter()
+    TextureScene.load(path, pipe)
+    read = time.perf_counter()
+    size = path.stat().st_size
+    return {
+        "kB": size / 1e3,
+        "kB per surface": size / 1e3 / count,
+        "written in ms": 1e3 * (written - begin),
+        "read in ms": 1e3 * (read - written),
+    }
+
+
+def measure(repeats, settings):
+    """Medians over fresh processes; the cases take turns, so that what else the machine does meets all.
+
+    Args:
+        repeats (`int`): of each case.
+        settings (`Sequence[str]`): further arguments of `child`.
+
+    Returns:
+        `dict[str, dict[str, float]]`: case -> seconds, and "peak MiB", `None` anywhere but on Linux.
+    """
+    rows = {case: [] for case in CASES}
+    for _ in range(repeats):
+        for case in CASES:
+            printed, peak = run_child(_CHILD, case, *settings)
+            times = json.loads(printed.splitlines()[-1])
+            rows[case].append(times | {"peak MiB": peak})
+    return {case: {name: _median(found, name) for name in found[0]} for case, found in rows.items()}
+
+
+def _median(rows, name):
+    return None if rows[0][name] is None else statistics.median(row[name] for row in rows)
+
+
+def child(case, checkpoint, count, seed, threads, path):
+    """Loads the pipeline, does what the case says, and prints the times since then as JSON. All arguments are text."""
+    import torch
+
+    from tactile_diffusers import TactileTexturePipeline
+    from tactile_diffusers.playback import TextureScene
+
+    torch.set_num_threads(int(threads))
+    pipe = TactileTexturePipeline.from_pretrained(checkpoint)
+    pipe.set_progress_bar_config(disable=True)
+    surfaces, touched = draw_surfaces(int(count), int(seed)), min(TOUCHED, int(count))
+    begin, worked, times = time.perf_counter(), time.process_time(), {}
+    if case == "all decoded":
+        kept = []
+        for profiles in _decode_all(pipe, surfaces, int(seed)):
+            kept.extend(profiles)
+            times.setdefault("first profile s", time.perf_counter() - begin)
+        times["all wanted s"] = time.perf_counter() - begin
+    elif case != "pipeline alone":
+        scene = TextureScene(surfaces, pipe, seed=int(seed)) if case == "scene" else TextureScene.load(path, pipe)
+        for name in scene.names[:touched]:
+            scene.friction_coefficient(name)
+            times.setdefault("latents s", time.perf_counter() - begin)
+            scene.profile(name)
+            times.setdefault("first profile s", time.perf_counter() - begin)
+        times["all wanted s"] = time.perf_counter() - begin
+    if times:
+        times["processor s"] = time.process_time() - worked
+    print(json.dumps(times))
+
+
+def _decode_all(pipe, surfaces, seed):
+    """Yields the profiles of each batch."""
+    import torch
+
+    from tactile_diffusers.playback import TextureProfile
+
+    ratings = np.stack(list(surfaces.values()))
+    for start in range(0, len(ratings), BATCH):
+        out = pipe(ratings[start : start + BATCH], generator=torch.Generator("cpu").manual_seed(seed + start))
+        yield [TextureProfile(texture, out.sampling_rate, out.reference_speed) for texture in out.textures]
+
+
+def markdown(report):
+    """The two tables."""
+    from tactile_diffusers.evaluation.tables import markdown_table, title
+
+    count, touched = report["surfaces"], report["touched"]
+    names = {"scene": f"scene, {touched} touched", "scene from a file": f"scene from a file, {touched} touched"}
+    cases = {names.get(case, case): row for case, row in report["cases"].items()}
+    about = (
+        f"{count} surfaces of which {touched} are touched, against decoding all in batches of {BATCH}. Seconds in a "
+        "fresh process, from the loaded pipeline to the latents of all, to the first profile, and to all that are "
+        "wanted; processor time for all, which other work on the machine does not lengthen. "
+        f"{report['machine']}; medians of {report['repeats']}."
+    )
+    return "\n\n".join(
+        [
+            title("What a scene costs", 4) + about,
+            markdown_table(cases, labels=COLUMNS),
+            f"The file of the {count} surfaces",
+            markdown_table({"file": report["file"]}) + "\n",
+        ]
+    )

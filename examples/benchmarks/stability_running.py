@@ -1,0 +1,172 @@
+"""Suite stability: how it is run: many in a row, a long stream, threads, processes, compiled."""
+
+import mmap
+import multiprocessing
+import platform
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import torch
+from stability_bench import RATINGS, SAME, Row, not_finite, relative
+
+from tactile_diffusers.cli.distilled import with_lctg
+from tactile_diffusers.pipelines import TactileTexturePipeline
+from tactile_diffusers.playback import TextureProfile, TextureStream
+from tactile_diffusers.playback.finger import FASTEST, FingerPath
+from tactile_diffusers.playback.stream import SLOWEST_SLIDING, SPEED_EXPONENT
+from tactile_diffusers.signal import DEVICE_RATE
+
+SENSOR_HZ, BLOCK = 125.0, 80
+#: Speeds of random motion, mm/s: at rest, creeping, usual, and just not lifted.
+EXTREMES = (0.0, 0.01, 1.0, 80.0, 300.0, 0.99 * FASTEST)
+#: Length of a straight stroke, s.
+STROKE_SECONDS = 0.4
+#: Of a steady finger, mm/s: 100 m in ten minutes.
+STEADY = 1e5 / 600
+#: Memory that may come and go with allocators and caches, MiB: less than 10 kB for each of 1,000 textures.
+MEMORY_MIB = 8.0
+WARM_UP = 50
+
+
+def memory():
+    """Resident memory of this process in MiB; 0 anywhere but on Linux, where growth is then not seen."""
+    if platform.system() != "Linux":
+        return 0.0
+    return int(Path("/proc/self/statm").read_text().split()[1]) * mmap.PAGESIZE / 2**20
+
+
+def many(bench):
+    """Textures in a row: memory, and whether the last is the first."""
+    count = 5 if bench.quick else 1000
+    warm = min(WARM_UP, count)
+
+    def texture(number):
+        return bench.pipe(RATINGS[:1], generator=torch.Generator().manual_seed(bench.seed + number)).textures
+
+    first = texture(0)
+    for number in range(warm):
+        texture(number)
+    begin = memory()
+    bad = sum(not_finite(texture(number)) for number in range(count))
+    grown = memory() - begin
+    case = f"{count} textures"
+    yield Row(case, f"growth of memory after the first {warm + 1}", grown, MEMORY_MIB, "MiB")
+    yield Row(case, "values that are not finite", bad, 0, "")
+    yield Row(case, "the first seed again, largest difference", float(np.abs(texture(0) - first).max()), 0.0, "N")
+
+
+def stream(bench):
+    """Minutes of random motion between extremes, and a long way at a steady speed."""
+    out = bench.pipe(RATINGS[:1], generator=bench.generator())
+    profile = TextureProfile(out.textures[0], out.sampling_rate, out.reference_speed)
+    place = extreme_motion(bench.minutes, bench.seed)
+    yield from _extremes(profile, place, f"{bench.minutes:g} min of random motion, up to {max(EXTREMES):g} mm/s")
+    yield from _far(profile, bench.minutes)
+
+
+def extreme_motion(minutes, seed):
+    """Places of a finger at the sensor's reports, mm: straight strokes of random speeds, some at rest."""
+    rng, reports = np.random.default_rng(seed), round(STROKE_SECONDS * SENSOR_HZ)
+    strokes = round(minutes * 60 / STROKE_SECONDS) + 1
+    speed = rng.choice(EXTREMES, strokes) * rng.choice([-1, 1], strokes)
+    return np.cumsum(np.repeat(speed, reports)) / SENSOR_HZ
+
+
+def _blocks(follower, read, place):
+    """Reports a path to what follows it, and yields what it answers, block by block."""
+    number = 0
+    for _ in range(int(len(place) / SENSOR_HZ * DEVICE_RATE) // BLOCK):
+        while number < len(place) and number / SENSOR_HZ <= follower.time:
+            follower.report(number / SENSOR_HZ, place[number])
+            number += 1
+        yield read(BLOCK)
+
+
+def _extremes(profile, place, case):
+    follower, bad, largest, begin = TextureStream(profile, 0.0, SENSOR_HZ), 0, 0.0, None
+    warm = len(place) / SENSOR_HZ / 10
+    for block in _blocks(follower, follower.read, place):
+        if begin is None and follower.time > warm:
+            begin = memory()
+        bad += not_finite(block)
+        largest = max(largest, float(np.abs(block).max()))
+    yield Row(case, "values that are not finite", bad, 0, "")
+    yield Row(case, "largest force over the profile's own", largest / _loudest(profile), 1.0, "")
+    yield Row(case, "growth of memory after a tenth of it", memory() - begin, MEMORY_MIB, "MiB")
+
+
+def _loudest(profile):
+    """Largest force of steady fingers, up to twice the fastest: where it turns, its path is led ahead. N."""
+    found = []
+    for speed in np.geomspace(1, 2 * FASTEST, 120):
+        place = np.arange(0, profile.length, profile.pitch / 2)
+        texture = profile.read(place, np.full(len(place), speed))
+        found.append(np.abs(texture).max() * (max(speed, SLOWEST_SLIDING) / profile.reference_speed) ** SPEED_EXPONENT)
+    return max(found)
+
+
+def _far(profile, minutes):
+    """Where a steady finger is read after a long way, in samples of the profile, and what it then feels."""
+    case = f"{STEADY * minutes * 60 / 1e3:g} m at a steady speed"
+    place = STEADY * np.arange(round(minutes * 60 * SENSOR_HZ)) / SENSOR_HZ
+    path, follower = FingerPath(DEVICE_RATE, SENSOR_HZ), TextureStream(profile, 0.0, SENSOR_HZ)
+    for position, _ in _blocks(path, path.advance, place):
+        found = position[:, 0]
+    for force in _blocks(follower, follower.read, place):
+        felt = force
+    wanted = STEADY * (path.time - np.arange(BLOCK, 0, -1) / DEVICE_RATE)
+    error = np.abs(found - wanted).max() / profile.pitch
+    yield Row(case, "place, error in samples of the profile", float(error), 0.01, "samples")
+    law = (STEADY / profile.reference_speed) ** SPEED_EXPONENT
+    texture = -law * profile.read(wanted, np.full(BLOCK, STEADY))
+    yield Row(case, "force, RMS of the error over RMS", relative(felt, texture), 0.01, "")
+
+
+def threads(bench):
+    """Other numbers of torch's threads; pipelines in Python's threads."""
+    before, reference = torch.get_num_threads(), bench.reference
+    try:
+        for count in (1, 2, 3, 4):
+            torch.set_num_threads(count)
+            yield from bench.against(f"{count} of torch", bench.make(), SAME, reference=reference)
+    finally:
+        torch.set_num_threads(before)
+    again = 2 if bench.quick else 10
+    apart, shared = [bench.copy() for _ in range(2)], [with_lctg(bench.pipe, bench.pipe.lctg) for _ in range(2)]
+    for name, pipes in (("two pipelines", apart), ("two pipelines of the same weights", shared)):
+        with ThreadPoolExecutor(2) as pool:
+            made = list(pool.map(lambda pipe: [bench.make(pipe).textures for _ in range(again)], pipes))
+        worst = max(relative(textures, bench.reference.textures) for one in made for textures in one)
+        yield Row(f"{name} in two threads", "waveform, RMS of the error over RMS", worst, SAME, "")
+    told = "one thread at a time" in " ".join(TactileTexturePipeline.__doc__.split())
+    yield Row("one pipeline in two threads", "must not be, and its documentation keeps silent", 1 - told, 0, "")
+
+
+def processes(bench):
+    """Workers that are forked, where that is possible, or spawned."""
+    reference = bench.reference  # workers have it, too
+    for method in sorted({"fork", "spawn"} & set(multiprocessing.get_all_start_methods())):
+        with multiprocessing.get_context(method).Pool(2, _receive, (bench,)) as pool:
+            # a worker that stands still would otherwise be waited for
+            made = pool.map_async(_texture, range(4), chunksize=1).get(timeout=bench.limit)
+        worst = max(relative(one, reference.textures) for one in made)
+        yield Row(f"two workers, {method}", "waveform, RMS of the error over RMS", worst, SAME, "")
+
+
+def _receive(bench):
+    global _BENCH
+    torch.set_num_threads(1)  # torch's own threads do not survive a fork
+    _BENCH = bench
+
+
+def _texture(_):
+    return _BENCH.make().textures
+
+
+def compiled(bench):
+    """Both models in one graph each; quick: without making code of it."""
+    pipe = bench.copy()
+    for model in (pipe.dale, pipe.lctg):
+        model.compile(fullgraph=True, backend="eager" if bench.quick else "inductor")
+    yield from bench.against("both models, fullgraph", bench.make(pipe), SAME)

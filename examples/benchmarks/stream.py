@@ -1,0 +1,337 @@
+"""`benchmark.py --suite stream`: playback against fresh recordings, coarse sensors and the clock."""
+
+import time
+
+import endless as benchmark_endless
+import numpy as np
+from scipy import signal
+from tqdm.auto import tqdm
+
+from tactile_diffusers.checkpoints import bundled_checkpoint
+from tactile_diffusers.cli.distilled import distilled_folder, with_lctg
+from tactile_diffusers.evaluation.result_files import machine, write_results
+from tactile_diffusers.evaluation.tables import markdown_table, title
+from tactile_diffusers.models.lctg import LCTGModel, same_encoder
+from tactile_diffusers.playback import FingerPath, GeneratingProcess, TextureProfile, TextureStream, on_time
+from tactile_diffusers.playback.stream import SPEED_EXPONENT
+from tactile_diffusers.signal import DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES, band_levels_db, band_pass
+from tactile_diffusers.virtual.exploration import VELOCITY_RATE, Exploration, steady_exploration, wandering
+from tactile_diffusers.virtual.surface import VirtualSurface
+
+SPEEDS = (20.0, 40.0, 80.0, 160.0, 320.0)
+#: Speed at which the profiles are recorded, mm/s: that of the virtual explorers.
+RECORDED_SPEED = 80.0
+#: Surfaces, none of which any checkpoint learned from: of another seed than all data sets here.
+SEED = 4711
+#: Recorded seconds, after half a second that the filter needs.
+SECONDS, SETTLING = 4.0, 0.5
+#: Mean speeds of hands, and the limits of segments, mm/s.
+HAND_SPEEDS, SPEED_LIMITS = (72.0, 92.0), (66.0, 99.0)
+#: Sensors: reports per second and resolution in mm.
+SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1), (1000.0, 0.05))
+#: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
+HAND_HZ = 15.0
+BLOCK = 32
+#: Share of the minutes for which the other columns beside a process of its own are timed.
+COMPARED = 0.2
+#: Reports of the sensor in the timed runs.
+SENSOR_HZ = 125.0
+#: Random motion: it strokes to and fro at most about this often, over about twice this far.
+STROKES_HZ, STROKES_MM = 1.0, 30.0
+
+
+def run(arguments, pipe):
+    """Measures, writes stream.json and stream.md, and returns the Markdown.
+
+    Args:
+        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "surfaces" (`int`), "minutes" (`float`) of random
+            motion, "seed", "quiet".
+        pipe (`TactileTexturePipeline`): makes the textures that are played in the last two tables.
+
+    Returns:
+        `str`
+    """
+    import torch
+
+    out = pipe([[1.5, 0.0, -1.0], [-1.0, 1.0, 0.0]], generator=torch.Generator().manual_seed(arguments.seed))
+    profiles = [TextureProfile(texture, out.sampling_rate, out.reference_speed) for texture in out.textures]
+    report = {
+        "machine": machine(),
+        "surfaces": arguments.surfaces,
+        "minutes": arguments.minutes,
+        "recordings": fresh_recordings(arguments.surfaces, arguments.quiet),
+        "whose speed": whose_speed(arguments.surfaces, arguments.quiet),
+        "sensors": {f"{rate:g} Hz, {step:g} mm": sensor(profiles, rate, step) for rate, step in SENSORS},
+        "clock": clock(profiles, arguments.minutes, arguments.seed, arguments.quiet),
+        "joints": benchmark_endless.joints(pipe, arguments.quiet),
+        "starts": starts(pipe),
+        "endless": endless(pipe, arguments.minutes, arguments.seed, arguments.quiet),
+    }
+    text = markdown(report)
+    write_results(arguments.output, "stream", report, text)
+    return text
+
+
+def fresh_recordings(surfaces, quiet):
+    """Nine-band error, dB, of what is read from a profile against fresh recordings at other speeds.
+
+    Args:
+        surfaces (`int`): how many virtual surfaces.
+        quiet (`bool`): no progress bar.
+
+    Returns:
+        `dict`: class of surface -> kind of playback -> speed -> mean error over surfaces.
+    """
+    found = {}
+    for index in tqdm(range(surfaces), disable=quiet, desc="recordings"):
+        surface = VirtualSurface(SEED, index)
+        kind = "with stick-slip" if surface.parameters.stick > 0 else "without stick-slip"
+        texture = _record(surface, RECORDED_SPEED, 0)[:SEGMENT_SAMPLES]
+        for speed in SPEEDS:
+            fresh = band_levels_db(_record(surface, speed, 1), DEVICE_RATE)
+            for name, played in _played(surface, texture, speed).items():
+                error = float(np.abs(band_levels_db(played, DEVICE_RATE) - fresh).mean())
+                for group in (kind, f"all {surface.parameters.material}"):
+                    found.setdefault(group, {}).setdefault(name, {}).setdefault(f"{speed:g} mm/s", []).append(error)
+    return {
+        group: {name: {speed: float(np.mean(values)) for speed, values in row.items()} for name, row in rows.items()}
+        | {"surfaces": len(next(iter(rows["profile"].values())))}
+        for group, rows in sorted(found.items(), reverse=True)
+    }
+
+
+def whose_speed(surfaces, quiet):
+    """Nine-band error, dB, of textures recorded by a hand whose speed wanders, placed in space in three ways.
+
+    Args:
+        surfaces (`int`): how many virtual surfaces.
+        quiet (`bool`): no progress bar.
+
+    Returns:
+        `dict`: way -> speed at which it is played -> mean error over surfaces without stick-slip.
+    """
+    found, rate = {}, DEVICE_RATE
+    for index in tqdm(range(surfaces), disable=quiet, desc="whose speed"):
+        surface, rng = VirtualSurface(SEED, index), np.random.default_rng([SEED, index, 9])
+        if surface.parameters.stick > 0:
+            continue
+        samples = round((SETTLING + SECONDS) * VELOCITY_RATE)
+        trace = np.clip(wandering(rng, samples, rng.uniform(*HAND_SPEEDS), 0.1, 2.0), *SPEED_LIMITS)
+        hand = Exploration(trace, np.full(samples, REFERENCE_FORCE), np.zeros(samples), trace)
+        kept = slice(round(SETTLING * rate), round(SETTLING * rate) + SEGMENT_SAMPLES)
+        texture = band_pass(surface.record(hand, rng)[:, 0], rate)[kept]
+        speed = np.interp(np.arange(len(texture)) + kept.start, np.arange(samples) * rate / VELOCITY_RATE, trace)
+        position = np.cumsum(speed) / rate
+        even = np.arange(position[0], position[-1], RECORDED_SPEED / rate)
+        placed = {
+            "along the recorded path": (np.interp(even, position, texture), RECORDED_SPEED),
+            "at the segment's mean speed": (texture, speed.mean()),
+            "at the collection's mean speed": (texture, RECORDED_SPEED),
+        }
+        for played in SPEEDS:
+            fresh = band_levels_db(_record(surface, played, 1), rate)
+            place = played * np.arange(round(SECONDS * rate)) / rate
+            for name, (signal_, reference) in placed.items():
+                read = TextureProfile(signal_, rate, reference).read(place, np.full(len(place), played))
+                levels = band_levels_db(read * (played / reference) ** SPEED_EXPONENT, rate)
+                found.setdefault(name, {}).setdefault(f"{played:g} mm/s", []).append(np.abs(levels - fresh).mean())
+    return {name: {speed: float(np.mean(values)) for speed, values in row.items()} for name, row in found.items()}
+
+
+def _record(surface, speed, trial):
+    """Filtered lateral force of a straight slide, N."""
+    exploration = steady_exploration(speed, REFERENCE_FORCE, SETTLING + SECONDS)
+    force = surface.record(exploration, np.random.default_rng([SEED, surface.index, round(speed), trial]))
+    return band_pass(force[:, 0], DEVICE_RATE)[round(SETTLING * DEVICE_RATE) :]
+
+
+def _played(surface, texture, speed):
+    """What a finger of a speed is given: by the profile, by simpler profiles, and by what knows no speed."""
+    samples = round(SECONDS * DEVICE_RATE)
+    position, steady = speed * np.arange(samples) / DEVICE_RATE, np.full(samples, speed)
+    louder = (speed / RECORDED_SPEED) ** SPEED_EXPONENT
+    filled, held = (TextureProfile(texture, DEVICE_RATE, RECORDED_SPEED, fill=fill) for fill in (True, False))
+    return {
+        "profile": louder * filled.read(position, steady),
+        "not filled": louder * held.read(position, steady),
+        "no law of speed": filled.read(position, steady),
+        "time signal, whatever the speed": texture,
+        "another recording at that speed": _record(surface, speed, 2),
+    }
+
+
+def sensor(profiles, rate, resolution):
+    """What a coarse, slow sensor adds to the force, in the worst of three motions.
+
+    Args:
+        profiles (`list[TextureProfile]`).
+        rate, resolution (`float`): Hz and mm.
+
+    Returns:
+        `dict`: spurious energy against the texture's, dB; largest error of the place, mm; latency, s.
+    """
+    motions = (lambda t: 80 * t, lambda t: 30 * t, lambda t: 40 * np.sin(np.pi * t))
+    spurious, away = [], []
+    smoother = signal.butter(4, HAND_HZ, fs=DEVICE_RATE, output="sos")
+    for motion in motions:
+        path, place = _follow(motion, rate, resolution, 6.0)
+        smooth = signal.sosfiltfilt(smoother, place)
+        kept = slice(DEVICE_RATE, len(place) - DEVICE_RATE)
+        for profile in profiles:
+            felt, wanted = (profile.read(x[kept], np.gradient(x[kept]) * DEVICE_RATE) for x in (place, smooth))
+            spurious.append(10 * np.log10(np.mean((felt - wanted) ** 2) / np.mean(wanted**2)))
+        away.append(np.abs(place - motion(np.arange(len(place)) / DEVICE_RATE))[kept].max())
+    return {"spurious dB": float(max(spurious)), "place mm": float(max(away)), "latency ms": 1e3 * path.latency}
+
+
+def _follow(motion, rate, resolution, seconds):
+    path = FingerPath(DEVICE_RATE, rate)
+    times = np.arange(0, seconds, 1 / rate)
+    path.report(times, np.round(motion(times) / resolution) * resolution)
+    return path, np.concatenate([path.advance(BLOCK)[0][:, 0] for _ in range(int(seconds * DEVICE_RATE / BLOCK))])
+
+
+def clock(profiles, minutes, seed, quiet):
+    """Times of blocks while the finger moves at random and the surface changes twice a second.
+
+    Returns:
+        `dict`: percentiles in ms, share of the time that one core is busy, largest step against the profiles' own.
+    """
+    rate = SENSOR_HZ
+    blocks, place = round(minutes * 60 * DEVICE_RATE / BLOCK), motion(minutes, seed)
+    stream, number, times, steps, last = TextureStream(profiles[0], 0.0, rate), 0, np.empty(blocks), 0.0, 0.0
+    finite = True
+    with on_time():
+        for block in tqdm(range(blocks), disable=quiet, desc="clock"):
+            while number / rate <= stream.time:
+                stream.report(number / rate, place[number])
+                number += 1
+            if block % round(0.5 * DEVICE_RATE / BLOCK) == 0:
+                stream.replace(profiles[(block * BLOCK * 2 // DEVICE_RATE) % 2], 0.0)
+            begin = time.perf_counter()
+            force = stream.read(BLOCK)
+            times[block] = time.perf_counter() - begin
+            steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
+            last, finite = force[-1], finite and bool(np.isfinite(force).all())
+    fastest = float(np.abs(np.diff(place)).max() * rate)
+    own = max(_largest_step(profile, fastest) for profile in profiles)
+    return {
+        "median ms": 1e3 * float(np.median(times)),
+        "99.9th percentile ms": 1e3 * float(np.percentile(times, 99.9)),
+        "largest ms": 1e3 * float(times.max()),
+        "budget ms": 1e3 * BLOCK / DEVICE_RATE,
+        "late blocks": int((times > BLOCK / DEVICE_RATE).sum()),
+        "share of a core": float(times.sum() * DEVICE_RATE / (blocks * BLOCK)),
+        "largest step mN": 1e3 * steps,
+        "profiles' own mN": 1e3 * own,
+        "finite": finite,
+    }
+
+
+def motion(minutes, seed):
+    """Random motion as a sensor of 125 Hz and 0.1 mm reports it: mm."""
+    slow = signal.butter(4, STROKES_HZ, fs=SENSOR_HZ, output="sos")
+    moved = signal.sosfilt(slow, np.random.default_rng(seed).standard_normal(round(minutes * 60 * SENSOR_HZ) + 9))
+    return np.round(STROKES_MM * moved / moved.std(), 1)
+
+
+def with_distilled(pipe):
+    """The pipelines to play from, by name: as given, and with the distilled decoder of the bundled checkpoint.
+
+    What is distilled from another checkpoint's decoder would not fit: only the bundled encoder's latents do.
+    """
+    found, folder = {"as it is": pipe}, distilled_folder(bundled_checkpoint())
+    if folder is not None:
+        lctg = LCTGModel.from_pretrained(str(folder))
+        if same_encoder(lctg, pipe.lctg):
+            found["distilled decoder"] = with_lctg(pipe, lctg)
+    return found
+
+
+def starts(pipe):
+    """Times to the first sample and to other ratings, with each decoder, and the last one in a process of its own."""
+    pipes = with_distilled(pipe)
+    with on_time():
+        found = {name: benchmark_endless.starts(one) for name, one in pipes.items()}
+        with GeneratingProcess(list(pipes.values())[-1]) as process:
+            found[f"{list(pipes)[-1]}, in a process"] = benchmark_endless.starts(process)
+    return found
+
+
+def endless(pipe, minutes, seed, quiet):
+    """Real time, with the quickest decoder that there is, generating in a thread, in a process; and the machine alone.
+
+    The largest step of the profiles stands beside.
+    """
+    pipe, place = list(with_distilled(pipe).values())[-1], motion(minutes, seed)
+    with on_time():
+        found = {"in a thread": benchmark_endless.clock(pipe, place, SENSOR_HZ, BLOCK, minutes * COMPARED, quiet)}
+        with GeneratingProcess(pipe) as process:
+            found["in a process"] = benchmark_endless.clock(process, place, SENSOR_HZ, BLOCK, minutes, quiet)
+    found["waking, of the machine"] = benchmark_endless.wakes(BLOCK, minutes * COMPARED, quiet)
+    fastest = float(np.abs(np.diff(place)).max() * SENSOR_HZ)
+    own = 1e3 * max(_largest_step(one, fastest) for one in benchmark_endless.profiles(pipe))
+    for name in ("in a thread", "in a process"):
+        found[name]["profiles' own mN"] = own
+    return found
+
+
+def _transposed(rows):
+    names = dict.fromkeys(name for row in rows.values() for name in row)
+    return {name: {column: row.get(name) for column, row in rows.items()} for name in names}
+
+
+def _largest_step(profile, fastest):
+    """Of the force, at the fastest speed, with the law of speed: N."""
+    position = fastest * np.arange(int(profile.length / fastest * DEVICE_RATE)) / DEVICE_RATE
+    read = profile.read(position, np.full(len(position), fastest))
+    return float(np.abs(np.diff(read)).max() * (fastest / profile.reference_speed) ** SPEED_EXPONENT)
+
+
+def markdown(report):
+    """The three tables."""
+    columns = [f"{speed:g} mm/s" for speed in SPEEDS]
+    parts = [
+        f"{title('Playback in space', 4)}Nine-band error, dB, of what a finger of another speed is given against fresh "
+        f"recordings of the same {report['surfaces']} virtual surfaces there; profiles recorded at "
+        f"{RECORDED_SPEED:g} mm/s. {report['machine']}."
+    ]
+    labels, materials = {column: column for column in columns}, {}
+    for group, rows in report["recordings"].items():
+        if group.startswith("all"):
+            materials[f"{group} ({rows['surfaces']})"] = rows["profile"]
+        else:
+            table = {name: values for name, values in rows.items() if name != "surfaces"}
+            parts.append(f"{group} ({rows['surfaces']})\n\n{markdown_table(table, labels=labels)}")
+    parts.append(f"the profile, by material\n\n{markdown_table(materials, labels=labels)}")
+    parts.append(
+        "Recorded by a hand whose speed wanders between 66 and 99 mm/s, without stick-slip, and placed in space in "
+        "three ways. Checkpoints carry the last one, `reference_speed`: the others gain little, and DALE would have "
+        "to generate a speed.\n\n" + markdown_table(report["whose speed"], labels=labels)
+    )
+    parts.append(
+        f"{title('Sensors', 4)}What reports of a touch sensor add to the force, against the texture, in the worst of "
+        "slow, fast and to-and-fro motion; how far the place is off; when a change of speed is felt.\n\n"
+        + markdown_table(report["sensors"])
+    )
+    parts.append(
+        f"{title('On time', 4)}Blocks of {BLOCK} samples at 10 kHz under random motion; the surface changes twice a "
+        "second; without mean friction, so that steps are the texture's.\n\n"
+        + markdown_table({"stream": report["clock"]}, 3)
+    )
+    parts.append(
+        f"{title('Without end', 4)}Windows of fresh takes are generated in a thread while they are played. Where two "
+        "meet, against the middle of windows:\n\n" + markdown_table({"joints": report["joints"]})
+    )
+    parts.append(
+        f"{title('Starting and changing', 4)}From ratings to the first sample, and from new ratings until they alone "
+        "are felt, on a warm pipeline:\n\n" + markdown_table(report["starts"], 1)
+    )
+    parts.append(
+        f"{title('In real time', 4)}Under random motion, ratings changed every {benchmark_endless.CHANGE_SECONDS:g} s, "
+        f"blocks of {BLOCK} samples, generated on one core by a `GeneratingProcess` ({report['minutes']:g} minutes) or "
+        f"by a thread ({report['minutes'] * COMPARED:g}); an underrun is a block that comes more than one block late. "
+        "The last column is how late this machine wakes a program that does nothing else, while another one "
+        "computes:\n\n" + markdown_table(_transposed(report["endless"]), 3)
+    )
+    return "\n\n".join(parts) + "\n"

@@ -1,0 +1,152 @@
+"""`benchmark.py --suite training`: time and memory of README's way from recordings to a checkpoint."""
+
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from ablate_training import LAUNCHER
+
+from tactile_diffusers.evaluation.result_files import machine, write_results
+from tactile_diffusers.evaluation.tables import markdown_table, title
+from tactile_diffusers.training.record import read_losses
+
+#: README's commands, word for word; `accelerate launch` or `python` before them, and the folders, are the suite's.
+PREPARE = (
+    "prepare_data.py --source virtual --surfaces 600 --seconds 40 --workers 2 --output recordings.h5 "
+    "--prepared prepared.h5"
+)
+LCTG = "train_lctg.py --train_data_dir prepared.h5 --max_train_steps 4000 --latent_penalty 0.002 --output_dir runs/lctg"
+DALE = (
+    "train_dale.py --train_data_dir prepared.h5 --pretrained_model_name_or_path runs/lctg --max_train_steps 4000 "
+    "--output_dir runs/dale"
+)
+#: Steps that are run of each training, and after which of them a step's time is taken.
+STEPS, WARM = 200, 50
+
+
+def run(arguments, pipe):
+    """Measures, writes training.json and training.md, and returns the Markdown.
+
+    Args:
+        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "scripts" (`Path`, the folder of the training
+            scripts), "surfaces" (`int`, that are prepared and trained on; the rest is reckoned in proportion).
+        pipe: not used.
+
+    Returns:
+        `str`
+
+    Raises:
+        ValueError: if the training scripts are not where `scripts` says.
+        RuntimeError: if one of the commands fails, with the end of what it wrote.
+    """
+    if not (arguments.scripts / "train_lctg.py").is_file():
+        raise ValueError(
+            f"{arguments.scripts} has no train_lctg.py: run examples/benchmarks/benchmark.py of a clone, where it lies."
+        )
+    where = machine("2 cores")
+    with tempfile.TemporaryDirectory(dir=arguments.output.parent) as folder:
+        rows = {
+            "prepare_data.py": preparation(arguments.scripts, Path(folder), arguments.surfaces),
+            "train_lctg.py": training(arguments.scripts, Path(folder), LCTG),
+            "train_dale.py": training(arguments.scripts, Path(folder), DALE),
+        }
+    rows["together"] = {
+        "minutes": sum(row["minutes"] for row in rows.values()),
+        "peak MiB": max(row["peak MiB"] for row in rows.values()),
+    }
+    text = (
+        f"{title('Time and memory of training', 4)}README's three commands, {where}. Measured: "
+        f"{arguments.surfaces} of 600 surfaces prepared, {STEPS} of 4000 steps of each training, the rest in "
+        "proportion to surfaces and steps; what comes before and after the steps counts once. Memory: largest sum over "
+        f"a command's processes.\n\n{markdown_table(rows, 2)}\n"
+    )
+    write_results(arguments.output, "training", {"machine": where, "rows": rows}, text)
+    return text
+
+
+def preparation(scripts, folder, surfaces):
+    """Prepares virtual surfaces as README does, fewer of them.
+
+    Returns:
+        `dict`: minutes for README's number of surfaces, peak memory in MiB, disk in MiB likewise.
+    """
+    wanted = int(_option(PREPARE, "surfaces"))
+    seconds, peak = watched([sys.executable, *_words(scripts, PREPARE, surfaces=surfaces)], folder)
+    size = sum((folder / name).stat().st_size for name in ("recordings.h5", "prepared.h5"))
+    scale = wanted / surfaces
+    return {"minutes": seconds * scale / 60, "peak MiB": peak, "disk MiB": size * scale / 2**20}
+
+
+def training(scripts, folder, command):
+    """Runs the first steps of a training and reckons the rest.
+
+    Returns:
+        `dict`: minutes of the whole, peak memory in MiB, milliseconds of a step, seconds beside the steps.
+    """
+    wanted, output = int(_option(command, "max_train_steps")), _option(command, "output_dir")
+    words = _words(scripts, command, max_train_steps=STEPS)
+    seconds, peak = watched([*LAUNCHER, *words, "--report_to", "none"], folder)
+    at = {entry["step"]: entry["seconds"] for entry in read_losses(folder / output)}
+    step = (at[STEPS] - at[WARM]) / (STEPS - WARM)
+    beside = seconds - at[STEPS]
+    return {
+        "minutes": (beside + step * wanted) / 60,
+        "peak MiB": peak,
+        "ms a step": 1e3 * step,
+        "seconds beside": beside,
+    }
+
+
+def _option(command, name):
+    words = shlex.split(command)
+    return words[words.index(f"--{name}") + 1]
+
+
+def _words(scripts, command, **changes):
+    script, *words = shlex.split(command)
+    for name, value in changes.items():
+        words[words.index(f"--{name}") + 1] = str(value)
+    return [str(scripts.resolve() / script), *words, "--quiet"]
+
+
+def watched(words, folder):
+    """Runs a command in a folder.
+
+    Returns:
+        `tuple[float, float]`: seconds, and the largest memory in MiB that it and the processes that it started held at
+        once (pages that they share count for each); NaN where there is no /proc.
+
+    Raises:
+        RuntimeError: if it fails, with the end of what it wrote.
+    """
+    began, peak = time.monotonic(), float("nan")
+    with tempfile.TemporaryFile("w+") as log:
+        process = subprocess.Popen(words, cwd=folder, stdout=log, stderr=subprocess.STDOUT)
+        try:
+            while process.poll() is None:
+                held = memory(process.pid)
+                peak = held if held > peak or peak != peak else peak
+                time.sleep(0.2)
+        except BaseException:
+            process.kill()
+            raise
+        seconds = time.monotonic() - began
+        if process.returncode:
+            log.seek(0)
+            raise RuntimeError(f"{Path(words[-1]).name}: {' '.join(words)} failed:\n{log.read()[-1500:]}")
+    return seconds, peak
+
+
+def memory(pid):
+    """Resident memory in MiB of a process and of all that it started; NaN where there is no /proc."""
+    process = Path("/proc") / str(pid)
+    try:
+        held = int((process / "status").read_text().split("VmRSS:")[1].split()[0]) / 2**10
+        children = " ".join(path.read_text() for path in process.glob("task/*/children")).split()
+    except (OSError, IndexError):  # it has just ended
+        return float("nan")
+    below = (memory(child) for child in children)
+    return held + sum(value for value in below if value == value)

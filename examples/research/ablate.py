@@ -1,0 +1,184 @@
+"""`ablate.py`: trains the rows of an ablation one after the other, measures them, and tells them."""
+
+import json
+import signal
+import sys
+from pathlib import Path
+
+from tqdm.auto import tqdm
+
+from tactile_diffusers.cli import readme
+from tactile_diffusers.cli.program import Parser, program, refuse
+from tactile_diffusers.data.splits import SPLITS
+from tactile_diffusers.io.files import write_text
+from tactile_diffusers.io.reading import read_json, reading
+
+#: Folder of the row files, beside the training scripts.
+ROWS = Path("configs") / "ablation"
+
+
+def parse_arguments(scripts, argv=None):
+    """Arguments of the command.
+
+    Raises:
+        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+    """
+    parser = Parser(
+        prog=program("ablate.py"),
+        description="Train and measure the rows of an ablation, each a JSON file that says what it asks. What is done "
+        "is kept under OUTPUT/ROW: the same command goes on where it was cut off. A row is done again when its file "
+        "changes; after a change of the code delete its folder, or only its result.json to measure it again.",
+    )
+    parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
+    parser.add_argument("--rows", type=Path, default=scripts / ROWS, metavar="FOLDER", help="row files; default: ours")
+    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="trainings, results, report.md")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="rows to train and measure; default: all")
+    parser.add_argument("--threads", type=int, default=1, help="of training and measuring; default: 1")
+    parser.add_argument("--split", choices=SPLITS[1:], default="validation", help="default: validation")
+    parser.add_argument("--report-only", action="store_true", help="only tell what is done")
+    readme.add_arguments(parser, "ablation")
+    parser.add_argument("--quiet", action="store_true", help="no progress bars")
+    arguments = parser.parse_args(argv)
+    if not arguments.data.is_file():
+        parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
+    if not arguments.rows.is_dir():
+        parser.error(f"argument --rows: {arguments.rows} is not a folder; give one with row files NAME.json")
+    if arguments.threads < 1:
+        parser.error(f"argument --threads: must be at least 1, got {arguments.threads}")
+    readme.check_arguments(parser, arguments)
+    return arguments
+
+
+def main(argv=None, scripts=Path(__file__).parents[1]):
+    """Runs the command.
+
+    Args:
+        argv (`list[str]`, *optional*): in place of the command line.
+        scripts (`Path`, *optional*): folder of the training scripts.
+
+    Returns:
+        `int`: 0; 1 if a row failed or there is nothing to tell; 2 if rows or folders are not as they must be.
+    """
+    arguments = parse_arguments(scripts, argv)
+    import torch
+    from ablate_measure import Bench
+    from ablate_rows import read_rows
+    from ablate_training import check_stages, stages
+
+    try:
+        rows = read_rows(arguments.rows)
+        chosen = _chosen(rows, arguments.only)
+        plans = {row.name: stages(row, arguments.output / row.name, arguments.data) for row in rows}
+        if arguments.report_only:
+            chosen = []
+        for row in chosen:
+            check_stages(row, plans[row.name], scripts)
+    except (ValueError, OSError) as error:
+        refuse("ablate.py", error)
+        return 2
+    torch.set_num_threads(arguments.threads)
+    bench = Bench(arguments.data, arguments.split, arguments.quiet)
+    failed = False
+    with _killed_as_interrupted():
+        for row in tqdm(chosen, desc="rows", disable=arguments.quiet):
+            try:
+                _run(row, plans[row.name], scripts, arguments, bench)
+            except (RuntimeError, ValueError, OSError) as error:
+                refuse("ablate.py", f"row {row.name}: {error}")
+                failed = True
+    told = _tell(rows, plans, arguments)
+    return int(failed or not told)
+
+
+def _chosen(rows, only):
+    names = [row.name for row in rows]
+    unknown = sorted(set(only or ()) - set(names))
+    if unknown:
+        raise ValueError(f"--only: there is no row {unknown[0]!r}. There are {', '.join(names)}.")
+    return [row for row in rows if only is None or row.name in only]
+
+
+class _killed_as_interrupted:
+    """While it lasts, SIGTERM ends the command as Ctrl-C does, so that no training is left behind."""
+
+    def __enter__(self):
+        self._before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+
+    def __exit__(self, *_):
+        signal.signal(signal.SIGTERM, self._before)
+
+
+def _conditions(plan, arguments):
+    """What a row's result depends on: everything that its last stage learnt from, and what it was measured on."""
+    return {"digest": plan[-1].digest, "split": arguments.split}
+
+
+def _stored(plan, arguments):
+    """A row's result as it was written; `None` if there is none of this row as its file is now, or it is damaged."""
+    from ablate_results import check_result
+
+    path = plan[-1].folder.parent / "result.json"
+    try:
+        with reading(path, "a result"):
+            result = read_json(path, "JSON")
+            if any(result.get(name) != value for name, value in _conditions(plan, arguments).items()):
+                return None
+            check_result(result)
+    except FileNotFoundError:
+        return None
+    except ValueError as error:  # it is measured again
+        print(f"{program('ablate.py')}: warning: {error}", file=sys.stderr)
+        return None
+    return result
+
+
+def _run(row, plan, scripts, arguments, bench):
+    """Trains and measures a row, unless that is done."""
+    from ablate_training import train, training_facts
+
+    from tactile_diffusers.evaluation.report import machine
+    from tactile_diffusers.io.locks import locked_folder
+
+    folder = arguments.output / row.name
+    folder.mkdir(parents=True, exist_ok=True)
+    with locked_folder(folder):  # other commands may be at other rows of the same output
+        if _stored(plan, arguments) is not None:
+            return
+        train(row, plan, scripts, arguments.threads)
+        measured = bench.measure(plan[-1].folder, generates=row.dale is not None)
+        result = {"machine": machine(), **_conditions(plan, arguments), **training_facts(plan), **measured}
+        write_text(folder / "result.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
+
+
+def _tell(rows, plans, arguments):
+    """Writes ablation.json, report.md and the pictures of the rows that are done, and the README if asked to.
+
+    Returns:
+        `bool`: whether there was a row to tell.
+    """
+    from ablate_results import markdown, plot_rate_distortion, plot_rows
+
+    stored = [(row, _stored(plans[row.name], arguments)) for row in rows]
+    missing = [row.name for row, result in stored if result is None]
+    if missing:
+        print(f"ablate.py: no result yet of {', '.join(missing)} as in {arguments.rows}", file=sys.stderr)
+    results = {row.name: {"question": row.question, **result} for row, result in stored if result is not None}
+    if not results:
+        return False
+    output, facts = arguments.output, {"data": arguments.data.name, "split": arguments.split}
+    write_text(output / "ablation.json", json.dumps({**facts, "rows": results}, indent=1) + "\n")
+    plot_rows(results, output / "rows.png")
+    plot_rate_distortion(results, output / "rate_distortion.png")
+    text = markdown(results, **facts)
+    write_text(output / "report.md", text)
+    if arguments.readme is not None:
+        folder = readme.results_folder(arguments.readme_name)
+        readme.copy_results(output, arguments.readme.parent / folder)
+        shown = markdown(results, **facts, pictures=folder.as_posix(), short=True)
+        readme.write_between(arguments.readme, arguments.readme_name, shown)
+    print(text)
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,111 @@
+"""What every check of a law shares: the numbers compared, how they are drawn, and a finger that slides steadily."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tactile_diffusers.virtual.exploration import steady_exploration
+from tactile_diffusers.virtual.friction import contact_force
+from tactile_diffusers.virtual.profile import profile_tables
+from tactile_diffusers.virtual.recipe import SurfaceParameters
+
+#: A rigid surface without grating and stick-slip, from which checks make their own; so strong that noise which does not
+#: come from the surface does not matter.
+PLAIN = SurfaceParameters(
+    material="plastic",
+    friction=0.5,
+    load_exponent=0.0,
+    speed_exponent=0.0,
+    amplitude=60.0,
+    slope=1.0,
+    asperity=0.05,
+    grating_level=0.0,
+    wavelength=1.25,
+    harmonic_decay=1.7,
+    jitter=0.0,
+    stick=0.0,
+    contact_stiffness=0.75,
+)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One number: intended and measured; `ok` if they differ by no more than `tolerance` (absolute)."""
+
+    quantity: str
+    intended: float
+    measured: float
+    tolerance: float
+    unit: str = ""
+
+    @property
+    def ok(self):
+        return bool(abs(self.measured - self.intended) <= self.tolerance)
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law as it was measured.
+
+    Attributes:
+        title (`str`): the law.
+        source (`str`): where it is from.
+        checks (`tuple[Check, ...]`): intended against measured.
+        panels (`int`): how many `draw` needs.
+        draw (`callable`): draws the picture on a list of matplotlib axes.
+    """
+
+    title: str
+    source: str
+    checks: tuple[Check, ...]
+    panels: int
+    draw: Callable
+
+    @property
+    def ok(self):
+        return all(check.ok for check in self.checks)
+
+
+def slide(surface, speed, seconds, normal_force=0.5, seed=0, **finger):
+    """Contact force (n, 3) of a steady slide along x over a surface drawn from `seed`.
+
+    Args:
+        surface (`SurfaceParameters`): the surface.
+        speed, seconds, normal_force (`float`): mm/s, s, N.
+        seed (`int`): of profile and noise.
+        **finger: moisture, gain, cutoff of `contact_force`.
+    """
+    tables = profile_tables(surface, np.random.default_rng([0, seed]))
+    exploration = steady_exploration(speed, normal_force, seconds)
+    return contact_force(np.random.default_rng([1, seed]), surface, tables, exploration, **finger)
+
+
+def exponent(x, y):
+    """Slope of log y over log x, by least squares."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def draw_power_law(panel, x, y, intended, label, colour):
+    """Measured dots and the intended power law through their geometric mean."""
+    x, y = np.asarray(x), np.asarray(y)
+    panel.loglog(x, y, "o", color=colour, markersize=4, label=label)
+    panel.loglog(x, np.exp(np.mean(np.log(y)) + intended * (np.log(x) - np.mean(np.log(x)))), color=colour, linewidth=1)
+
+
+def finish(panel, title, xlabel, ylabel, legend=True, ticks=None):
+    """Title, labels, grid and legend of a panel; `ticks`: plain numbers along a logarithmic x."""
+    panel.set_title(title, fontsize=9)
+    panel.set_xlabel(xlabel, fontsize=8)
+    panel.set_ylabel(ylabel, fontsize=8)
+    if ticks is not None:
+        panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        panel.set_xticks([], minor=True)
+    if panel.get_yscale() == "log":
+        low, high = panel.get_ylim()
+        panel.yaxis.set_major_formatter("{x:g}")
+        panel.yaxis.set_minor_formatter("{x:g}" if high < 10 * low else "")
+    panel.tick_params(labelsize=7, which="both")
+    panel.grid(alpha=0.3)
+    if legend:
+        panel.legend(fontsize=7)

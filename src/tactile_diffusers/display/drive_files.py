@@ -1,0 +1,146 @@
+"""Files about a display: its profile, and the recording from which a profile is fitted.
+
+A profile is a JSON object with `format` "tactile-drive-profile", `version` 1, `units`, and the arguments of
+`DriveProfile`; `lookup` is the name of a CSV file beside it with the columns amplitude,friction_reduction, or null.
+
+A calibration is a JSON object with `format` "tactile-drive-calibration", `version` 1, `units`, `kind`,
+`sampling_rate`, `normal_force`, `speed`, `recording` and `lookup`. `recording` names a CSV file beside it with the
+columns drive,lateral_force: what was commanded, and the force along the sliding direction with its mean, sample by
+sample while the finger slides. `lookup` is as in a profile.
+
+`units` must say what the numbers are in: N, mm/s, Hz, and V or 1 (relative amplitude) for the drive.
+"""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..io.files import atomic_path, write_text
+from ..io.reading import read_json, reading
+from .drive_curves import DRIVE_UNITS, LOOKUP_COLUMNS, check_kind
+
+PROFILE_FORMAT = "tactile-drive-profile"
+CALIBRATION_FORMAT = "tactile-drive-calibration"
+VERSION = 1
+RECORDING_COLUMNS = ("drive", "lateral_force")
+_PROFILE_KEYS = ("kind", "gain", "offset", "cutoffs", "max_drive", "normal_force", "lookup", "max_gain_db")
+_CALIBRATION_KEYS = ("kind", "sampling_rate", "normal_force", "speed", "recording", "lookup")
+
+
+def write_profile(path, profile):
+    """Writes the JSON file of a `DriveProfile`, and `<stem>.lookup.csv` beside it if it has a lookup."""
+    path = Path(path)
+    values = {key: getattr(profile, key) for key in _PROFILE_KEYS}
+    content = {"format": PROFILE_FORMAT, "version": VERSION, "units": _units(profile.kind), **values}
+    if profile.lookup is None:
+        write_text(path, _json(content))
+        return
+    table = path.with_name(f"{path.stem}.lookup.csv")
+    content["lookup"] = table.name
+    rows = [",".join(LOOKUP_COLUMNS), *(f"{amplitude!r},{reduction!r}" for amplitude, reduction in profile.lookup)]
+    with atomic_path(table) as temporary_table, atomic_path(path) as temporary:
+        temporary_table.write_text("\n".join(rows) + "\n", encoding="utf-8")
+        temporary.write_text(_json(content), encoding="utf-8")
+
+
+def read_profile(path):
+    """Arguments of `DriveProfile` from its JSON file.
+
+    Raises:
+        FileNotFoundError: if a file is missing.
+        ValueError: if a file is truncated, of another format, or in other units.
+    """
+    content = _read_json(path, PROFILE_FORMAT, _PROFILE_KEYS)
+    return {**content, "lookup": _read_lookup(path, content["lookup"])}
+
+
+def read_drive_calibration(path):
+    """Reads a calibration recording: `fit_drive_profile(**read_drive_calibration(path))` makes the profile.
+
+    Args:
+        path (`str` or `Path`): the JSON file; the format is described above.
+
+    Returns:
+        `dict`: `command` and `measured`, (samples,) float64 in V or relative amplitude and N, and `sampling_rate`,
+        `kind`, `normal_force`, `speed` and `lookup`: the arguments of `fit_drive_profile`.
+
+    Raises:
+        FileNotFoundError: if a file is missing.
+        ValueError: if a file is empty or truncated, of another format, in other units, or has other columns.
+    """
+    content = _read_json(path, CALIBRATION_FORMAT, _CALIBRATION_KEYS)
+    command, measured = _read_table(_beside(path, "recording", content.pop("recording")), RECORDING_COLUMNS).T
+    return {**content, "command": command, "measured": measured, "lookup": _read_lookup(path, content["lookup"])}
+
+
+def _units(kind):
+    return {"force": "N", "speed": "mm/s", "frequency": "Hz", "drive": DRIVE_UNITS[kind]}
+
+
+def _json(content):
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+
+def _read_json(path, form, keys):
+    """The values of `keys`, once format, version and units are known to be right."""
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"`path` {path} does not exist.")
+    content = read_json(path, "JSON")
+    if content.get("format") != form or content.get("version") != VERSION:
+        raise ValueError(f'{path} must be a JSON object with "format": "{form}" and "version": {VERSION}.')
+    names = {"format", "version", "units", *keys}
+    if content.keys() != names:
+        missing, unknown = sorted(names - content.keys()), sorted(content.keys() - names)
+        raise ValueError(f"{path} must hold {', '.join(sorted(names))}: it lacks {missing} and has unknown {unknown}.")
+    with reading(path, f"a {form}", "Correct its `kind`."):
+        check_kind(content["kind"])
+    if content["units"] != _units(content["kind"]):
+        raise ValueError(
+            f"{path}: `units` must be {_units(content['kind'])} for {content['kind']}, got {content['units']}. "
+            "Convert the values, then change the units."
+        )
+    return {key: content[key] for key in keys}
+
+
+def _read_lookup(path, name):
+    return None if name is None else _read_table(_beside(path, "lookup", name), LOOKUP_COLUMNS).tolist()
+
+
+def _beside(path, key, name):
+    """Path of a file named in a JSON file: in the same folder, so that a profile is moved as a whole."""
+    if not isinstance(name, str) or Path(name).name != name:
+        raise ValueError(f"{path}: `{key}` must be the name of a CSV file in the same folder, got {name!r}.")
+    table = Path(path).with_name(name)
+    if not table.is_file():
+        raise FileNotFoundError(f"{table}, which {path} names as its `{key}`, does not exist.")
+    return table
+
+
+def _read_table(path, columns):
+    """Numbers of a CSV file with exactly these columns: (rows, columns) float64. Blank lines are skipped."""
+    with (
+        reading(path, "CSV in UTF-8", "Export it as text again."),
+        path.open(encoding="utf-8-sig", newline="") as file,
+    ):
+        lines = csv.reader(file)
+        rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
+    header = tuple(name.strip() for name in rows[0][1]) if rows else ()
+    if header != columns:
+        raise ValueError(
+            f"{path} must start with the columns {','.join(columns)}, got {','.join(header) or 'an empty file'}."
+        )
+    if len(rows) < 2:
+        raise ValueError(f"{path} has no rows below its header. Write it again.")
+    values = np.empty((len(rows) - 1, len(columns)))
+    for index, (line, row) in enumerate(rows[1:]):
+        try:
+            values[index] = [float(cell) for _, cell in zip(columns, row, strict=True)]
+        except ValueError as error:
+            raise ValueError(
+                f"{path}, line {line}: expected {len(columns)} numbers, got {','.join(row)!r}. "
+                "Write it again, with decimal points."
+            ) from error
+    return values

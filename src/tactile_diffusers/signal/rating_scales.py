@@ -1,0 +1,31 @@
+"""The scales of ratings: z-scores, raw answers (0-8) and percentiles of the training surfaces."""
+
+import numpy as np
+
+#: The scale of the ratings in SENS3 (paper section 2.1).
+RATING_SCALE = (0.0, 8.0)
+
+
+def to_raw(ratings, raw_mean, raw_scale):
+    """From ratings in z-scores to the typical rater's 0-8 scale: (..., 3), not clipped."""
+    return np.asarray(ratings) * raw_scale + raw_mean
+
+
+def from_raw(answers, raw_mean, raw_scale):
+    """From the typical rater's 0-8 scale to ratings in z-scores: (..., 3)."""
+    return (np.asarray(answers) - raw_mean) / raw_scale
+
+
+def from_percentile(percentiles, quantiles):
+    """From percentiles to ratings in z-scores, along straight lines between the quantiles.
+
+    Args:
+        percentiles (`np.ndarray`): (..., axes) in [0, 100], NaN = not specified (and stays NaN).
+        quantiles (`np.ndarray`): (axes, n) at equally spaced shares from 0 to 1, as `rating_quantiles` makes them.
+
+    Returns:
+        `np.ndarray`: (..., axes) float64.
+    """
+    percentiles, quantiles = np.asarray(percentiles, dtype=np.float64), np.asarray(quantiles)
+    steps = np.linspace(0, 100, quantiles.shape[1])
+    return np.stack([np.interp(percentiles[..., a], steps, row) for a, row in enumerate(quantiles)], axis=-1)

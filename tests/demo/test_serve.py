@@ -1,0 +1,46 @@
+"""The command: its arguments, and what it refuses."""
+
+import socket
+import sys
+from pathlib import Path
+
+import app as serve
+import guard
+import pytest
+
+
+def test_listens_on_this_machine_alone_unless_told_otherwise():
+    assert serve.parse_arguments([]).host == "127.0.0.1"
+    assert serve._is_loopback("127.0.0.1") and serve._is_loopback("::1") and serve._is_loopback("localhost")
+    assert not serve._is_loopback("0.0.0.0") and not serve._is_loopback("example")
+
+
+@pytest.mark.parametrize("line", ["--port 0", "--port 70000", "--max_upload_mib 0", "--checkpoint nowhere", "--what"])
+def test_bad_arguments_are_refused(line):
+    with pytest.raises(SystemExit) as stop:
+        serve.parse_arguments(line.split())
+    assert stop.value.code == 2
+
+
+def test_without_gradio_it_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "gradio", None)
+    monkeypatch.setattr(serve.os, "environ", {})
+    assert serve.main([]) == 2
+    assert 'pip install "tactile-diffusers[demo]"' in capsys.readouterr().err
+
+
+def test_a_port_in_use_is_told_before_anything_is_loaded(capsys):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        assert serve.main(["--port", str(port)]) == 2
+    assert capsys.readouterr().err.strip().endswith(f"error: port {port} is in use; give --port")
+    serve._check_port("127.0.0.1", port)
+    serve._check_port("::1", port)
+
+
+def test_nothing_is_fetched_from_elsewhere():
+    assert "http" not in guard.CONTENT_POLICY and "*" not in guard.CONTENT_POLICY
+    page = (Path(serve.__file__).parent / "strip.html").read_text(encoding="utf-8")
+    assert "http" not in page and "import(" not in page

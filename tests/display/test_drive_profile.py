@@ -1,0 +1,173 @@
+"""What a profile may hold, and that it survives its files."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from tactile_diffusers.display import DriveProfile
+
+KINDS = ("electroadhesion", "ultrasonic")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_round_trip(tmp_path, make_profile, noise_texture, kind):
+    profile = make_profile(kind, cutoffs=[(20.0, 90.1), (80.0, 1 / 3 * 1000)], max_gain_db=9.0)
+    profile.save(tmp_path / "display.json")
+    read = DriveProfile.load(tmp_path / "display.json")
+    assert read == profile
+    texture = noise_texture()[:100]
+    np.testing.assert_array_equal(read.drive(texture, 50.0)[0], profile.drive(texture, 50.0)[0])
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == ({"display.json"} if kind == "electroadhesion" else {"display.json", "display.lookup.csv"})
+    content = json.loads((tmp_path / "display.json").read_text(encoding="utf-8"))
+    assert content["units"]["drive"] == profile.drive_unit and content["normal_force"] == 0.5
+    assert [speed for speed, _ in content["cutoffs"]] == [20.0, 80.0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_steady_force_and_drive_are_inverse(make_profile, kind):
+    profile = make_profile(kind)
+    forces = np.linspace(*profile.force_range, 1001)
+    drives = profile.steady_drive(forces)
+    assert (np.diff(drives) * (1 if kind == "electroadhesion" else -1) > 0).all()
+    assert 0 <= drives.min() and drives.max() <= profile.max_drive
+    # the lookup is tabulated at 4097 points, which is linear between them to 1e-7 of the range
+    np.testing.assert_allclose(profile.steady_force(drives), forces, atol=1e-6 * np.ptp(forces))
+
+
+def test_corners_are_held_outside_of_what_was_measured(make_profile):
+    profile = make_profile(cutoffs=[(20.0, 100.0), (60.0, 300.0)])
+    np.testing.assert_allclose(profile.cutoff(np.array([0, 20, 40, 60, 200])), [100, 100, 200, 300, 300])
+
+
+def test_profiles_of_two_speeds_join(make_profile):
+    slow, fast = make_profile(cutoffs=[(20.0, 100.0)]), make_profile(cutoffs=[(80.0, 400.0)])
+    both = dataclasses.replace(slow, cutoffs=slow.cutoffs + fast.cutoffs)
+    assert both.cutoffs == ((20.0, 100.0), (80.0, 400.0))
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "message"),
+    [
+        ("electroadhesion", {"gain": 0.0}, r"`gain` must be a finite number above 0 in N/V\^2, got 0.0"),
+        ("electroadhesion", {"gain": "6e-6"}, "`gain` must be a finite number.*got '6e-6'"),
+        ("electroadhesion", {"gain": True}, "`gain` must be a finite number"),
+        ("electroadhesion", {"offset": -0.1}, "`offset` must be a finite number of at least 0 in N, got -0.1"),
+        ("electroadhesion", {"max_drive": float("nan")}, "`max_drive` must be.*in V, got nan"),
+        ("electroadhesion", {"normal_force": 0}, "`normal_force` must be.*above 0 in N, got 0"),
+        ("electroadhesion", {"max_gain_db": -3.0}, "`max_gain_db` must be.*at least 0 in dB, got -3"),
+        ("electroadhesion", {"max_gain_db": 1.0}, r"`max_gain_db` must be 0 \(no inverse\) or at least 3 dB, got 1"),
+        ("electroadhesion", {"cutoffs": []}, r"`cutoffs` must be rows of \(speed, cutoff\), got the shape \(0,\)"),
+        ("electroadhesion", {"cutoffs": 300.0}, r"`cutoffs` must be rows of \(speed, cutoff\)"),
+        ("electroadhesion", {"cutoffs": [(80.0, -300.0)]}, "`cutoffs` must hold speeds and corners above zero"),
+        ("electroadhesion", {"cutoffs": [(80, 300), (20, 90)]}, r"`cutoffs`.*increasing.*speed, got \[80.0, 20.0\]"),
+        ("electroadhesion", {"cutoffs": [(80.0, None)]}, "`cutoffs` must be"),
+        ("electroadhesion", {"lookup": [(0, 0), (0.5, 0.1), (1, 0.2)]}, "`lookup` must be None for electroadhesion"),
+        ("ultrasonic", {"lookup": None}, "`lookup` is missing: measure"),
+        ("ultrasonic", {"lookup": [(0, 0), (0.5, 0.2), (1, 0.1)]}, "friction_reduction, got 0.2 and 0.1 in rows 1 and"),
+        (
+            "ultrasonic",
+            {"lookup": [(0, 0), (0.5, 0.1), (0.5, 0.2)]},
+            r"values of amplitude, got \[0.5, 0.5\] in rows 1",
+        ),
+        ("ultrasonic", {"lookup": [(0, 0), (0.5, np.nan), (1, 0.2)]}, "`lookup` must be finite.*row 1"),
+        ("ultrasonic", {"lookup": [(0, 0), (60, 0.1), (120, 0.2)]}, "amplitudes from 0 to 1, got 120. Divide them"),
+        ("ultrasonic", {"lookup": [(0.1, 0), (0.5, 0.1), (1, 0.2)]}, r"`lookup` must start at \(0, 0\)"),
+        ("ultrasonic", {"lookup": [(0, 0), (0.4, 0.1), (0.8, 0.2)]}, "`max_drive` of 1 is beyond the lookup.*at 0.8"),
+        ("ultrasonic", {"offset": 0.1}, "`offset` of 0.1 N is less than the 0.1667 N that the drive takes away"),
+        (
+            "electroadhesion",
+            {"kind": "pneumatic"},
+            "`kind` must be one of electroadhesion, ultrasonic, got 'pneumatic'",
+        ),
+    ],
+)
+def test_what_no_profile_can_hold(make_profile, kind, change, message):
+    with pytest.raises(ValueError, match=message):
+        make_profile(**{"kind": kind, **change})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: "", "cannot be read as JSON"),
+        (lambda text: text[: len(text) // 2], "cannot be read as JSON"),
+        (lambda text: "[]", "not an object"),
+        (lambda text: text.replace("tactile-drive-profile", "tactile-recordings"), '"format": "tactile-drive-profile"'),
+        (lambda text: text.replace('"version": 1', '"version": 2'), '"version": 1'),
+        (lambda text: text.replace('"force": "N"', '"force": "mN"'), "`units` must be.*'force': 'N'.*got.*'mN'"),
+        (lambda text: text.replace('"drive": "1"', '"drive": "V"'), "`units` must be"),
+        (lambda text: text.replace('"offset"', '"ofset"'), r"lacks \['offset'\] and has unknown \['ofset'\]"),
+        (lambda text: text.replace('"kind": "ultrasonic"', '"kind": ["ultrasonic"]'), "`kind` must be one of"),
+        (lambda text: text.replace('"offset": 0.3', '"offset": NaN'), "display.json: `offset` must be a finite number"),
+        (
+            lambda text: text.replace("display.lookup.csv", "../display.lookup.csv"),
+            "`lookup` must be the name of a CSV",
+        ),
+    ],
+)
+def test_damaged_profiles(tmp_path, make_profile, change, message):
+    path = tmp_path / "display.json"
+    make_profile("ultrasonic").save(path)
+    text = path.read_text(encoding="utf-8")
+    assert change(text) != text
+    path.write_text(change(text), encoding="utf-8")
+    with pytest.raises(ValueError, match=message):
+        DriveProfile.load(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "must start with the columns amplitude,friction_reduction, got an empty file"),
+        ("amplitude,friction\n0,0\n", "must start with the columns.*got amplitude,friction"),
+        ("amplitude,friction_reduction\n", "has no rows below its header"),
+        ("amplitude,friction_reduction\n0,0\n0.5,x\n", "line 3: expected 2 numbers, got '0.5,x'"),
+        ("amplitude,friction_reduction\n0,0\n\n0.5\n", "line 4: expected 2 numbers, got '0.5'"),
+        ("amplitude,friction_reduction\n0,0\n0.5,nan\n1,0.2\n", "display.json: `lookup` must be finite.*row 1"),
+        ("amplitude,friction_reduction\n0,0\n0.5,0.2\n1,0.1\n", "display.json: `lookup` must have increasing"),
+    ],
+)
+def test_damaged_lookups(tmp_path, make_profile, text, message):
+    make_profile("ultrasonic").save(tmp_path / "display.json")
+    (tmp_path / "display.lookup.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=message):
+        DriveProfile.load(tmp_path / "display.json")
+
+
+def test_a_lookup_from_a_spreadsheet_or_none(tmp_path, make_profile):
+    profile = make_profile("ultrasonic")
+    profile.save(tmp_path / "display.json")
+    table = tmp_path / "display.lookup.csv"
+    text = table.read_text(encoding="utf-8")
+    # byte-order mark, other line ends, blank last line
+    table.write_bytes(text.replace("\n", "\r\n").encode("utf-8-sig") + b"\r\n")
+    assert DriveProfile.load(tmp_path / "display.json") == profile
+    table.write_bytes(b"\xff\xfe\x00\xd8")
+    with pytest.raises(ValueError, match="display.lookup.csv cannot be read as CSV in UTF-8"):
+        DriveProfile.load(tmp_path / "display.json")
+
+
+def test_missing_files(tmp_path, make_profile):
+    with pytest.raises(FileNotFoundError, match="display.json does not exist"):
+        DriveProfile.load(tmp_path / "display.json")
+    make_profile("ultrasonic").save(tmp_path / "display.json")
+    (tmp_path / "display.lookup.csv").unlink()
+    with pytest.raises(FileNotFoundError, match="display.lookup.csv.*names as its `lookup`"):
+        DriveProfile.load(tmp_path / "display.json")
+
+
+def test_a_failed_save_leaves_the_old_files(tmp_path, make_profile, monkeypatch):
+    path = tmp_path / "display.json"
+    make_profile("ultrasonic").save(path)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+
+    def fail(*_, **__):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("tactile_diffusers.display.drive_files._json", fail)
+    with pytest.raises(OSError, match="disk full"):
+        make_profile("ultrasonic", offset=0.4).save(path)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before

@@ -1,0 +1,356 @@
+"""The ablation runner: rows, what is kept and what is done again, and what is measured of a tiny pipeline."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import ablate
+import ablate_measure
+import ablate_training
+import numpy as np
+import pytest
+import torch
+from ablate_rows import read_rows
+from ablate_training import DIGEST, TrainingFailed, stages, train, training_facts
+
+from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.cli.readme import markers
+from tactile_diffusers.evaluation.sections import Settings
+from tactile_diffusers.io.locks import fcntl
+
+SCRIPTS = Path(__file__).parents[2] / "examples"
+BASE = {
+    "question": "the plain model",
+    "model": {"lctg": {"latent_channels": 4, "latent_noise": 0.1}},
+    "arguments": {"learning_rate": 1e-3, "train_batch_size": 4},
+    "train": [{"subset": "full", "max_train_steps": 4}, {"subset": "filtered", "max_train_steps": 2}],
+}
+NOISE = {
+    "question": "more noise on the latents",
+    "extends": "base",
+    "model": {"lctg": {"latent_noise": 0.3}},
+    "arguments": {"use_ema": False, "learning_rate": None},
+    "dale": {"max_train_steps": 3},
+}
+POINT = {"nine_band_db": 1.0, "snr_db": -1.0, "ktd_excess": 3.0}
+MEASURED = {
+    "parameters": 2_000_000,
+    "steps": {n: {**POINT, "ftd_excess": 1.0, "power_difference_percent": 2.0, "signed_db": {}, "seconds": 0.1}
+              for n in ("5", "10")},
+    "rate_kbit_s": 1.5,
+    "rate_distortion": [
+        {**POINT, "sigma": sigma, "base_only": base_only, "rate_kbit_s": 1 / sigma, "decimated": POINT}
+        for sigma, base_only in ((0.1, False), (0.4, False), (0.1, True))
+    ],
+}  # fmt: skip
+
+
+def write_rows(folder, **rows):
+    folder.mkdir(exist_ok=True)
+    for name, row in rows.items():
+        (folder / f"{name}.json").write_text(json.dumps(row))
+    return folder
+
+
+def test_a_row_is_its_file_over_those_it_extends(tmp_path):
+    base, noise, again = read_rows(
+        write_rows(tmp_path / "rows", noise=NOISE, base=BASE, a={"question": "once", "extends": "noise", "train": [
+            {"max_train_steps": 9}], "dale": None})
+    )  # fmt: skip
+    assert base.lineage == ("base",) and base.dale is None and base.model == BASE["model"]
+    assert noise.model == {"lctg": {"latent_channels": 4, "latent_noise": 0.3}} and noise.train == BASE["train"]
+    assert noise.arguments == {"learning_rate": None, "train_batch_size": 4, "use_ema": False}
+    assert noise.dale == {"max_train_steps": 3} and noise.question == "more noise on the latents"
+    # later than what it extends although its name comes first; phases are replaced as a whole
+    assert again.name == "a" and again.train == [{"max_train_steps": 9}] and again.dale is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"trian": []}, "unknown key 'trian'"),
+        ({"question": ""}, "'question' must say in one line"),
+        ({"extends": "nothing"}, "'nothing', which is no row"),
+        ({"extends": ["noise"]}, "'extends' must be the name of a row"),
+        ({"extends": "noise"}, "round in a circle: noise < row < noise"),
+        ({"model": {"dale": {}}}, "feature_extractor, lctg, scheduler, got 'dale'"),
+        ({"model": {"lctg": {"latents": 3}}}, "section 'lctg' has the unknown key 'latents'"),
+        ({"arguments": {"output_dir": "x"}}, "must not set 'output_dir'"),
+        ({"arguments": {"seed": [1]}}, "must give 'seed' one value"),
+        ({"train": []}, "'train' must be a list of phases"),
+        ({"train": [{"subset": "full"}]}, "'train, phase 1' must say how long"),
+        ({"dale": {"max_train_steps": 0}}, "'dale' must say how long"),
+    ],
+)
+def test_rows_say_what_is_wrong(tmp_path, change, message):
+    other = {"question": "other", "extends": "row", "train": BASE["train"]}
+    with pytest.raises(ValueError, match=message) as error:
+        read_rows(write_rows(tmp_path / "rows", row=BASE | change, noise=other))
+    assert "row.json" in str(error.value) or "noise.json" in str(error.value)
+
+
+def test_a_folder_without_rows_is_refused(tmp_path):
+    (tmp_path / "bad.json").write_text("{")
+    with pytest.raises(ValueError, match="bad.json cannot be read as a row"):
+        read_rows(tmp_path)
+    (tmp_path / "bad.json").unlink()
+    with pytest.raises(ValueError, match="there is no row file"):
+        read_rows(tmp_path)
+
+
+@pytest.fixture
+def data(tmp_path):
+    """Its content is never read: trainings and measurements of these tests are faked."""
+    path = tmp_path / "prepared.h5"
+    path.write_bytes(b"data")
+    return path
+
+
+@pytest.fixture
+def launched(monkeypatch):
+    """Trainings are not run but written down, script and folder; those of folders in `failing` fail."""
+    launched = type("Launched", (list,), {"failing": set()})()
+
+    def launch(words, log, threads):
+        folder = next(Path(word.split("=", 1)[1]) for word in words if word.startswith("--output_dir="))
+        launched.append(f"{Path(words[0]).stem} {folder.parent.name}/{folder.name}")
+        launched.words = words
+        log.write_text("first line\n" * 50 + "the reason\n")
+        if folder.name in launched.failing:
+            return 3
+        entries = [{"step": s, "train/velocity": 1 / s, "seconds": 0.5 * s} for s in (1, 2, 4)]
+        entries.append({"step": 4, "validation/nine_band_db": 1.0})
+        (folder / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+        (folder / "model_index.json").write_text("{}")
+        return 0
+
+    monkeypatch.setattr(ablate_training, "_launch", launch)
+    return launched
+
+
+@pytest.fixture
+def run(tmp_path, data, launched, monkeypatch):
+    """`run("--only base")` runs the command on two rows; `run.measured` holds the folders that were measured."""
+    write_rows(tmp_path / "rows", base=BASE, noise=NOISE)
+
+    def measure(self, folder, generates):
+        run.measured.append(f"{folder.parent.name}/{folder.name}")
+        return MEASURED | ({"generation": POINT | {"ftd_excess": 1.0}} if generates else {})
+
+    def run(extra=""):
+        fixed = f"--data {data} --rows {tmp_path / 'rows'} --output {tmp_path / 'out'} --quiet"
+        threads = torch.get_num_threads()
+        try:
+            return ablate.main(f"{fixed} {extra}".split(), SCRIPTS)
+        finally:
+            torch.set_num_threads(threads)
+
+    run.measured = []
+    monkeypatch.setattr(ablate_measure.Bench, "measure", measure)
+    return run
+
+
+def test_rows_are_trained_measured_and_told_once(run, launched, tmp_path, capsys):
+    readme = tmp_path / "README.md"
+    readme.write_text("\n".join(markers("ablation")))
+    assert run(f"--readme {readme}") == 0
+    phases = [f"train_lctg {row}/phase-{n}" for row in ("base", "noise") for n in (1, 2)]
+    assert launched == [*phases, "train_dale noise/dale"] and run.measured == ["base/phase-2", "noise/dale"]
+    assert json.loads((tmp_path / "out/noise/model.json").read_text())["lctg"]["latent_noise"] == 0.3
+    out = tmp_path / "out"
+    result = json.loads((out / "noise" / "result.json").read_text())
+    assert result["training_seconds"] == 6 and result["step_seconds"] == 0.5 and result["dale_loss"] == 0.25
+    for text in (capsys.readouterr().out, (out / "report.md").read_text(), readme.read_text()):
+        assert "the plain model (`base`)" in text and "generated KTD over real" in text
+        # the README leaves the long tables to the report, which it links to
+        short = text == readme.read_text()
+        assert ("base layer only" in text) is not short and ("(examples/results/ablation/report.md)" in text) is short
+    assert "(examples/results/ablation/rows.png)" in readme.read_text()
+    for name in ("rows.png", "rate_distortion.png", "ablation.json"):
+        assert (tmp_path / "examples/results/ablation" / name).read_bytes() == (out / name).read_bytes()
+    launched.clear()
+    assert run() == 0 and not launched and len(run.measured) == 2
+    (out / "base" / "result.json").unlink()  # measured again, not trained again
+    assert run() == 0 and not launched and run.measured[2:] == ["base/phase-2"]
+
+
+def test_only_what_a_change_reaches_is_done_again(run, launched, tmp_path):
+    assert run() == 0
+    launched.clear()
+    phases = [BASE["train"][0], {"subset": "filtered", "max_train_steps": 3}]
+    write_rows(tmp_path / "rows", base=BASE | {"question": "asked otherwise"}, noise=NOISE | {"train": phases})
+    mark = tmp_path / "out/noise/phase-2/checkpoint-2"
+    mark.mkdir()
+    assert run() == 0
+    assert launched == ["train_lctg noise/phase-2", "train_dale noise/dale"] and not mark.exists()
+    assert "asked otherwise" in (tmp_path / "out/report.md").read_text()
+    launched.clear()
+    assert run("--split test") == 0 and not launched and run.measured[3:] == ["base/phase-2", "noise/dale"]
+
+
+@pytest.mark.skipif(fcntl is None, reason="needs flock")
+@pytest.mark.parametrize("place", ["out/noise", "out/noise/phase-2"])  # another command, or what a killed one started
+def test_a_row_that_another_process_is_at_is_left_alone(run, launched, tmp_path, capsys, place):
+    assert run() == 0
+    launched.clear()
+    phases = [BASE["train"][0], {"subset": "filtered", "max_train_steps": 3}]
+    write_rows(tmp_path / "rows", base=BASE, noise=NOISE | {"train": phases})
+    (tmp_path / "out/noise/phase-2/unfinished-checkpoint-2").mkdir()
+    handle = os.open(tmp_path / place, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        assert run() == 1 and not launched
+    finally:
+        os.close(handle)
+    assert f"row noise: The folder {tmp_path / place} is in use" in capsys.readouterr().err
+    assert (tmp_path / "out/noise/phase-2/unfinished-checkpoint-2").exists()
+    assert run() == 0 and launched == ["train_lctg noise/phase-2", "train_dale noise/dale"]
+
+
+def test_report_only_tells_what_is_done(run, launched, tmp_path, capsys):
+    assert run("--report-only") == 1 and not launched
+    assert run("--only base") == 0 and "no result yet of noise" in capsys.readouterr().err
+    launched.clear()
+    assert run("--report-only") == 0 and not launched and "`noise`" not in capsys.readouterr().out
+
+
+def test_a_failed_training_does_not_stop_the_others(run, launched, tmp_path, capsys):
+    launched.failing = {"dale"}
+    assert run() == 1
+    error = capsys.readouterr().err
+    assert "row noise: train_dale.py ended with exit code 3" in error and error.count("first line") == 14
+    assert "the reason" in error and "`base`" in (tmp_path / "out/report.md").read_text()
+    launched.failing = set()
+    launched.clear()
+    assert run() == 0 and launched == ["train_dale noise/dale"]
+
+
+def test_a_training_that_was_cut_off_goes_on(run, launched, tmp_path):
+    launched.failing = {"phase-2"}
+    assert run("--only base") == 1
+    kept = tmp_path / "out/base/phase-2/checkpoint-2"
+    kept.mkdir()
+    launched.failing = set()
+    launched.clear()
+    assert run("--only base") == 0
+    assert launched == ["train_lctg base/phase-2"] and kept.is_dir()
+    assert "--resume_from_checkpoint=latest" in launched.words
+    assert f"--pretrained_model_name_or_path={tmp_path / 'out/base/phase-1'}" in launched.words
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ({"arguments": {"learning_rat": "x"}}, "phase-1 is refused by train_lctg.py"),
+        ({"arguments": {"no_such_thing": 1}}, "unrecognized arguments: --no_such_thing=1"),
+        ({"arguments": {"learning_rate": -1}}, "--learning_rate must be positive"),
+        ({"dale": {"max_train_steps": 1, "octave_exponent": 1}}, "dale is refused by train_dale.py"),
+    ],
+)
+def test_scripts_check_arguments_before_any_work(run, launched, tmp_path, capsys, row, message):
+    write_rows(tmp_path / "rows", noise=NOISE | row)
+    assert run() == 2 and not launched and not (tmp_path / "out").exists()
+    error = capsys.readouterr().err
+    assert message in error and "noise.json" in error
+
+
+def test_foreign_folders_and_unknown_rows_are_refused(run, launched, tmp_path, capsys):
+    assert run("--only nothing") == 2 and "no row 'nothing'" in capsys.readouterr().err
+    foreign = tmp_path / "out/base/phase-1"
+    foreign.mkdir(parents=True)
+    (foreign / "model_index.json").write_text("{}")
+    assert run() == 2 and not launched and (foreign / "model_index.json").exists()
+    assert f"has no file {DIGEST}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("extra", ["--data nowhere.h5", "--rows nowhere", "--threads 0", "--readme nowhere.md"])
+def test_the_command_refuses_bad_arguments(run, launched, extra):
+    with pytest.raises(SystemExit) as stop:
+        run(extra)
+    assert stop.value.code == 2 and not launched
+
+
+def test_the_log_of_a_failed_process_is_shown(tmp_path, data, monkeypatch):
+    """A process is really started here, without accelerate, which takes seconds to import."""
+    rows = read_rows(write_rows(tmp_path / "rows", base=BASE))
+    (tmp_path / "train_lctg.py").write_text("import os, sys\nprint(os.environ['OMP_NUM_THREADS'])\nsys.exit('broken')")
+    (tmp_path / "launcher.py").write_text("import runpy, sys\nrunpy.run_path(sys.argv[3])  # after the threads")
+    monkeypatch.setattr(ablate_training, "LAUNCHER", [sys.executable, str(tmp_path / "launcher.py")])
+    with pytest.raises(TrainingFailed, match="exit code 1; the last lines of .*phase-1.log:\n2\nbroken"):
+        train(rows[0], stages(rows[0], tmp_path / "out", data), tmp_path, threads=2)
+
+
+def test_pace_is_the_median_over_resumed_phases(tmp_path, data):
+    row = read_rows(write_rows(tmp_path / "rows", base=BASE))[0]
+    planned = stages(row, tmp_path / "out", data)
+    for stage, paces in zip(planned, ([0.1, 0.2], [0.2, 9.0, 0.1]), strict=True):
+        stage.folder.mkdir(parents=True)
+        seconds = np.cumsum(50 * np.array(paces))
+        entries = [{"step": 50 * n, "train/velocity": 1 / n, "seconds": s} for n, s in enumerate(seconds, 1)]
+        (stage.folder / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+    facts = training_facts(planned)
+    assert facts["step_seconds"] == pytest.approx(0.2) and facts["loss"] == pytest.approx(1 / 3)
+    assert facts["training_seconds"] == pytest.approx(50 * 9.6)
+
+
+@pytest.fixture
+def bench(prepared, monkeypatch):
+    monkeypatch.setattr(ablate_measure, "SETTINGS", Settings(per_surface=1, takes=1, repeats=1))
+    monkeypatch.setattr(ablate_measure, "STEPS", (1, 2))
+    monkeypatch.setattr(ablate_measure, "SIGMAS", (0.1, 0.4))
+    return ablate_measure.Bench(prepared, "validation")
+
+
+def test_everything_of_a_pipeline_is_measured(bench, evaluable_pipe, tmp_path):
+    evaluable_pipe().save_pretrained(str(tmp_path / "pipeline"))
+    result = bench.measure(tmp_path / "pipeline", generates=True)
+    assert result["parameters"] == sum(p.numel() for p in evaluable_pipe().lctg.parameters())
+    assert set(result["steps"]) == {"1", "2"} and result["steps"]["1"] != result["steps"]["2"]
+    # random weights know nothing of the surfaces
+    assert result["steps"]["2"]["nine_band_db"] > 3 and result["generation"]["nine_band_db"] > 3
+    weak, strong = result["rate_distortion"]
+    assert weak["rate_kbit_s"] > strong["rate_kbit_s"] > 0
+    # the waveform low-passed to fewer bits is further off
+    assert weak["decimated"]["snr_db"] > strong["decimated"]["snr_db"]
+    json.dumps(result, allow_nan=False)
+
+
+def test_rate_is_shannons_and_decimated_carries_as_much(bench, evaluable_pipe, monkeypatch):
+    """The formula again, from the latents' variances over the held-out set."""
+    pipe, made = evaluable_pipe(dale=False), []
+    original = ablate_measure.Decimated
+    monkeypatch.setattr(ablate_measure, "Decimated", lambda *numbers: made.append(numbers) or original(*numbers))
+    context = bench.context(pipe)
+    points = ablate_measure.rate_distortion(context)["rate_distortion"]
+    variance = context.encode(context.real).astype(np.float64).var((0, 2))
+    frames_per_second = pipe.feature_extractor.sampling_rate / pipe.lctg.config.latent_hop
+    for point, (numbers, bits), sigma in zip(points, made, (0.1, 0.4), strict=True):
+        expected = frames_per_second * 0.5 * np.log2(1 + variance / sigma**2).sum()
+        # latents are float32
+        assert 1000 * point["rate_kbit_s"] == pytest.approx(expected, rel=1e-5)
+        assert numbers * bits == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_detail_layer_is_measured_apart(bench, make_lctg, make_extractor):
+    pipe = TactileTexturePipeline(
+        lctg=make_lctg(segment_samples=2048, feature_channels=26, detail_channels=2),
+        feature_extractor=make_extractor(feature_size=26, detail_samples=2),
+        scheduler=VDDIMScheduler(),
+    )
+    pipe.set_progress_bar_config(disable=True)
+    context = bench.context(pipe)
+    decoded = []
+    context.pipe.decode = lambda latents, *rest: (
+        decoded.append(latents) or TactileTexturePipeline.decode(pipe, latents, *rest)
+    )
+    *layers, base = ablate_measure.rate_distortion(context)["rate_distortion"]
+    assert [point["base_only"] for point in layers] == [False, False] and base["base_only"]
+    assert not decoded[-1][:, 2:].any() and decoded[-1][:, :2].any() and decoded[0][:, 2:].any()
+    assert base["sigma"] == pytest.approx(pipe.lctg.config.latent_noise or 0.1)
+
+
+def test_rows_share_what_does_not_depend_on_them(bench, evaluable_pipe):
+    first, second = bench.context(evaluable_pipe()), bench.context(evaluable_pipe(dale=False))
+    assert first.reference is second.reference and first.pipe is not second.pipe
+    assert first.generated(1.0) is first.generated(1.0) and second._generated == {}
