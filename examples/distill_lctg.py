@@ -41,11 +41,11 @@ from tactile_diffusers.training.arguments import (
     parse_training_arguments,
 )
 from tactile_diffusers.training.batches import make_collate
-from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.ending import finish
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import multi_resolution_spectral_loss, octave_weights, velocity_loss
+from tactile_diffusers.training.modulation import MODULATION_TEXTURES, fit_modulation_gains
 from tactile_diffusers.training.refusals import run, starting
 
 
@@ -176,7 +176,7 @@ def make_validation(args, pipe, dataset):
     real, rate = dataset.textures(chosen), pipe.feature_extractor.delivery_rate
     reference = resample(real, dataset.sampling_rate, rate)
     given = pipe.encode(real, dataset.sampling_rate)
-    base = pipe.lctg.complete(given.latents[:, : pipe.lctg.base_channels])
+    base = pipe.lctg.pad_detail(given.latents[:, : pipe.lctg.base_channels])
 
     def validate(model, step):
         whole = TactileTexturePipeline(
@@ -229,8 +229,8 @@ def main(argv=None):
     if accelerator.is_main_process:
         pipe.register_modules(lctg=model)
         if pipe.dale is not None:  # told no details, this decoder has another modulation than its teacher's
-            rows = dataset.non_overlapping(1)[:CONTRAST_TEXTURES]
-            fit_level_contrast(pipe, pipe.dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
+            rows = dataset.non_overlapping(1)[:MODULATION_TEXTURES]
+            fit_modulation_gains(pipe, pipe.dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
 
         def save(folder):
             model.save_pretrained(str(Path(folder) / DISTILLED))

@@ -29,12 +29,12 @@ from tactile_diffusers.training.arguments import (
     read_model_config,
 )
 from tactile_diffusers.training.checkpoints import writing
-from tactile_diffusers.training.contrast import CONTRAST_TEXTURES, fit_level_contrast
 from tactile_diffusers.training.draws import Draws
 from tactile_diffusers.training.ending import finish
 from tactile_diffusers.training.figures import plot_axis_sweep
 from tactile_diffusers.training.loop import Trainer, make_accelerator
 from tactile_diffusers.training.losses import rating_loss
+from tactile_diffusers.training.modulation import MODULATION_TEXTURES, fit_modulation_gains
 from tactile_diffusers.training.rating_head import fit_rating_estimator, scores_in_words
 from tactile_diffusers.training.refusals import run, starting
 from tactile_diffusers.training.surfaces import surfaces_of
@@ -77,7 +77,7 @@ def parse_args(argv=None):
     return args
 
 
-def number_losses(dale, difference, knows_friction, weight):
+def state_losses(dale, difference, knows_friction, weight):
     """Mean squared error of the velocity: of what varies over the texture, and of the numbers of the whole.
 
     Args:
@@ -86,8 +86,8 @@ def number_losses(dale, difference, knows_friction, weight):
         knows_friction (`torch.Tensor`): (batch,) bool; an unknown friction coefficient counts nothing.
         weight (`torch.Tensor`): (batch,) how much each texture counts.
     """
-    squares = dale.numbers(difference.float()).square() * weight[:, None, None]
-    learned, departures, scalars = squares.split(dale.kinds, dim=1)
+    squares = dale.pool_state(difference.float()).square() * weight[:, None, None]
+    learned, departures, scalars = squares.split(dale.channel_groups, dim=1)
     known = torch.ones_like(scalars[..., 0])
     known[:, -1] = knows_friction
     return sum(part.mean() for part in (learned, departures) if part.numel()), (scalars.mean(-1) * known).mean()
@@ -123,13 +123,11 @@ class DALETrainingStep(nn.Module):
         velocity = self.model(noisy, timesteps, ratings, return_dict=False)[0].float()
         target = self.scheduler.get_velocity(clean, noise, timesteps)
 
-        latent_loss, scalar_loss = number_losses(
-            self.model, velocity - target, batch["knows_friction"], batch["weight"]
-        )
+        latent_loss, scalar_loss = state_losses(self.model, velocity - target, batch["knows_friction"], batch["weight"])
         loss = latent_loss + args.scalar_weight * scalar_loss
         scalars = {"velocity": latent_loss.detach(), "scalars": scalar_loss.detach()}
         if args.conditioning_weight:
-            predicted = self.model.numbers(self.scheduler.get_original_sample(velocity, noisy, timesteps))
+            predicted = self.model.pool_state(self.scheduler.get_original_sample(velocity, noisy, timesteps))
             # far from the data x0 is hardly known: weight cos^2 phi
             weight = self.scheduler.angle(timesteps).cos().square()
             heard = self.head[0](predicted, batch["knows_friction"])
@@ -252,7 +250,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
         for name, condition in (("rated", ratings), ("unrated", torch.full_like(ratings, torch.nan))):
             parts = zip(noisy.split(64), timesteps.split(64), condition.split(64), strict=True)
             velocity = torch.cat([model(*(p.to(device) for p in part), return_dict=False)[0].cpu() for part in parts])
-            losses[f"velocity_{name}"], losses[f"scalars_{name}"] = number_losses(model, velocity - target, *counted)
+            losses[f"velocity_{name}"], losses[f"scalars_{name}"] = state_losses(model, velocity - target, *counted)
         whole = TactileTexturePipeline(
             lctg=pipe.lctg,
             feature_extractor=pipe.feature_extractor,
@@ -294,10 +292,10 @@ def main(argv=None):
         args.conditioning_weight = 0.0
     else:
         head, scores = fit_rating_estimator(
-            dale.kinds,
-            torch.cat([dale.numbers(part) for part in states["state"].split(512)]),
+            dale.channel_groups,
+            torch.cat([dale.pool_state(part) for part in states["state"].split(512)]),
             torch.from_numpy(dataset.surface_ratings[dataset.surface_ids]).float(),
-            torch.cat([dale.numbers(part) for part in held_out_states["state"].split(512)]),
+            torch.cat([dale.pool_state(part) for part in held_out_states["state"].split(512)]),
             held_out_states["ratings"],
             dale.config.rating_axes,
             steps=args.rating_head_steps,
@@ -317,8 +315,8 @@ def main(argv=None):
     )
     dale = trainer.run()
     if accelerator.is_main_process:
-        rows = dataset.non_overlapping(1)[:CONTRAST_TEXTURES]
-        fit_level_contrast(pipe, dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
+        rows = dataset.non_overlapping(1)[:MODULATION_TEXTURES]
+        fit_modulation_gains(pipe, dale, dataset.textures(rows), dataset.sampling_rate, args.seed, args.quiet)
         whole = TactileTexturePipeline(
             lctg=pipe.lctg,
             feature_extractor=pipe.feature_extractor,

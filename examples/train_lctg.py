@@ -194,7 +194,7 @@ def make_validation(args, extractor, scheduler, dataset):
         for start in range(0, count, args.eval_batch_size):
             heard = pipe.encode(real[start : start + args.eval_batch_size], dataset.sampling_rate)
             if base_only:
-                heard.latents = pipe.lctg.complete(heard.latents[:, : pipe.lctg.base_channels])
+                heard.latents = pipe.lctg.pad_detail(heard.latents[:, : pipe.lctg.base_channels])
             generator = torch.Generator("cpu").manual_seed(start)
             out = pipe.decode(heard.latents, heard.level, num_inference_steps=10, generator=generator)
             made.append(out.textures[:, : reference.shape[-1]])

@@ -76,7 +76,7 @@ class _Given:
         self.real = held_out.textures(rows)
         self.floor = reference.distances(reference.embed(self.real), self.surfaces)["ktd"]["mean"]
         encoded = pipe.encode(self.real, self.rate)
-        base = pipe.lctg.complete(encoded.latents[:, : pipe.lctg.base_channels])
+        base = pipe.lctg.pad_detail(encoded.latents[:, : pipe.lctg.base_channels])
         ratings, made = held_out.surface_ratings[self.surfaces], []
         for start in range(0, len(ratings), BATCH):
             generator = torch.Generator().manual_seed(seed + start)

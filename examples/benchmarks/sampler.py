@@ -86,7 +86,7 @@ def step_cost(pipe, repeats=200):
             times.append(time.perf_counter() - start)
         return float(np.median(times))
 
-    scheduler = VDDIMScheduler(solver_order=2)
+    scheduler = VDDIMScheduler(multistep_order=2)
 
     def one_step():
         scheduler.step(wave, scheduler.timesteps[scheduler.step_index or 0], wave)

@@ -70,11 +70,11 @@ def _within(case, bench, wanted, **options):
     made = pipe(wanted, generator=generator, output_type="latent", **options)
     base, config = made.latents[:, : pipe.lctg.base_channels], pipe.dale.config
     # what DALE generates once a texture: mean cepstrum, level, log friction, in the training set's standard deviations
-    numbers = pipe.dale.split(pipe.dale.pack(base, made.level, made.friction_coefficient))[1]
+    scalars = pipe.dale.split_scalars(pipe.dale.pack(base, made.level, made.friction_coefficient))[1]
     friction = (made.friction_coefficient.log() - config.log_friction_mean) / config.log_friction_std
     out = pipe.decode(made.latents, made.level, made.friction_coefficient, generator=generator)
     yield Row(case, "RMS of the texture against its level", level_error(out), SAME_DB, "dB")
-    for name, found in (("level", numbers[:, -2]), ("friction", friction), ("mean spectrum", numbers[:, :-2])):
+    for name, found in (("level", scalars[:, -2]), ("friction", friction), ("mean spectrum", scalars[:, :-2])):
         yield Row(case, f"{name}, from the training mean", float(found.abs().numpy().max(initial=0.0)), FAR, "std")
 
 
@@ -105,7 +105,7 @@ def _solve(bench, order, count, latents):
     pipe = bench.copy()
     for name in ("scheduler", "dale_scheduler"):
         scheduler = getattr(pipe, name)
-        setattr(pipe, name, type(scheduler).from_config(scheduler.config, solver_order=order))
+        setattr(pipe, name, type(scheduler).from_config(scheduler.config, multistep_order=order))
     made = pipe(RATINGS[:1], latents=bench.noise[:1], output_type="latent", num_latent_inference_steps=count)
     given = latents or made
     return made, pipe.decode(given.latents, given.level, num_inference_steps=count, noise=bench.decoder_noise[:1])

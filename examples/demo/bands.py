@@ -82,8 +82,8 @@ def heard_range(pipe, drawn):
         return None
     friction = drawn.friction_coefficient
     latents = drawn.latents[:, : pipe.lctg.base_channels]
-    numbers = pipe.dale.numbers(pipe.dale.pack(latents, drawn.level, friction)).to(pipe.rating_estimator.dtype)
-    heard = pipe.rating_estimator(numbers, torch.isfinite(friction)).double().numpy()
+    pooled = pipe.dale.pool_state(pipe.dale.pack(latents, drawn.level, friction)).to(pipe.rating_estimator.dtype)
+    heard = pipe.rating_estimator(pooled, torch.isfinite(friction)).double().numpy()
     return np.percentile(heard, [PERCENTILES[0], PERCENTILES[-1]], axis=0)
 
 

@@ -123,7 +123,7 @@ class Studio:
         parts = {}
         for name in ("dale_scheduler",) if distilled else ("scheduler", "dale_scheduler"):
             scheduler = getattr(self._teacher, name)
-            parts[name] = type(scheduler).from_config(scheduler.config, solver_order=settings.order)
+            parts[name] = type(scheduler).from_config(scheduler.config, multistep_order=settings.order)
         return with_lctg(self._teacher, self._distilled if distilled else self._teacher.lctg, **parts)
 
     def generate(self, ratings, settings=None):

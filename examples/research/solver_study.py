@@ -180,7 +180,7 @@ def schedulers(order_2_spacings=("uniform", "both_ends", "log_snr")):
     exact = {"trained_betas": ours.betas()}
     made = {"order 1, uniform": ours}
     for spacing in order_2_spacings:
-        made[f"order 2, {spacing}"] = VDDIMScheduler(solver_order=2, spacing=spacing)
+        made[f"order 2, {spacing}"] = VDDIMScheduler(multistep_order=2, spacing=spacing)
     made["diffusers DDIM"] = DDIMScheduler.from_config(ours.config, set_alpha_to_one=True, **exact)
     made["diffusers DPM-Solver++ 2M"] = DPMSolverMultistepScheduler.from_config(
         ours.config, algorithm_type="dpmsolver++", solver_order=2, final_sigmas_type="zero", **exact
@@ -205,7 +205,7 @@ def trained_errors(stage, real=None, sampling_rate=None, reference=None, steps=S
     from tqdm.auto import tqdm
 
     made, groups = schedulers(), np.arange(len(stage.noise))
-    truth = stage.solve(VDDIMScheduler(solver_order=2, spacing="both_ends"), REFERENCE_STEPS)
+    truth = stage.solve(VDDIMScheduler(multistep_order=2, spacing="both_ends"), REFERENCE_STEPS)
     if stage.stage == "lctg":
         true_bands = band_levels_db(stage.textures(truth, real.shape[-1]), sampling_rate)
     found = {name: {} for name in made}
@@ -231,7 +231,7 @@ def trained_rules(stage, steps=(3, 4, 5, 10), rules=tuple(RULES), spacings=SPACI
     """Solver error on a trained model of all that was tried: rule -> spacing -> steps -> leaf (RMS over the state)."""
     from tqdm.auto import tqdm
 
-    truth = stage.solve(VDDIMScheduler(solver_order=2, spacing="both_ends"), REFERENCE_STEPS)
+    truth = stage.solve(VDDIMScheduler(multistep_order=2, spacing="both_ends"), REFERENCE_STEPS)
     length = stage.pipe.lctg.config.num_train_timesteps
 
     def velocity(x, phi):

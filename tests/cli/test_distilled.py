@@ -5,7 +5,7 @@ from tactile_diffusers.cli.distilled import distilled_folder, with_lctg
 
 
 def test_another_lctg_shares_all_but_schedulers(pipe, make_lctg):
-    other, scheduler = make_lctg(seed=5), VDDIMScheduler(solver_order=1)
+    other, scheduler = make_lctg(seed=5), VDDIMScheduler(multistep_order=1)
     made, replaced = with_lctg(pipe, other), with_lctg(pipe, other, scheduler=scheduler)
     assert made.lctg is other and made.dale is pipe.dale and made.feature_extractor is pipe.feature_extractor
     assert made.scheduler is not pipe.scheduler and made.scheduler.config == pipe.scheduler.config

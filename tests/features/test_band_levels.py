@@ -251,10 +251,10 @@ def _fast(waveform):
     return np.sqrt(np.square(measure_fast_modulation(waveform, count=COUNT, **GRID)).mean(axis=(0, 2)))
 
 
-def test_contrast_deepens_fast_modulation_band_by_band_and_keeps_levels():
-    noise, contrast = _noise(64), np.ones(COUNT + 1)
-    contrast[3], contrast[5] = 1.5, 0.6
-    made = impose_band_levels(noise, _measure(noise), **GRID, contrast=np.tile(contrast, (64, 1)))
+def test_modulation_gain_deepens_fast_modulation_band_by_band_and_keeps_levels():
+    noise, modulation_gain = _noise(64), np.ones(COUNT + 1)
+    modulation_gain[3], modulation_gain[5] = 1.5, 0.6
+    made = impose_band_levels(noise, _measure(noise), **GRID, modulation_gain=np.tile(modulation_gain, (64, 1)))
     ratio = _fast(made) / _fast(noise)
     # gains change within the window that measures them, so a part of what is asked for is reached; bands lean over
     assert ratio[3] > 1.15 and ratio[5] < 0.9
@@ -270,14 +270,14 @@ def test_a_steady_sine_has_no_fast_modulation():
     assert fast.shape == (1, COUNT + 1, FRAMES) and np.abs(fast[0, band, 8:-8]).max() < 1e-3  # away from mirrored ends
 
 
-def test_a_contrast_of_one_changes_nothing():
+def test_a_modulation_gain_of_one_changes_nothing():
     noise, levels = _noise(4), _measure(_noise(4, seed=1))
-    made = impose_band_levels(noise, levels, **GRID, contrast=np.ones((4, COUNT + 1)))
+    made = impose_band_levels(noise, levels, **GRID, modulation_gain=np.ones((4, COUNT + 1)))
     np.testing.assert_array_equal(made, _impose(noise, levels))
 
 
-def test_a_contrast_of_another_shape_is_refused(make_extractor, pink_noise):
+def test_a_modulation_gain_of_another_shape_is_refused(make_extractor, pink_noise):
     extractor = make_extractor(**THREE)
     waveform, level = extractor.normalize(pink_noise(4096, 10_000), 10_000)
-    with pytest.raises(ValueError, match=r"`contrast` must be \(1, 4\)"):
+    with pytest.raises(ValueError, match=r"`modulation_gain` must be \(1, 4\)"):
         extractor.denormalize(waveform, level, None, extractor.band_levels(waveform), np.ones(4))

@@ -134,20 +134,20 @@ def test_the_state_has_unit_variance(make_dale):
     latents = _normal(count, 4, 4) * std[:, None] + mean[:, None]
     level, friction = -5 + 0.5 * _normal(count, seed=1), torch.exp(-0.4 + 0.3 * _normal(count, seed=2))
     state = model.pack(latents, level, friction)
-    channels, scalars = model.split(state)
+    channels, scalars = model.split_scalars(state)
     # 20,000 draws: the standard error of a deviation is 0.5 %
     torch.testing.assert_close(channels.std((0, 2)), torch.ones(4), rtol=0, atol=0.02)
     torch.testing.assert_close(scalars.std(0), torch.ones(2), rtol=0, atol=0.02)
     torch.testing.assert_close(scalars.mean(0), torch.zeros(2), rtol=0, atol=0.03)
     # noise is read with unit variance too
-    assert model.split(_normal(count, 6, 16, seed=3))[1].std() == pytest.approx(1.0, abs=0.02)
+    assert model.split_scalars(_normal(count, 6, 16, seed=3))[1].std() == pytest.approx(1.0, abs=0.02)
 
 
 def test_split_and_join_are_inverse(dale):
     sample = _normal(3, 6, 20)
-    latents, scalars = dale.split(sample)
+    latents, scalars = dale.split_scalars(sample)
     assert latents.shape == (3, 4, 20) and scalars.shape == (3, 2)
-    again = dale.split(dale.join(latents, scalars))
+    again = dale.split_scalars(dale.append_scalars(latents, scalars))
     torch.testing.assert_close(again[0], latents, rtol=0, atol=0)
     torch.testing.assert_close(again[1], scalars, rtol=1e-5, atol=1e-6)
 
@@ -244,27 +244,27 @@ def test_statistics_bring_every_number_to_unit_variance(make_dale):
     latents[:, :3] = mixed @ (_normal(4000, 3, 1, seed=4) + 0.3 * _normal(4000, 3, 32, seed=5)) + 1.0
     model = make_dale(in_channels=10, level_channels=3, patch_size=4, **latent_statistics(latents, 3, 4))
     level, friction = -5 + 0.6 * _normal(4000, seed=6), torch.exp(-0.4 + 0.4 * _normal(4000, seed=7))
-    numbers = model.numbers(model.pack(latents, level, friction))
-    assert numbers.shape == (4000, 2 * 4 + 3 + 5, 8) and sum(model.kinds) == 16
+    numbers = model.pool_state(model.pack(latents, level, friction))
+    assert numbers.shape == (4000, 2 * 4 + 3 + 5, 8) and sum(model.channel_groups) == 16
     # 4000 textures: the standard error of a deviation is 1.1 %
     torch.testing.assert_close(numbers.std((0, 2)), torch.ones(16), rtol=0, atol=0.06)
     torch.testing.assert_close(numbers.mean((0, 2)), torch.zeros(16), rtol=0, atol=0.06)
-    noise = model.numbers(_normal(4000, 10, 32, seed=8))
+    noise = model.pool_state(_normal(4000, 10, 32, seed=8))
     torch.testing.assert_close(noise.std((0, 2)), torch.ones(16), rtol=0, atol=0.06)
 
 
 def test_numbers_and_spread_are_inverse(layered):
-    numbers = layered.numbers(_normal(2, 10, 16))
-    torch.testing.assert_close(layered.numbers(layered.spread(numbers)), numbers, rtol=0, atol=1e-5)
+    numbers = layered.pool_state(_normal(2, 10, 16))
+    torch.testing.assert_close(layered.pool_state(layered.unpool_state(numbers)), numbers, rtol=0, atol=1e-5)
     with pytest.raises(ValueError, match=r"multiple of 4 frames \(patch_size\), got 18"):
-        layered.numbers(_normal(2, 10, 18))
+        layered.pool_state(_normal(2, 10, 18))
 
 
 def test_the_network_reads_and_writes_nothing_but_numbers(layered):
     sample, ratings = _normal(2, 10, 32), torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])
     velocity = _velocity(layered, ratings, sample)
-    torch.testing.assert_close(layered.spread(layered.numbers(velocity)), velocity, rtol=0, atol=1e-5)
-    same = layered.spread(layered.numbers(sample))  # without what is not read
+    torch.testing.assert_close(layered.unpool_state(layered.pool_state(velocity)), velocity, rtol=0, atol=1e-5)
+    same = layered.unpool_state(layered.pool_state(sample))  # without what is not read
     torch.testing.assert_close(_velocity(layered, ratings, same), velocity, rtol=0, atol=1e-4)
     for channel in (0, 2, 5):  # a learned channel, a departure, a mean
         moved = sample.clone()

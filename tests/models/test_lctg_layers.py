@@ -58,7 +58,7 @@ def test_without_layers_nothing_is_new(make_lctg):
     assert model.base_channels == model.config.latent_channels == 4 and model.level_channels == 0
     assert {name.split(".")[0] for name in model.state_dict()} == {"encoder", "time_embedder", "decoder"}
     latents = _normal(2, 4, 8)
-    assert model.band_levels(latents) is None and torch.equal(model.complete(latents), latents)
+    assert model.band_levels(latents) is None and torch.equal(model.pad_detail(latents), latents)
 
 
 @torch.no_grad()
@@ -87,7 +87,7 @@ def test_the_decoder_hears_levels_and_both_layers(layered):
 
 def test_a_base_layer_is_completed_with_zeros(layered):
     base = _normal(2, 4, 5).half()
-    latents = layered.complete(base)
+    latents = layered.pad_detail(base)
     assert latents.shape == (2, 6, 5) and latents.dtype == torch.float16
     assert torch.equal(latents[:, :4], base) and not latents[:, 4:].any()
 
@@ -107,7 +107,7 @@ def test_band_levels_pass_through_as_they_are(make_lctg, bands, feature_hop):
     assert torch.equal(levels, features[:, :size, ::ratio])
     assert torch.equal(latents[:, -2:], features[:, -2:, ::ratio])
     # the base layer alone holds them, so DALE can make them
-    assert torch.equal(model.band_levels(model.complete(latents[:, : model.base_channels])), levels)
+    assert torch.equal(model.band_levels(model.pad_detail(latents[:, : model.base_channels])), levels)
 
 
 @torch.no_grad()
@@ -120,7 +120,7 @@ def test_an_untrained_decoder_leaves_what_is_given(layered, time):
     velocity = layered(sample, time, latents).sample
     torch.testing.assert_close(velocity, -sine * given, rtol=0, atol=1e-6)  # float32, up to 5
     # ...and zeros give nothing
-    assert not layered(sample, time, layered.complete(latents[:, :4])).sample.any()
+    assert not layered(sample, time, layered.pad_detail(latents[:, :4])).sample.any()
 
 
 @torch.no_grad()
@@ -233,15 +233,15 @@ def test_every_parameter_learns(make_lctg, checkpointed):
     assert idle == []
 
 
-def test_contrast_is_of_what_has_no_detail(make_lctg):
+def test_modulation_gain_is_of_what_has_no_detail(make_lctg):
     latents = torch.randn(3, 6, 4, generator=torch.Generator().manual_seed(0))
-    lctg = make_lctg(**LAYERED, level_contrast=[1.2, 0.9])
-    assert lctg.contrast(latents) is None and make_lctg(**LAYERED).contrast(torch.zeros(1, 6, 4)) is None
+    lctg = make_lctg(**LAYERED, modulation_gains=[1.2, 0.9])
+    assert lctg.modulation_gain(latents) is None and make_lctg(**LAYERED).modulation_gain(torch.zeros(1, 6, 4)) is None
     latents[1, 4:] = 0
-    np.testing.assert_allclose(lctg.contrast(latents), [[1, 1], [1.2, 0.9], [1, 1]], rtol=1e-6)  # float32
+    np.testing.assert_allclose(lctg.modulation_gain(latents), [[1, 1], [1.2, 0.9], [1, 1]], rtol=1e-6)  # float32
 
 
-@pytest.mark.parametrize("contrast", [[1.0], [1.0, -0.1], [1.0, 1.0, 1.0]])
-def test_contrasts_that_do_not_fit_are_refused(make_lctg, contrast):
-    with pytest.raises(ValueError, match="`level_contrast` must hold 2 numbers"):
-        make_lctg(**LAYERED, level_contrast=contrast)
+@pytest.mark.parametrize("modulation_gain", [[1.0], [1.0, -0.1], [1.0, 1.0, 1.0]])
+def test_modulation_gains_that_do_not_fit_are_refused(make_lctg, modulation_gain):
+    with pytest.raises(ValueError, match="`modulation_gains` must hold 2 numbers"):
+        make_lctg(**LAYERED, modulation_gains=modulation_gain)

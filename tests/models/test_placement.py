@@ -146,7 +146,7 @@ def test_a_new_model_is_in_train_mode_and_has_no_leaking_configuration(cls):
 
 
 def test_the_estimator_is_a_model_of_the_package_too(randomized, tmp_path, recorded_warnings):
-    model = randomized(RatingEstimator(kinds=[4, 0, 2])).eval()
+    model = randomized(RatingEstimator(channel_groups=[4, 0, 2])).eval()
     numbers, known = _normal(2, 6, 8), torch.tensor([True, False])
     for how in ({}, {"variant": "fp16"}, {"max_shard_size": "20KB"}):
         folder = tmp_path / "-".join(how or ["plain"])

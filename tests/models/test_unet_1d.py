@@ -39,7 +39,7 @@ def test_conditions_stand_for_latents(make_lctg, detail_channels, samples):
             found = lctg(sample, None, prepared).sample
             torch.testing.assert_close(found, lctg(sample, timestep, latents).sample, rtol=1e-5, atol=1e-6)
         # what is not given is not made, and changes nothing
-        latents = lctg.complete(latents[:, : lctg.base_channels])
+        latents = lctg.pad_detail(latents[:, : lctg.base_channels])
         (prepared,) = lctg.condition(latents, timesteps[:1])
         assert prepared.given is None and (conditions[0].given is None) == (detail_channels == 0)
         expected = lctg(sample, timesteps[0], latents).sample

@@ -105,7 +105,7 @@ def test_ten_seconds_decoded_whole_equal_overlapped_pieces():
     hop = lctg.config.latent_hop
     frames = 10 * pipe.feature_extractor.sampling_rate // hop
     base = torch.randn((1, lctg.base_channels, frames), generator=generator).mul(0.4).clamp(-1, 1)
-    latents, noise = lctg.complete(base), torch.randn((1, 1, frames * hop), generator=generator)
+    latents, noise = lctg.pad_detail(base), torch.randn((1, 1, frames * hop), generator=generator)
     pipe.scheduler.set_timesteps(5)
     timesteps = pipe.scheduler.timesteps
     velocities = (lambda x, step: lctg(x, timesteps[step], latents).sample, texture_velocity(lctg, latents, timesteps))

@@ -21,7 +21,7 @@ TINY_HASH = "2f9ea4a881a8a37cfaf764c448a22f49eeca75238e5409da57bd014de0a77eda"
 def whole(pipe):
     """A pipeline with every component."""
     torch.manual_seed(0)
-    pipe.register_modules(rating_estimator=RatingEstimator(kinds=[4, 0, 2]).eval())
+    pipe.register_modules(rating_estimator=RatingEstimator(channel_groups=[4, 0, 2]).eval())
     return pipe
 
 

@@ -15,7 +15,7 @@ SAMPLES = 2048  # of the tiny pipeline's segment
 @pytest.fixture
 def pipe(make_pipeline, randomized):
     made = make_pipeline()
-    made.register_modules(rating_estimator=randomized(RatingEstimator(made.dale.kinds, width=8), 5).eval())
+    made.register_modules(rating_estimator=randomized(RatingEstimator(made.dale.channel_groups, width=8), 5).eval())
     return made
 
 
@@ -37,13 +37,13 @@ def test_it_is_the_estimator_of_the_packed_state(pipe, textures):
     made = pipe.encode(textures, RATE)
     friction = torch.tensor([0.3, 0.6, 1.2])
     with torch.no_grad():
-        numbers = pipe.dale.numbers(pipe.dale.pack(made.latents, made.level, friction))
-        expected = pipe.rating_estimator(numbers, torch.ones(3, dtype=torch.bool))
+        pooled = pipe.dale.pool_state(pipe.dale.pack(made.latents, made.level, friction))
+        expected = pipe.rating_estimator(pooled, torch.ones(3, dtype=torch.bool))
     np.testing.assert_allclose(pipe.estimate_ratings(textures, RATE, friction), expected, atol=1e-6)  # float32
 
 
 def test_axes_of_the_estimator_are_those_of_dale(pipe, textures, randomized):
-    other = RatingEstimator(pipe.dale.kinds, pipe.dale.config.rating_axes, width=4)
+    other = RatingEstimator(pipe.dale.channel_groups, pipe.dale.config.rating_axes, width=4)
     pipe.register_modules(rating_estimator=randomized(other).eval())
     assert pipe.estimate_ratings(textures, RATE).shape == (3, len(pipe.dale.config.rating_axes))
 
@@ -76,7 +76,7 @@ def test_another_number_of_friction_coefficients_is_refused(pipe, textures, fric
 
 def test_frames_beyond_whole_patches_are_left_out(make_pipeline, randomized, pink_noise):
     pipe = make_pipeline(dale_config={"patch_size": 4})
-    pipe.register_modules(rating_estimator=randomized(RatingEstimator(pipe.dale.kinds, width=8), 5).eval())
+    pipe.register_modules(rating_estimator=randomized(RatingEstimator(pipe.dale.channel_groups, width=8), 5).eval())
     texture = pink_noise(2350, RATE)
     assert pipe.encode(texture, RATE).latents.shape[-1] % 4
     assert np.isfinite(pipe.estimate_ratings(texture, RATE, 0.5)).all()
@@ -96,7 +96,7 @@ def test_saved_and_loaded_it_gives_the_same(pipe, textures, tmp_path, recorded_w
         again = TactileTexturePipeline.from_pretrained(tmp_path / "saved")
     assert found == []
     assert isinstance(again.rating_estimator, RatingEstimator) and not again.rating_estimator.training
-    assert list(again.rating_estimator.config.kinds) == pipe.dale.kinds
+    assert list(again.rating_estimator.config.channel_groups) == pipe.dale.channel_groups
     expected = pipe.estimate_ratings(textures, RATE, 0.6)
     # weights are equal, but their place in memory may change the order of float32 sums
     np.testing.assert_allclose(again.estimate_ratings(textures, RATE, 0.6), expected, atol=1e-5)

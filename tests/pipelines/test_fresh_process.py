@@ -34,7 +34,7 @@ def checkpoints(make_pipeline, tmp_path_factory):
     root = tmp_path_factory.mktemp("fresh")
     whole = make_pipeline()
     torch.manual_seed(0)
-    whole.register_modules(rating_estimator=RatingEstimator(kinds=[4, 0, 2]).eval())
+    whole.register_modules(rating_estimator=RatingEstimator(channel_groups=[4, 0, 2]).eval())
     whole.save_pretrained(str(root / "plain"))
     (root / "components.pkl").write_bytes(pickle.dumps(whole.components))
     whole.save_pretrained(str(root / "variant"), variant="fp16")

@@ -134,7 +134,7 @@ def test_weights_sum_to_one_and_the_plain_answer_is_last(scale):
 
 def _kinds(dale, state):
     """Root mean square of each kind of number: (batch, kinds)."""
-    parts = dale.numbers(state).split(dale.kinds, dim=1)
+    parts = dale.pool_state(state).split(dale.channel_groups, dim=1)
     return torch.stack([part.square().mean((1, 2)).sqrt() for part in parts if part.numel()], dim=1)
 
 
@@ -146,7 +146,7 @@ def test_rescaling_brings_the_spread_of_each_kind_of_number_back(pipe, state_of,
     assert ((pushed / expected - 1).abs() > 0.01).any()
     torch.testing.assert_close(_kinds(pipe.dale, made), expected, rtol=1e-4, atol=0)  # float32
     # only spreads change: every kind is a multiple of what guidance made of it
-    field, scalars = (part[0].flatten() for part in pipe.dale.split(made / guided))
+    field, scalars = (part[0].flatten() for part in pipe.dale.split_scalars(made / guided))
     assert max(field.std() / field.mean().abs(), scalars.std() / scalars.mean().abs()) < 1e-3
 
 

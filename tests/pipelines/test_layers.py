@@ -154,7 +154,7 @@ def test_detail_adds_its_own_waveform_and_nothing_else(untrained, pink_noise, se
         untrained.feature_extractor, "denormalize", lambda x, *rest: waveforms.append(x) or denormalize(x, *rest)
     )
     made = untrained.encode(pink_noise(2048, 10_000, count=2), 10_000)
-    for latents in (made.latents, untrained.lctg.complete(made.latents[:, :4])):
+    for latents in (made.latents, untrained.lctg.pad_detail(made.latents[:, :4])):
         untrained.decode(latents, made.level, None, steps, seeded(0))
     with_detail, without = waveforms
     given = synthesize(made.latents[:, 4:].transpose(1, 2).flatten(1), 4)[:, 0]
@@ -184,7 +184,7 @@ def test_band_levels_in_the_latents_are_restored(make_lctg, make_extractor, seed
     extractor, wanted = pipe.feature_extractor, torch.tensor([-2.0, 1.0, 0.0, -1.0])
     base = torch.rand((4, 6, 128), generator=seeded(0)) * 2 - 1
     base[:, :4] = wanted[:, None]
-    latents = pipe.lctg.complete(base)
+    latents = pipe.lctg.pad_detail(base)
     out = pipe.decode(latents, torch.full((4,), -5.0), num_inference_steps=3, generator=seeded(1))
     heard = extractor.band_levels(extractor.normalize(out.textures, 10_000)[0]).mean((0, 2))
     # up to the one gain that brings a texture to its level; resampling takes from what lies above the band. Against an
@@ -263,13 +263,13 @@ def test_saving_and_loading(layered, seeded, tmp_path):
     np.testing.assert_allclose(second, first, rtol=0, atol=1e-5 * rms(first[0]))
 
 
-def test_contrast_is_restored_in_what_is_generated_and_not_in_recordings(layered, pink_noise, seeded, tmp_path):
+def test_modulation_gain_is_restored_in_what_is_generated_and_not_in_recordings(layered, pink_noise, seeded, tmp_path):
     texture = pink_noise(8192, 10_000)
     before = [
         layered(RATINGS, generator=seeded(0)).textures,
         layered.reconstruct(texture, 10_000, 2, seeded(0)).textures,
     ]
-    layered.lctg.register_to_config(level_contrast=[1.6, 1.0])
+    layered.lctg.register_to_config(modulation_gains=[1.6, 1.0])
     layered.save_pretrained(tmp_path)
     kept = TactileTexturePipeline.from_pretrained(tmp_path)
     kept.set_progress_bar_config(disable=True)

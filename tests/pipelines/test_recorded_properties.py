@@ -18,7 +18,7 @@ KINDS = ("noise", "silent", "constant", "saturated", "impulse", "slow", "alterna
 @pytest.fixture(scope="module")
 def pipe(make_pipeline):
     made = make_pipeline()
-    made.register_modules(rating_estimator=RatingEstimator(made.dale.kinds, width=8))
+    made.register_modules(rating_estimator=RatingEstimator(made.dale.channel_groups, width=8))
     return made
 
 

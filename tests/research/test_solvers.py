@@ -49,7 +49,7 @@ def test_rotation_is_what_the_scheduler_does():
 
     noise = np.random.default_rng(0).standard_normal(50)
     expected = run(RULES["rotation_2"], spaced_angles(9, "both_ends"), velocity, noise)
-    scheduler, x = VDDIMScheduler(solver_order=2, spacing="both_ends"), torch.from_numpy(noise)
+    scheduler, x = VDDIMScheduler(multistep_order=2, spacing="both_ends"), torch.from_numpy(noise)
     scheduler.set_timesteps(9)
     for t, phi in zip(scheduler.timesteps, spaced_angles(9, "both_ends"), strict=False):
         x = scheduler.step(torch.from_numpy(velocity(x.numpy(), phi)), t, x).prev_sample
@@ -102,7 +102,7 @@ def test_trained_comparison_on_tiny_networks(pipe, pink_noise, monkeypatch):
 
 def test_batches_of_a_stage_do_not_matter(pipe, pink_noise):
     stage = TrainedStage(pipe, "lctg", pink_noise(2048, 10_000, count=3), None, 10_000)
-    whole, split = (stage.solve(VDDIMScheduler(solver_order=2), 3, batch) for batch in (3, 2))
+    whole, split = (stage.solve(VDDIMScheduler(multistep_order=2), 3, batch) for batch in (3, 2))
     torch.testing.assert_close(whole, split, rtol=0, atol=1e-4)  # float32 networks
     assert stage.textures(whole, 2048).shape == (3, 2048)
 

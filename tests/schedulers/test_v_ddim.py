@@ -204,7 +204,7 @@ def test_config_round_trip(tmp_path, recorded_warnings):
         again = VDDIMScheduler.from_config(loaded.config)
     assert not found
     assert loaded.config.num_train_timesteps == again.config.num_train_timesteps == 250
-    assert loaded.config.solver_order == 1
+    assert loaded.config.multistep_order == 1
 
 
 def test_defaults_are_ready_to_train():
@@ -275,8 +275,8 @@ def test_bad_numbers_of_steps_are_refused(steps):
     ("config", "message"),
     [
         ({"num_train_timesteps": 0}, "`num_train_timesteps` must be at least 1"),
-        ({"solver_order": 0}, "`solver_order`"),
-        ({"solver_order": 3}, "`solver_order`"),
+        ({"multistep_order": 0}, "`multistep_order`"),
+        ({"multistep_order": 3}, "`multistep_order`"),
     ],
 )
 def test_bad_configs_are_refused(config, message):

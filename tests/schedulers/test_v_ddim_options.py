@@ -122,9 +122,9 @@ def test_eta_out_of_range_is_refused(eta):
 
 
 def test_eta_of_order_2_is_refused():
-    scheduler, x = VDDIMScheduler(solver_order=2), _noise(1, 4)
+    scheduler, x = VDDIMScheduler(multistep_order=2), _noise(1, 4)
     scheduler.set_timesteps(3)
-    with pytest.raises(ValueError, match="`eta` must be .* 0 for solver_order 2"):
+    with pytest.raises(ValueError, match="`eta` must be .* 0 for multistep_order 2"):
         scheduler.step(x, scheduler.timesteps[0], x, eta=0.5)
     assert scheduler.step(x, scheduler.timesteps[0], x, eta=0.0).prev_sample.isfinite().all()
 
@@ -135,7 +135,7 @@ def test_eta_of_order_2_is_refused():
 @pytest.mark.parametrize("spacing", SPACINGS)
 @pytest.mark.parametrize("by_index", [True, False])
 def test_order_2_starts_part_way_with_a_step_of_order_1(spacing, by_index):
-    scheduler, x = VDDIMScheduler(solver_order=2, spacing=spacing), _noise(20, dtype=torch.float64)
+    scheduler, x = VDDIMScheduler(multistep_order=2, spacing=spacing), _noise(20, dtype=torch.float64)
     _sample(scheduler, x, 8)  # an earlier run, whose history must be gone
     scheduler.set_timesteps(8)
     if by_index:
@@ -151,7 +151,7 @@ def test_order_2_starts_part_way_with_a_step_of_order_1(spacing, by_index):
 
 def test_set_begin_index_forgets_the_last_step():
     x, v = _noise(1, 16), _noise(1, 16, seed=1)
-    scheduler, fresh = VDDIMScheduler(solver_order=2), VDDIMScheduler(solver_order=2)
+    scheduler, fresh = VDDIMScheduler(multistep_order=2), VDDIMScheduler(multistep_order=2)
     scheduler.set_timesteps(6)
     scheduler.step(v, scheduler.timesteps[0], x)
     scheduler.set_begin_index(2)
@@ -163,7 +163,7 @@ def test_set_begin_index_forgets_the_last_step():
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_two_runs_of_one_scheduler_are_equal(order):
-    scheduler, noise = VDDIMScheduler(solver_order=order), _noise(2, 16)
+    scheduler, noise = VDDIMScheduler(multistep_order=order), _noise(2, 16)
     first = _sample(scheduler, noise, 5)
     scheduler.set_timesteps(7)
     scheduler.step(noise, scheduler.timesteps[0], noise)  # a run that is left
@@ -173,7 +173,10 @@ def test_two_runs_of_one_scheduler_are_equal(order):
 @pytest.mark.parametrize("order", [1, 2])
 def test_buffers_that_are_used_again_change_nothing(order):
     # as with CUDA graphs: model output and sample are always the same memory
-    scheduler, expected = VDDIMScheduler(solver_order=order), _sample(VDDIMScheduler(solver_order=order), _noise(64), 8)
+    scheduler, expected = (
+        VDDIMScheduler(multistep_order=order),
+        _sample(VDDIMScheduler(multistep_order=order), _noise(64), 8),
+    )
     x, v = _noise(64), torch.empty(64)
     scheduler.set_timesteps(8)
     for t in scheduler.timesteps:
@@ -196,7 +199,7 @@ def test_timesteps_of_any_form(form):
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("spacing", SPACINGS)
 def test_the_preset_as_own_timesteps_is_the_preset(spacing, order):
-    preset, own = VDDIMScheduler(solver_order=order, spacing=spacing), VDDIMScheduler(solver_order=order)
+    preset, own = VDDIMScheduler(multistep_order=order, spacing=spacing), VDDIMScheduler(multistep_order=order)
     noise = _noise(64)
     expected = _sample(preset, noise, 9)
     own.set_timesteps(timesteps=preset.timesteps)
@@ -292,7 +295,7 @@ def test_the_shift_moves_the_log_snr_and_keeps_the_ends(spacing, shift):
 def test_a_large_shift_still_lands_on_the_data(spacing, order, shift):
     # many short turns beside one long: what the short ones say of the model's change is mostly rounding
     data, noise = _noise(64, seed=1), _noise(64)
-    scheduler, x = VDDIMScheduler(solver_order=order, spacing=spacing, log_snr_shift=shift), noise
+    scheduler, x = VDDIMScheduler(multistep_order=order, spacing=spacing, log_snr_shift=shift), noise
     scheduler.set_timesteps(10)
     for t, phi in zip(scheduler.timesteps, spaced_angles(10, spacing, shift), strict=False):
         x = scheduler.step(math.cos(phi) * noise - math.sin(phi) * data, t, x).prev_sample
@@ -309,7 +312,7 @@ def test_a_shift_that_is_no_number_is_refused(shift):
 def test_an_absurd_shift_is_refused_or_works(shift):
     # at -100 angles round to pi/2 and coincide, at 1500 exp is 0: neither may become a division by zero while sampling
     try:
-        scheduler = VDDIMScheduler(solver_order=2, log_snr_shift=shift)
+        scheduler = VDDIMScheduler(multistep_order=2, log_snr_shift=shift)
         scheduler.set_timesteps(10)
     except ValueError as error:
         assert "log_snr_shift" in str(error)
@@ -389,7 +392,7 @@ def test_with_our_betas_their_schedule_is_ours(other, config, recorded_warnings)
 )
 def test_diffusers_schedulers_sample_close_to_ours(config, other, order, tolerance):
     noise = _noise(200)
-    ours = _sample(VDDIMScheduler(solver_order=order), noise, 50)
+    ours = _sample(VDDIMScheduler(multistep_order=order), noise, 50)
     theirs = other.from_config(config, solver_order=2) if order == 2 else other.from_config(config)
     made = _sample(theirs, noise, 50)
     assert (made - ours).abs().max() < tolerance
@@ -464,7 +467,7 @@ def test_foreign_betas_are_refused(betas):
 
 OPTIONS = {
     "num_train_timesteps": 400,
-    "solver_order": 2,
+    "multistep_order": 2,
     "spacing": "both_ends",
     "log_snr_shift": -0.5,
     "rescale_betas_zero_snr": False,
@@ -491,17 +494,17 @@ def test_every_option_survives_its_file(tmp_path, recorded_warnings):
 def test_files_of_earlier_versions_load_silently(tmp_path, recorded_warnings):
     old = {"_class_name": "VDDIMScheduler", "_diffusers_version": "0.42.1", "num_train_timesteps": 1000}
     for order in (1, 2):
-        (tmp_path / "scheduler_config.json").write_text(json.dumps({**old, "solver_order": order}))
+        (tmp_path / "scheduler_config.json").write_text(json.dumps({**old, "multistep_order": order}))
         with recorded_warnings() as found:
             loaded = VDDIMScheduler.from_pretrained(tmp_path)
         assert not found
-        assert loaded.config.solver_order == order and loaded.config.spacing == "uniform"
+        assert loaded.config.multistep_order == order and loaded.config.spacing == "uniform"
         assert loaded.config.log_snr_shift == 0.0 and loaded.config.prediction_type == "v_prediction"
 
 
 def test_a_config_may_be_changed_on_the_way():
-    changed = VDDIMScheduler.from_config(VDDIMScheduler().config, solver_order=2, spacing="both_ends")
-    assert changed.config.solver_order == 2 and changed.config.spacing == "both_ends"
+    changed = VDDIMScheduler.from_config(VDDIMScheduler().config, multistep_order=2, spacing="both_ends")
+    assert changed.config.multistep_order == 2 and changed.config.spacing == "both_ends"
 
 
 # --- maps between noise, velocity and data; precision
@@ -537,7 +540,7 @@ def test_float64_stays_float64_in_the_maps():
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float32, torch.float64])
 def test_both_outputs_have_the_dtype_of_the_sample(order, dtype):
     for velocity_dtype in (torch.float16, torch.float32, torch.float64):
-        scheduler, x = VDDIMScheduler(solver_order=order), _noise(1, 2, 8).to(dtype)
+        scheduler, x = VDDIMScheduler(multistep_order=order), _noise(1, 2, 8).to(dtype)
         scheduler.set_timesteps(3)
         for t in scheduler.timesteps:
             out = scheduler.step(_noise(1, 2, 8, seed=1).to(velocity_dtype), t, x)

@@ -92,7 +92,7 @@ def test_order_2_is_the_rotation_with_variation_of_constants(spacing, steps):
     def velocity(x, phi):
         return np.tanh(1.3 * x) * math.cos(3 * phi) + 0.2 * x
 
-    scheduler = VDDIMScheduler(solver_order=2, spacing=spacing)
+    scheduler = VDDIMScheduler(multistep_order=2, spacing=spacing)
     scheduler.set_timesteps(steps)
     x = torch.from_numpy(noise)
     for phi, t in zip(angles, scheduler.timesteps, strict=False):
@@ -105,7 +105,7 @@ def test_order_2_is_the_rotation_with_variation_of_constants(spacing, steps):
 def test_order_2_is_exact_for_a_constant_forcing(spacing):
     # x'' + x = g is solved by x = g + a cos(phi) + b sin(phi); nothing of the package is used for the truth
     g, a, b = np.random.default_rng(2).standard_normal((3, 50))
-    angles, scheduler = spaced_angles(6, spacing), VDDIMScheduler(solver_order=2, spacing=spacing)
+    angles, scheduler = spaced_angles(6, spacing), VDDIMScheduler(multistep_order=2, spacing=spacing)
 
     def path(phi):
         return torch.from_numpy(g + a * math.cos(phi) + b * math.sin(phi))
@@ -134,7 +134,7 @@ def test_the_exact_quantiles_are_what_fine_steps_lead_to(mixture):
     [(1, "uniform", 0.9), (1, "dense", 0.9), (2, "uniform", 1.8), (2, "both_ends", 1.8), (2, "dense", 1.8)],
 )
 def test_the_median_error_falls_at_its_order(mixture, order, spacing, least):
-    scheduler = VDDIMScheduler(solver_order=order, spacing=spacing)
+    scheduler = VDDIMScheduler(multistep_order=order, spacing=spacing)
     coarse, fine = (_errors(scheduler, mixture, steps)[0] for steps in (20, 160))
     assert least <= math.log2(coarse / fine) / 3 < order + 0.1
 
@@ -154,8 +154,8 @@ def _dpm_solver():
 
 def test_ten_steps_of_order_2_are_closer_than_ddim_and_dpm_solver(mixture):
     ddim, dpm = _errors(VDDIMScheduler(), mixture, 10)[1], _errors(_dpm_solver(), mixture, 10)[1]
-    uniform = _errors(VDDIMScheduler(solver_order=2), mixture, 10)[1]
-    both_ends = _errors(VDDIMScheduler(solver_order=2, spacing="both_ends"), mixture, 10)[1]
+    uniform = _errors(VDDIMScheduler(multistep_order=2), mixture, 10)[1]
+    both_ends = _errors(VDDIMScheduler(multistep_order=2, spacing="both_ends"), mixture, 10)[1]
     # measured RMS: DDIM 0.122, DPM-Solver++ 0.031, order 2 0.0295 (uniform: close to DPM-Solver++) and 0.0153
     assert uniform < 0.35 * ddim and uniform < dpm
     assert both_ends < 0.2 * ddim and both_ends < 0.6 * dpm
@@ -163,7 +163,7 @@ def test_ten_steps_of_order_2_are_closer_than_ddim_and_dpm_solver(mixture):
 
 def test_four_steps_of_order_2_beat_ten_of_ddim(mixture):
     # measured 0.067 against 0.122 in the RMS, 0.027 against 0.056 in the median
-    ours, ddim = VDDIMScheduler(solver_order=2, spacing="both_ends"), VDDIMScheduler()
+    ours, ddim = VDDIMScheduler(multistep_order=2, spacing="both_ends"), VDDIMScheduler()
     assert np.all(np.array(_errors(ours, mixture, 4)) < 0.7 * np.array(_errors(ddim, mixture, 10)))
 
 
@@ -172,15 +172,15 @@ def test_four_steps_of_order_2_beat_ten_of_ddim(mixture):
 
 def test_no_component_of_whitened_data_is_off_at_ten_steps():
     deviations = np.geomspace(0.35, 8, 200)
-    levels = _levels_db(VDDIMScheduler(solver_order=2, spacing="both_ends"), 10, deviations)
+    levels = _levels_db(VDDIMScheduler(multistep_order=2, spacing="both_ends"), 10, deviations)
     # measured -0.45 (at 0.35) to +0.22 dB; uniform spacing fails, at 8
     assert np.abs(levels).max() <= 0.5
-    assert np.abs(_levels_db(VDDIMScheduler(solver_order=2), 10, deviations)).max() > 2
+    assert np.abs(_levels_db(VDDIMScheduler(multistep_order=2), 10, deviations)).max() > 2
 
 
 def test_no_component_is_amplified():
     # what a low RMS error does not see: a weak component, far too strong. Asked: 1 dB; measured 0.26 dB at 7 steps
-    deviations, scheduler = np.geomspace(0.01, 8, 100), VDDIMScheduler(solver_order=2, spacing="both_ends")
+    deviations, scheduler = np.geomspace(0.01, 8, 100), VDDIMScheduler(multistep_order=2, spacing="both_ends")
     for steps in range(4, 61):
         assert _levels_db(scheduler, steps, deviations).max() < 0.35, steps
 
@@ -189,7 +189,7 @@ def test_no_component_is_amplified():
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("spacing", ["uniform", "dense"])
 def test_uniform_and_dense_spacing_amplify_nothing(spacing, order, steps):
-    levels = _levels_db(VDDIMScheduler(solver_order=order, spacing=spacing), steps, np.geomspace(1e-3, 8, 60))
+    levels = _levels_db(VDDIMScheduler(multistep_order=order, spacing=spacing), steps, np.geomspace(1e-3, 8, 60))
     assert levels.max() < 0.01 and np.all(np.isfinite(levels))
 
 
@@ -207,7 +207,7 @@ def test_uniform_and_dense_spacing_amplify_nothing(spacing, order, steps):
 )
 def test_a_component_30_db_below_the_mean_is_too_weak(order, spacing, steps, level):
     # without whitening; the figures of the documentation, which a change of the rule or the spacing has to change
-    made = _levels_db(VDDIMScheduler(solver_order=order, spacing=spacing), steps, np.array([0.03]))
+    made = _levels_db(VDDIMScheduler(multistep_order=order, spacing=spacing), steps, np.array([0.03]))
     assert made[0] == pytest.approx(level, abs=0.02)
 
 
@@ -223,7 +223,7 @@ def test_a_correlated_gaussian_behaves_as_its_components(order):
         at = math.cos(phi) ** 2 * covariance + math.sin(phi) ** 2 * np.eye(64)
         return math.sin(phi) * math.cos(phi) * (np.eye(64) - covariance) @ np.linalg.solve(at, x)
 
-    scheduler = VDDIMScheduler(solver_order=order, spacing="both_ends")
+    scheduler = VDDIMScheduler(multistep_order=order, spacing="both_ends")
     made = turn.T @ _sample(scheduler, velocity, noise, 10)
     gains = _sample(scheduler, _component_velocity(deviations), np.ones(64), 10)
     # float64: solving against a covariance of condition 1e4 loses 4 of 16 digits

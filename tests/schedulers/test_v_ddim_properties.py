@@ -13,7 +13,7 @@ configs = st.fixed_dictionaries(
     {},
     optional={
         "num_train_timesteps": st.sampled_from([1, 2, 50, 1000, 4000]),
-        "solver_order": st.sampled_from([1, 2]),
+        "multistep_order": st.sampled_from([1, 2]),
         "spacing": st.sampled_from(SPACINGS),
         "log_snr_shift": st.floats(-8, 8),
     },

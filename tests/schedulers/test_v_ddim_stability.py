@@ -20,7 +20,7 @@ def _noise(*shape, seed=0, dtype=torch.float32):
 
 def _loop(order, spacing, velocity, x, steps):
     """`velocity(x, phi)` is followed from noise to data, with the angles in float64."""
-    scheduler = VDDIMScheduler(solver_order=order, spacing=spacing)
+    scheduler = VDDIMScheduler(multistep_order=order, spacing=spacing)
     scheduler.set_timesteps(steps)
     for t, phi in zip(scheduler.timesteps, spaced_angles(steps, spacing), strict=False):
         x = scheduler.step(velocity(x, phi), t, x).prev_sample
@@ -50,7 +50,7 @@ def _gaussian(mean, deviation):
 @pytest.mark.parametrize(("order", "spacing"), RULES)
 def test_every_rule_lands_on_both_ends(order, spacing, steps):
     data, noise = _noise(32, seed=1, dtype=torch.float64), _noise(32, dtype=torch.float64)
-    scheduler = VDDIMScheduler(solver_order=order, spacing=spacing)
+    scheduler = VDDIMScheduler(multistep_order=order, spacing=spacing)
     scheduler.set_timesteps(steps)
     assert len(scheduler.timesteps) == steps and float(scheduler.timesteps[0]) == 999
     first = scheduler.step(-data, scheduler.timesteps[0], noise)
@@ -206,7 +206,7 @@ def test_random_errors_of_the_model_do_not_grow_with_the_steps(order, spacing):
 
 def test_an_error_before_a_long_step_is_not_blown_up():
     # a step of 0.0002 rad tells nothing of the 1.4 rad that follow: an error of 1e-3 between the two would be 5
-    data, noise, scheduler = _noise(8, seed=1), _noise(8), VDDIMScheduler(solver_order=2)
+    data, noise, scheduler = _noise(8, seed=1), _noise(8), VDDIMScheduler(multistep_order=2)
     scheduler.set_timesteps(timesteps=[999.0, 998.9, 100.0])
     x = noise
     for index, t in enumerate(scheduler.timesteps):
@@ -310,7 +310,7 @@ def _broken(shape, value):
 @pytest.mark.parametrize("at", [0, 2, 4])
 @pytest.mark.parametrize("order", [1, 2])
 def test_on_the_cpu_a_broken_output_is_refused_at_once(order, at, value):
-    scheduler, x = VDDIMScheduler(solver_order=order), _noise(2, 1, 16)
+    scheduler, x = VDDIMScheduler(multistep_order=order), _noise(2, 1, 16)
     scheduler.set_timesteps(5)
     for t in scheduler.timesteps[:at]:
         x = scheduler.step(torch.zeros_like(x), t, x).prev_sample
@@ -343,7 +343,7 @@ class _Accelerated(torch.Tensor):
 @pytest.mark.parametrize("at", [0, 2, 4, None])
 @pytest.mark.parametrize("order", [1, 2])
 def test_on_an_accelerator_a_broken_output_is_flagged_and_refused_at_the_end(order, at):
-    scheduler, x = VDDIMScheduler(solver_order=order), _noise(2, 1, 16)
+    scheduler, x = VDDIMScheduler(multistep_order=order), _noise(2, 1, 16)
     scheduler.set_timesteps(5)
     _Accelerated.reads = 0
     for index, t in enumerate(scheduler.timesteps[:-1]):

@@ -20,7 +20,7 @@ class _Recorder(torch.nn.Module):
 
     def __init__(self, dale):
         super().__init__()
-        self.asked, self.numbers, self.kinds = [], dale.numbers, dale.kinds
+        self.asked, self.pool_state, self.channel_groups = [], dale.pool_state, dale.channel_groups
 
     def forward(self, sample, timestep, ratings, return_dict=True):
         self.asked.append((sample, timestep, ratings))
@@ -163,7 +163,7 @@ def test_the_auxiliary_loss_is_that_of_the_predicted_clean_state(step, batch):
 
 
 def test_the_head_is_no_part_of_what_is_trained_or_saved(step, make_dale, batch):
-    head = RatingEstimator(make_dale().kinds).requires_grad_(False)
+    head = RatingEstimator(make_dale().channel_groups).requires_grad_(False)
     module = step(head=head, model=make_dale().train(), conditioning_weight=1.0)
     assert not any("head" in name for name, _ in module.named_parameters())
     assert not any("head" in name for name in module.state_dict())

@@ -89,7 +89,7 @@ class TestLearning:
 
     def test_a_path_of_as_many_steps_ends_where_the_pipeline_ends(self, script, make_pipeline):
         module, pipe = script("distill_lctg"), make_pipeline()
-        scheduler = VDDIMScheduler(solver_order=2, spacing="both_ends")
+        scheduler = VDDIMScheduler(multistep_order=2, spacing="both_ends")
         generator = torch.Generator().manual_seed(0)
         noise = torch.randn((1, 1, 512), generator=generator)
         latents = torch.randn((1, 4, 32), generator=generator)

@@ -132,14 +132,14 @@ def measure_fast_modulation(waveform, sampling_rate, band, count, window, hop):
     return grid.fast_modulation(grid.transform(np.asarray(waveform))).numpy()
 
 
-def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, contrast=None):
+def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, modulation_gain=None):
     """Gives a waveform the band levels that it should have, by slowly varying gains.
 
     Args:
         waveform (`np.ndarray`): (batch, samples), a multiple of `hop` samples.
         levels (`np.ndarray`): (batch, count + 1, samples / hop), as `measure_band_levels` makes them.
         sampling_rate, band, window, hop: as for `measure_band_levels`.
-        contrast (`np.ndarray`, *optional*): (batch, count + 1), factors by which the fast modulation of each band
+        modulation_gain (`np.ndarray`, *optional*): (batch, count + 1), factors by which each band's fast modulation
             (`measure_fast_modulation`) is made deeper afterwards, in log power.
 
     Returns:
@@ -150,14 +150,14 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, contr
     levels = torch.as_tensor(np.asarray(levels), dtype=torch.float32)
     limit, gains = LARGEST_GAIN_DB * np.log(10) / 20, 0.0
     given = restored = grid.transform(waveform)
-    for number in range(PASSES + (contrast is not None)):
+    for number in range(PASSES + (modulation_gain is not None)):
         if number < PASSES:
             step = levels - grid.log_powers(restored)
         else:
-            factors = torch.as_tensor(np.asarray(contrast), dtype=torch.float32)[..., None]
+            factors = torch.as_tensor(np.asarray(modulation_gain), dtype=torch.float32)[..., None]
             step = (factors - 1) * grid.fast_modulation(restored)
         gains = torch.clamp(gains + 0.5 * step, -limit, limit)
         made = grid.invert(grid.amplify(given, gains), waveform.shape[-1])
-        if number + 1 < PASSES + (contrast is not None):
+        if number + 1 < PASSES + (modulation_gain is not None):
             restored = grid.transform(made)
     return made

@@ -290,7 +290,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         """Departures of the band levels from their smooth course (`measure_fast_modulation`), as `band_levels`."""
         return measure_fast_modulation(waveform, count=self.level_bands, **self._latent_grid)
 
-    def denormalize(self, waveform, levels, samples=None, band_levels=None, contrast=None):
+    def denormalize(self, waveform, levels, samples=None, band_levels=None, modulation_gain=None):
         """Undoes `normalize`: pre-emphasis removed, delivery rate, and exactly the RMS that `levels` asks for.
 
         Args:
@@ -298,14 +298,14 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             levels (`np.ndarray` or `torch.Tensor`): (batch,), natural log of the RMS in N.
             samples (`int`, *optional*): number of delivered samples to keep; `None` = all.
             band_levels (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1, frames), restored first.
-            contrast (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1), how much deeper the fast
-                modulation of each band is made then (`impose_band_levels`).
+            modulation_gain (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1), factors by which the
+                fast modulation of each band is deepened then (`impose_band_levels`).
 
         Returns:
             `np.ndarray`: (batch, samples) float32, N, zero mean within the band.
 
         Raises:
-            ValueError: if `band_levels` or `contrast` has another shape.
+            ValueError: if `band_levels` or `modulation_gain` has another shape.
         """
         waveform, levels = _as_float64(waveform), _as_float64(levels)
         if band_levels is not None:
@@ -315,10 +315,12 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
                     f"`band_levels` must be {shape if self.level_bands else None} for `level_bands` of "
                     f"{self.level_bands} and a waveform of {tuple(waveform.shape)}, got {tuple(band_levels.shape)}."
                 )
-            contrast = None if contrast is None else _as_float64(contrast)
-            if contrast is not None and contrast.shape != shape[:2]:
-                raise ValueError(f"`contrast` must be {shape[:2]}, got {contrast.shape}.")
-            waveform = impose_band_levels(waveform, _as_float64(band_levels), contrast=contrast, **self._latent_grid)
+            modulation_gain = None if modulation_gain is None else _as_float64(modulation_gain)
+            if modulation_gain is not None and modulation_gain.shape != shape[:2]:
+                raise ValueError(f"`modulation_gain` must be {shape[:2]}, got {modulation_gain.shape}.")
+            waveform = impose_band_levels(
+                waveform, _as_float64(band_levels), modulation_gain=modulation_gain, **self._latent_grid
+            )
         texture = resample_quickly(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
         texture = texture - texture.mean(-1, keepdims=True)
         with np.errstate(over="ignore", invalid="ignore"):  # levels that explode: infinities tell

@@ -195,10 +195,10 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         if rating_modulation:
             self.rating_pool = torch.nn.Linear(len(rating_axes) * cross_attention_dim, embedding_dim)
         #: channels of the U-Net: learned latents patch by patch, departures, numbers of the whole texture
-        self.kinds = [(in_channels - beside - level_channels) * patch_size, level_channels, beside]
+        self.channel_groups = [(in_channels - beside - level_channels) * patch_size, level_channels, beside]
         self.unet = UNet1D(
-            sum(self.kinds),
-            sum(self.kinds),
+            sum(self.channel_groups),
+            sum(self.channel_groups),
             list(widths),
             patch_size=1,
             embedding_dim=embedding_dim,
@@ -216,18 +216,18 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         """Numbers of the whole texture: mean cepstrum of the band levels, level, log friction coefficient."""
         return NUM_SCALARS + self.config.level_channels
 
-    def split(self, sample):
+    def split_scalars(self, sample):
         """The parts of a state (or velocity): what varies over frames, and numbers of the whole, (batch, scalars)."""
         field, scalars = sample.split([sample.shape[1] - self.num_scalars, self.num_scalars], dim=1)
         return field, scalars.sum(-1) / sample.shape[-1] ** 0.5
 
-    def join(self, field, scalars):
+    def append_scalars(self, field, scalars):
         """Undoes `split`; each scalar is spread evenly over the frames."""
         frames = field.shape[-1]
         return torch.cat([field, scalars[..., None].expand(-1, -1, frames) / frames**0.5], dim=1)
 
-    def numbers(self, sample):
-        """All that is read of a state (or velocity): (batch, sum of `kinds`, frames / patch_size).
+    def pool_state(self, sample):
+        """All that is read of a state (or velocity): (batch, sum of `channel_groups`, frames / patch_size).
 
         Channels are the learned latents patch by patch, the departures, and the scalars, the same at every position.
 
@@ -237,18 +237,18 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         size, levels = self.config.patch_size, self.config.level_channels
         if sample.shape[-1] % size:
             raise ValueError(f"`sample` must have a multiple of {size} frames (patch_size), got {sample.shape[-1]}.")
-        field, scalars = self.split(sample)
+        field, scalars = self.split_scalars(sample)
         learned, departures = field.split([field.shape[1] - levels, levels], dim=1)
         learned = to_patches(learned, size)
         departures = departures.unflatten(-1, (-1, size)).sum(-1) / size**0.5
         return torch.cat([learned, departures, scalars[..., None].expand(-1, -1, learned.shape[-1])], dim=1)
 
-    def spread(self, numbers):
-        """Undoes `numbers`: each number is spread evenly over its frames; scalars are averaged over positions."""
+    def unpool_state(self, pooled):
+        """Undoes `pool_state`: each number is spread evenly over its frames; scalars are averaged over positions."""
         size = self.config.patch_size
-        learned, departures, scalars = numbers.split(self.kinds, dim=1)
+        learned, departures, scalars = pooled.split(self.channel_groups, dim=1)
         departures = departures.repeat_interleave(size, dim=-1) / size**0.5
-        return self.join(torch.cat([from_patches(learned, size), departures], dim=1), scalars.mean(-1))
+        return self.append_scalars(torch.cat([from_patches(learned, size), departures], dim=1), scalars.mean(-1))
 
     def _latent_statistics(self, like):
         """Means and standard deviations as (channels, 1); no buffers: offloading would miss them.
@@ -287,7 +287,7 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         scalars = torch.cat([cepstra, torch.stack([level, torch.nan_to_num(friction)], dim=1).to(latents)], dim=1)
         learned = to_patches((latents[:, levels:] - mean[levels:]) / std[levels:], config.patch_size)
         scalars = scalars[..., None].expand(-1, -1, learned.shape[-1])
-        return self.spread(torch.cat([learned, departures / departure_std, scalars], dim=1))
+        return self.unpool_state(torch.cat([learned, departures / departure_std, scalars], dim=1))
 
     def unpack(self, sample):
         """Undoes `pack`: (batch, in_channels, frames) -> latents, level (batch,), friction coefficient (batch,).
@@ -295,7 +295,7 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         Band levels come back smooth: cubic between the patches' numbers.
         """
         config, levels = self.config, self.config.level_channels
-        learned, departures, scalars = self.numbers(sample).split(self.kinds, dim=1)
+        learned, departures, scalars = self.pool_state(sample).split(self.channel_groups, dim=1)
         cepstra, scalars = scalars[..., 0].split([levels, NUM_SCALARS], dim=1)
         level, friction = (torch.zeros_like(scalars) if config.fixed_gain else scalars).float().unbind(1)
         log_friction_mean, log_friction_std = self._log_friction_statistics()
@@ -365,7 +365,7 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         checkpoint = None
         if torch.is_grad_enabled() and self.gradient_checkpointing:
             checkpoint = self._gradient_checkpointing_func
-        hidden_states = self.numbers(sample)
+        hidden_states = self.pool_state(sample)
         hidden_states = self.unet(hidden_states, embedding, tokens=tokens, checkpoint=checkpoint, conditions=blocks)
-        velocity = self.spread(hidden_states)
+        velocity = self.unpool_state(hidden_states)
         return DALEOutput(sample=velocity) if return_dict else (velocity,)

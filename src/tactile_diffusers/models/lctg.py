@@ -122,8 +122,8 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         latent_noise (`float`, *optional*, defaults to 0.1): standard deviation of the noise that training adds to the
             latents, so that the decoder forgives the errors of a generated latent. Not used at inference.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
-        level_contrast (`list[float]`, *optional*): for each band, and what lies above them, how much deeper its fast
-            modulation is in recordings than in what is made from the base layer alone (`fit_level_contrast`); it is
+        modulation_gains (`list[float]`, *optional*): for each band, and what lies above them, how much deeper its fast
+            modulation is in recordings than in what is made from the base layer alone (`fit_modulation_gains`); it is
             restored after decoding. `None` = left as decoded.
         distilled_steps (`int`, *optional*): most solver steps that a distilled decoder may take
             (examples/distill_lctg.py); `None` = any number.
@@ -151,7 +151,7 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         num_train_timesteps: int = 1000,
         detail_channels: int = 0,
         level_bands: int = 0,
-        level_contrast: list[float] | None = None,
+        modulation_gains: list[float] | None = None,
         distilled_steps: int | None = None,
     ):
         super().__init__()
@@ -160,8 +160,8 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         if level_bands < 0:
             raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
         levels = level_bands + 1 if level_bands else 0
-        if level_contrast is not None and (len(level_contrast) != levels or min(level_contrast, default=0) < 0):
-            raise ValueError(f"`level_contrast` must hold {levels} numbers of at least 0, got {level_contrast}.")
+        if modulation_gains is not None and (len(modulation_gains) != levels or min(modulation_gains, default=0) < 0):
+            raise ValueError(f"`modulation_gains` must hold {levels} numbers of at least 0, got {modulation_gains}.")
         heard = feature_channels - detail_channels
         if not (0 <= detail_channels < latent_channels - levels and heard > levels):
             raise ValueError(
@@ -198,7 +198,7 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         """Channels of the latents' base layer, which DALE generates."""
         return self.config.latent_channels - self.config.detail_channels
 
-    def complete(self, base):
+    def pad_detail(self, base):
         """Latents from their base layer alone: (batch, base_channels, frames) -> (batch, latent_channels, frames)."""
         return nn.functional.pad(base, (0, 0, 0, self.config.detail_channels))
 
@@ -219,7 +219,7 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         """
         return latents[:, : self.level_channels] if self.config.level_bands else None
 
-    def contrast(self, latents):
+    def modulation_gain(self, latents):
         """How much deeper the fast modulation of each decoded band is to be made.
 
         Args:
@@ -228,11 +228,11 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         Returns:
             `torch.Tensor` or `None`: (batch, level_bands + 1); 1 where a detail layer is given. `None` = nowhere.
         """
-        if self.config.level_contrast is None:
+        if self.config.modulation_gains is None:
             return None
         made_up = (latents[:, self.base_channels :] == 0).flatten(1).all(dim=1)
-        contrast = torch.tensor(self.config.level_contrast, device=latents.device)
-        return torch.where(made_up[:, None], contrast, 1.0) if made_up.any() else None
+        modulation_gain = torch.tensor(self.config.modulation_gains, device=latents.device)
+        return torch.where(made_up[:, None], modulation_gain, 1.0) if made_up.any() else None
 
     def encode(self, features):
         """Latents of features.

@@ -20,17 +20,20 @@ class RatingEstimator(SafeLoadingMixin, ModelMixin, ConfigMixin):
     regression are, by about R². This model inherits from [`ModelMixin`].
 
     Args:
-        kinds (`list[int]`): channels of `DALEModel.numbers`: learned latents, departures, numbers of the whole texture.
+        channel_groups (`list[int]`): sizes of the channel groups of `DALEModel.pool_state`: learned
+            latents, departures of the band levels, scalars of the whole texture.
         rating_axes (`list[str]`, *optional*): names of the perceptual axes.
         width (`int`, *optional*, defaults to 96): channels of the convolutions.
     """
 
     @register_to_config
-    def __init__(self, kinds: list[int], rating_axes: tuple[str, ...] = RATING_AXES, width: int = 96):
+    def __init__(self, channel_groups: list[int], rating_axes: tuple[str, ...] = RATING_AXES, width: int = 96):
         super().__init__()
-        learned, departures, scalars = kinds
+        learned, departures, scalars = channel_groups
         if scalars < NUM_SCALARS:
-            raise ValueError(f"`kinds` must end with at least {NUM_SCALARS} scalars, got {list(kinds)}.")
+            raise ValueError(
+                f"`channel_groups` must end with at least {NUM_SCALARS} scalars, got {list(channel_groups)}."
+            )
         self.net = nn.Sequential(
             nn.Conv1d(learned + departures, width, 3, padding=1),
             nn.SiLU(),
@@ -42,15 +45,15 @@ class RatingEstimator(SafeLoadingMixin, ModelMixin, ConfigMixin):
             nn.Linear(2 * width + scalars + 1, width), nn.SiLU(), nn.Linear(width, len(rating_axes))
         )
 
-    def forward(self, numbers, knows_friction=None):
+    def forward(self, pooled, knows_friction=None):
         """Ratings in z-scores, (batch, axes).
 
         Args:
-            numbers (`torch.Tensor`): (batch, sum of `kinds`, positions), `DALEModel.numbers` of a clean state.
+            pooled (`torch.Tensor`): (batch, sum of `channel_groups`, positions), of `DALEModel.pool_state`.
             knows_friction (`torch.Tensor`, *optional*): (batch,) bool; `None` = of all. Where it is unknown, the last
                 scalar is ignored.
         """
-        field, scalars = numbers.split([sum(self.config.kinds[:2]), self.config.kinds[2]], dim=1)
+        field, scalars = pooled.split([sum(self.config.channel_groups[:2]), self.config.channel_groups[2]], dim=1)
         hidden_states = self.net(field)
         known = torch.ones_like(scalars[:, :1, 0])
         if knows_friction is not None:

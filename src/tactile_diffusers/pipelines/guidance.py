@@ -63,16 +63,16 @@ class Guidance:
 
     def _rescaled(self, dale, scheduler, state, t, guided, plain):
         clean = [scheduler.get_original_sample(answer, state, t) for answer in (guided, plain)]
-        guided_spread, plain_spread = (_spreads(dale, dale.numbers(x)) for x in clean)
+        guided_spread, plain_spread = (_spreads(dale, dale.pool_state(x)) for x in clean)
         factor = 1 + self.rescale * (plain_spread / guided_spread.clamp_min(1e-6) - 1)
         angle = scheduler.angle(t).to(state)
         # at the data end (angle 0) velocity says nothing about the clean state; steps never ask there
         return (angle.cos() * state - factor[..., None] * clean[0]) / angle.sin().clamp_min(1e-3)
 
 
-def _spreads(dale, numbers):
+def _spreads(dale, pooled):
     """Root mean square of each kind of number, for every channel of the state: (batch, in_channels)."""
     levels, scalars = dale.config.level_channels, dale.num_scalars
     channels = (dale.config.in_channels - levels - scalars, levels, scalars)
-    parts = zip(numbers.split(dale.kinds, dim=1), channels, strict=True)
+    parts = zip(pooled.split(dale.channel_groups, dim=1), channels, strict=True)
     return torch.cat([part.square().mean((1, 2)).sqrt()[:, None].expand(-1, count) for part, count in parts], dim=1)

@@ -293,7 +293,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
             velocity = rating_velocity(self.dale, self.dale_scheduler, ratings, frames, self._guidance)
             latents = self._denoise(self.dale_scheduler, velocity, latents, timesteps, bar, *callback)
             made = TactileLatents(*self.dale.unpack(latents))
-            made.latents = self.lctg.complete(made.latents.to(dtype))
+            made.latents = self.lctg.pad_detail(made.latents.to(dtype))
             if output_type == "latent":
                 self.maybe_free_model_hooks()
                 return made if return_dict else made.to_tuple()
@@ -330,7 +330,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
     ):
         """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate.
 
-        Returns them with the band levels and the contrast that they should have.
+        Returns them with the band levels and the modulation gains that they should have.
         """
         dtype = self.lctg.dtype
         latents = latents.to(dtype)
@@ -343,10 +343,10 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
         velocity = texture_velocity(self.lctg, latents, timesteps)
         callback = (callback, callback_inputs, first_index)
         waveform = self._denoise(self.scheduler, velocity, noise, timesteps, bar, *callback)[:, 0]
-        return waveform, self.lctg.band_levels(latents), self.lctg.contrast(latents)
+        return waveform, self.lctg.band_levels(latents), self.lctg.modulation_gain(latents)
 
-    def _postprocess(self, waveform, band_levels, contrast, level, friction_coefficient, samples, output_type):
-        textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels, contrast)
+    def _postprocess(self, waveform, band_levels, modulation_gain, level, friction_coefficient, samples, output_type):
+        textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels, modulation_gain)
         if not np.isfinite(textures).all():
             raise FloatingPointError(
                 f"Textures overflow at `level` of up to {level.max():.4g} (log RMS in N). Look for a large "

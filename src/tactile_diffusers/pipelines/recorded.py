@@ -152,7 +152,7 @@ class RecordedTexturesMixin:
             )
         friction, size = friction.expand(len(level)), self.dale.config.patch_size
         latents = made.latents[:, : self.lctg.base_channels, : made.latents.shape[-1] // size * size]
-        numbers = self.dale.numbers(self.dale.pack(latents, level, friction)).to(self.rating_estimator.dtype)
-        ratings = self.rating_estimator(numbers, torch.isfinite(friction)).float().cpu().numpy()
+        pooled = self.dale.pool_state(self.dale.pack(latents, level, friction)).to(self.rating_estimator.dtype)
+        ratings = self.rating_estimator(pooled, torch.isfinite(friction)).float().cpu().numpy()
         self.maybe_free_model_hooks()
         return ratings

@@ -30,12 +30,12 @@ def rating_velocity(dale, scheduler, ratings, frames, guidance):
     window_ratings = windows.repeat(ratings)
 
     def fused(state, step):
-        field, scalars = dale.split(state.to(dtype))  # every window sees the level and friction of the whole
-        pieces = dale.join(windows.split(field), windows.repeat(scalars))
+        field, scalars = dale.split_scalars(state.to(dtype))  # every window sees the level and friction of the whole
+        pieces = dale.append_scalars(windows.split(field), windows.repeat(scalars))
         t = timesteps[step]
         velocity = in_chunks(lambda piece, rating: guided(piece, t, rating), pieces, window_ratings)
-        field, scalars = dale.split(velocity)
-        return dale.join(windows.fuse(field), scalars.unflatten(0, (len(windows.starts), -1)).mean(0))
+        field, scalars = dale.split_scalars(velocity)
+        return dale.append_scalars(windows.fuse(field), scalars.unflatten(0, (len(windows.starts), -1)).mean(0))
 
     return fused
 

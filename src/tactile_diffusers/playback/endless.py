@@ -112,7 +112,7 @@ class EndlessProfile:
         samples = base.shape[-1] * self.pipe.lctg.config.latent_hop
         noise = torch.stack([self._noise(index, "decoder", samples) for index in indices])[:, None]
         level = torch.full((len(indices),), self.level)
-        made = self.pipe.decode(self.pipe.lctg.complete(base), level, None, self._steps, noise=noise)
+        made = self.pipe.decode(self.pipe.lctg.pad_detail(base), level, None, self._steps, noise=noise)
         if self.pipe.interrupt:
             return
         for index, texture in zip(indices, made.textures, strict=True):

@@ -289,7 +289,7 @@ class TextureScene:
         self._generate()
         state, name = self._state, self._state.names[index]
         out = self._pipe.decode(
-            self._pipe.lctg.complete(torch.from_numpy(state.latents[index][None]).float()),
+            self._pipe.lctg.pad_detail(torch.from_numpy(state.latents[index][None]).float()),
             torch.from_numpy(state.level[index : index + 1]),
             num_inference_steps=state.num_inference_steps,
             generator=self._generator(name, "lctg"),

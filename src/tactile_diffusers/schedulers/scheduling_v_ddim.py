@@ -11,7 +11,7 @@ from diffusers.utils import BaseOutput
 from diffusers.utils.torch_utils import randn_tensor
 
 #: What `examples/benchmarks/benchmark.py --suite scheduler` found best on whitened textures: for new checkpoints.
-RECOMMENDED = {"solver_order": 2, "spacing": "both_ends"}
+RECOMMENDED = {"multistep_order": 2, "spacing": "both_ends"}
 #: A damaged config may ask for any number, and the timesteps are a table.
 MOST_TIMESTEPS = 1_000_000
 SPACINGS = ("uniform", "both_ends", "dense", "log_snr")
@@ -76,7 +76,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
 
     Args:
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis.
-        solver_order (`int`, *optional*, defaults to 1): 1 is DDIM, 2 the second order.
+        multistep_order (`int`, *optional*, defaults to 1): 1 is DDIM, 2 the second order.
         spacing (`str`, *optional*, defaults to `"uniform"`): of the angles: `"uniform"`; `"both_ends"`, denser near
             pure noise and near clean data; `"dense"`, ever denser towards clean data (a square);
             `"log_snr"`, even in the logarithm of the signal-to-noise ratio within +-35 dB.
@@ -99,7 +99,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
     def __init__(
         self,
         num_train_timesteps: int = 1000,
-        solver_order: int = 1,
+        multistep_order: int = 1,
         spacing: str = "uniform",
         log_snr_shift: float = 0.0,
         prediction_type: str = "v_prediction",
@@ -113,8 +113,8 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
             raise ValueError(
                 f"`num_train_timesteps` must be at least 1 and at most {MOST_TIMESTEPS}, got {num_train_timesteps}."
             )
-        if solver_order not in (1, 2):
-            raise ValueError(f"`solver_order` must be 1 (DDIM) or 2, got {solver_order}.")
+        if multistep_order not in (1, 2):
+            raise ValueError(f"`multistep_order` must be 1 (DDIM) or 2, got {multistep_order}.")
         if spacing not in SPACINGS:
             raise ValueError(f"`spacing` must be one of {SPACINGS}, got {spacing!r}.")
         if not abs(log_snr_shift) <= MOST_SHIFT:  # NaN fails too
@@ -271,10 +271,10 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
             raise ValueError(
                 "Number of inference steps is 'None', you need to run 'set_timesteps' after creating the scheduler"
             )
-        if eta and (self.config.solver_order != 1 or not 0 <= eta <= 1):
+        if eta and (self.config.multistep_order != 1 or not 0 <= eta <= 1):
             raise ValueError(
-                f"`eta` must be between 0 and 1, and 0 for solver_order 2, got {eta} for solver_order "
-                f"{self.config.solver_order}: fresh noise breaks what the second order continues."
+                f"`eta` must be between 0 and 1, and 0 for multistep_order 2, got {eta} for multistep_order "
+                f"{self.config.multistep_order}: fresh noise breaks what the second order continues."
             )
         if self._step_index is None:
             self._init_step_index(timestep)
@@ -290,7 +290,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         else:
             prev_sample = self._rotation(angle, following, x, v)
         self._last = None
-        if self.config.solver_order == 2:
+        if self.config.multistep_order == 2:
             past = angle - following
             # a tensor of our own: the caller may write into x and v
             self._last = (past, math.cos(past) * v + math.sin(past) * x)

@@ -299,7 +299,7 @@ def _configuration(pipe):
 
 
 def _sampler(scheduler):
-    order = scheduler.config.get("solver_order")
+    order = scheduler.config.get("multistep_order")
     return type(scheduler).__name__ + ("" if order is None else f" of order {order}")
 
 

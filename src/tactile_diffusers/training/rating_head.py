@@ -12,15 +12,15 @@ ENOUGH_SURFACES = 3
 
 
 def fit_rating_estimator(
-    kinds, numbers, ratings, held_out_numbers, held_out_ratings, axes, steps=600, batch_size=128, seed=0
+    channel_groups, pooled, ratings, held_out_pooled, held_out_ratings, axes, steps=600, batch_size=128, seed=0
 ):
     """Fits a `RatingEstimator` on clean states and freezes it.
 
     Args:
-        kinds (`list[int]`): of the DALE.
-        numbers (`torch.Tensor`): (n, sum of kinds, positions), `DALEModel.numbers` of packed states.
+        channel_groups (`list[int]`): of the DALE.
+        pooled (`torch.Tensor`): (n, sum of channel_groups, positions), `DALEModel.pool_state` of packed states.
         ratings (`torch.Tensor`): (n, axes), z-scores; NaN = unknown.
-        held_out_numbers, held_out_ratings (`torch.Tensor`): of surfaces that it does not see.
+        held_out_pooled, held_out_ratings (`torch.Tensor`): of surfaces that it does not see.
         axes (`Sequence[str]`): their names.
         steps (`int`): optimiser updates.
         batch_size (`int`): states per update.
@@ -32,22 +32,22 @@ def fit_rating_estimator(
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        head = RatingEstimator(list(kinds), list(axes))
+        head = RatingEstimator(list(channel_groups), list(axes))
     generator = torch.Generator().manual_seed(seed)
     optimizer = torch.optim.AdamW(head.parameters(), lr=2e-3, weight_decay=0.05)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=steps)
     for _ in range(steps):
-        rows = torch.randint(len(numbers), (batch_size,), generator=generator)
+        rows = torch.randint(len(pooled), (batch_size,), generator=generator)
         # a little noise, because it will judge predicted states, which are not quite clean
-        noise = 0.1 * torch.randn(numbers[rows].shape, generator=generator)
+        noise = 0.1 * torch.randn(pooled[rows].shape, generator=generator)
         knows_friction = torch.rand(batch_size, generator=generator) > FRICTION_DROPOUT
-        loss = rating_loss(head(numbers[rows] + noise, knows_friction), ratings[rows]).mean()
+        loss = rating_loss(head(pooled[rows] + noise, knows_friction), ratings[rows]).mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         schedule.step()
     head.eval().requires_grad_(False)
-    heard = torch.cat([head(piece) for piece in held_out_numbers.split(256)])
+    heard = torch.cat([head(piece) for piece in held_out_pooled.split(256)])
     scores = []
     for axis in range(ratings.shape[1]):
         known = ~torch.isnan(held_out_ratings[:, axis])

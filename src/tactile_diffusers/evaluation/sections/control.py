@@ -147,7 +147,7 @@ def _estimated(context, latents, levels, friction_coefficients):
     state = pipe.dale.pack(*(torch.from_numpy(np.asarray(part, dtype=np.float32)).to(pipe.device) for part in parts))
     with torch.no_grad():
         knows = torch.isfinite(torch.from_numpy(friction_coefficients)).to(pipe.device)
-        return pipe.rating_estimator(pipe.dale.numbers(state), knows).float().cpu().numpy()
+        return pipe.rating_estimator(pipe.dale.pool_state(state), knows).float().cpu().numpy()
 
 
 def _matrix(recovered, requested, groups):

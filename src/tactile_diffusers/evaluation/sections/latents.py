@@ -175,7 +175,7 @@ def _blend(context, first, second):
         torch.lerp(a.float(), b.float(), weights.view(-1, *[1] * a.ndim)).flatten(0, 1)
         for a, b in ((ends[0].latents, ends[1].latents), (ends[0].level, ends[1].level))
     )
-    latents = pipe.lctg.complete(latents[:, : pipe.lctg.base_channels])
+    latents = pipe.lctg.pad_detail(latents[:, : pipe.lctg.base_channels])
     seeds = np.tile(noise_seeds([context.seed, first, second], count), len(weights))
     generators = [torch.Generator("cpu").manual_seed(int(seed)) for seed in seeds]
     out = pipe.decode(latents, level, None, context.steps, generators)

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.training.contrast import LIMITS, fit_level_contrast
+from tactile_diffusers.training.modulation import LIMITS, fit_modulation_gains
 
 LAYERED = {"feature_channels": 28, "latent_channels": 6, "detail_channels": 2, "level_bands": 1}
 EXTRACTOR = {"feature_size": 28, "detail_samples": 2, "level_bands": 1}
@@ -33,7 +33,7 @@ def _shortfall(pipe, textures):
     """Fast modulation of recordings over that of what is decoded without their detail, first band."""
     powers = []
     made = pipe.encode(textures, 10_000)
-    base = pipe.lctg.complete(made.latents[:, : pipe.lctg.base_channels])
+    base = pipe.lctg.pad_detail(made.latents[:, : pipe.lctg.base_channels])
     out = pipe.decode(base, made.level, generator=torch.Generator().manual_seed(5))
     for rows in (textures, out.textures):
         waveform = pipe.feature_extractor.normalize(rows, 10_000)[0]
@@ -44,20 +44,20 @@ def _shortfall(pipe, textures):
 def test_what_is_missing_is_restored(pipe, pink_noise):
     textures = _fluttering(pink_noise(16_384, 10_000, count=12), 0.15)
     before = _shortfall(pipe, textures)
-    contrast = fit_level_contrast(pipe, pipe.dale, textures, 10_000, quiet=True, batch_size=5)
-    assert contrast == pipe.lctg.config.level_contrast and len(contrast) == 2
-    assert LIMITS[0] <= min(contrast) and max(contrast) <= LIMITS[1]
-    assert before > 1.1 and contrast[0] > 1.1  # an untrained decoder does not flutter
+    modulation_gain = fit_modulation_gains(pipe, pipe.dale, textures, 10_000, quiet=True, batch_size=5)
+    assert modulation_gain == pipe.lctg.config.modulation_gains and len(modulation_gain) == 2
+    assert LIMITS[0] <= min(modulation_gain) and max(modulation_gain) <= LIMITS[1]
+    assert before > 1.1 and modulation_gain[0] > 1.1  # an untrained decoder does not flutter
     assert abs(np.log(_shortfall(pipe, textures))) < 0.6 * np.log(before)  # other noise, few textures
 
 
 def test_a_second_fit_forgets_the_first(pipe, pink_noise):
     textures = _fluttering(pink_noise(16_384, 10_000, count=4), 0.5)
-    first = fit_level_contrast(pipe, pipe.dale, textures, 10_000, quiet=True)
-    assert fit_level_contrast(pipe, pipe.dale, textures, 10_000, quiet=True) == first
+    first = fit_modulation_gains(pipe, pipe.dale, textures, 10_000, quiet=True)
+    assert fit_modulation_gains(pipe, pipe.dale, textures, 10_000, quiet=True) == first
 
 
 def test_without_band_levels_there_is_none(make_pipeline, pink_noise):
     pipe = make_pipeline()
-    assert fit_level_contrast(pipe, pipe.dale, pink_noise(8192, 10_000), 10_000, quiet=True) is None
-    assert pipe.lctg.config.level_contrast is None
+    assert fit_modulation_gains(pipe, pipe.dale, pink_noise(8192, 10_000), 10_000, quiet=True) is None
+    assert pipe.lctg.config.modulation_gains is None
