@@ -95,7 +95,7 @@ def test_the_score_of_an_axis_that_nobody_rated_is_not_a_number():
 def test_shapes():
     assert RatingEstimator([12, 4, 6])(torch.zeros(2, 22, 1)).shape == (2, 3)
     assert RatingEstimator([2, 0, 2], ["warmth"])(torch.zeros(2, 4, 16)).shape == (2, 1)
-    with pytest.raises(ValueError, match="`channel_groups` must end with 2 or more scalars"):
+    with pytest.raises(ValueError, match="`channel_groups` must end with at least 2 scalars"):
         RatingEstimator([2, 0, 1])
 
 
