@@ -14,7 +14,8 @@ from tqdm import tqdm
 
 from tactile_diffusers.data import SegmentLimits, prepare_recordings
 from tactile_diffusers.data.recordings import RecordingsWriter
-from tactile_diffusers.io.files import clear_left_behind, open_whole
+from tactile_diffusers.io.files import clear_left_behind
+from tactile_diffusers.io.hdf5 import open_whole
 
 #: The first part of a slide holds the contact transient (README of the data).
 CONTACT_SECONDS = 0.5

@@ -3,7 +3,7 @@
 TARGET "all" is every reader, chosen by the first byte: it shows that the harness works, and finds little. Options are
 libFuzzer's: `-max_total_time=180 -rss_limit_mb=2048 -timeout=20`, and a folder for the corpus. With `--collect FOLDER`
 each kind of fault is written there once and fuzzing goes on; otherwise it ends at the first. What is found becomes a
-test in tests/fuzz/test_findings.py. Readers of HDF5 files are fuzzed with fuzz_hdf5.py, beside this.
+test in tests/fuzz/test_findings.py. Damaged HDF5 files can keep the HDF5 library busy for ever: they are not fuzzed.
 """
 
 import json

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.export import FORMATS, write_figure, write_wav
-from tactile_diffusers.io.files import atomic_path, whole_file, whole_folder, write_text
+from tactile_diffusers.io.files import atomic_path, whole_folder, write_text
+from tactile_diffusers.io.hdf5 import whole_file
 
 ABOUT = dict(sampling_rate=10_000, friction_coefficient=0.4, ratings=[1, 0, 0], seed=0)
 

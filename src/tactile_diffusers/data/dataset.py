@@ -5,7 +5,7 @@ import json
 import numpy as np
 import torch
 
-from ..io.files import as_strings, check_sizes, open_whole
+from ..io.hdf5 import as_strings, check_sizes, open_whole
 from ..io.reading import reading
 from ..signal import RATING_AXES, resample
 from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, read_account, read_ratings, samples_at

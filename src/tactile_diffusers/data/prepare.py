@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 from tqdm import tqdm
 
-from ..io.files import clear_left_behind, whole_file
+from ..io.files import clear_left_behind
+from ..io.hdf5 import whole_file
 from ..signal import BAND_HZ
 from .prepared_file import (
     PREPARED_FORMAT,

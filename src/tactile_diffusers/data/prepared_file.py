@@ -13,7 +13,7 @@ account/reasons, <subset>       seconds (recordings, reasons)
 import h5py
 import numpy as np
 
-from ..io.files import as_strings
+from ..io.hdf5 import as_strings
 from ..signal import WORKING_RATE, resample
 from .ratings import RatingReliability
 from .segments import REASONS

@@ -15,8 +15,8 @@ from numbers import Real
 import h5py
 import numpy as np
 
-from ..io.files import as_strings, check_size, open_whole, plain_attributes, whole_file
-from ..io.reading import reading
+from ..io.hdf5 import as_strings, open_whole, plain_attributes, whole_file
+from ..io.reading import check_size, reading
 from ..signal import SEGMENT_SECONDS
 from .checks import check_forces, check_ratings
 

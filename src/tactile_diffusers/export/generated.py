@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..io.files import check_sizes, open_whole, whole_file, write_text
+from ..io.files import write_text
+from ..io.hdf5 import check_sizes, open_whole, whole_file
 from ..io.reading import read_json, reading
 
 FORMAT, VERSION = "tactile-generated", 1

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from ..io.files import check_sizes, open_whole, whole_file
+from ..io.hdf5 import check_sizes, open_whole, whole_file
 from ..io.reading import reading
 from ..signal import RATING_AXES
 from .metadata import UNITS, check_arguments, check_read, metadata_from_json

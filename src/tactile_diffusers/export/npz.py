@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from ..io.files import atomic_path, check_npz
-from ..io.reading import reading
+from ..io.files import atomic_path
+from ..io.reading import check_archive, reading
 from .checks import check_file
 from .metadata import UNITS, check_arguments, check_read, metadata_from_json
 
@@ -63,7 +63,7 @@ def read_npz(path):
     """
     path = check_file(path)
     with reading(path, "a NumPy archive of a texture", "Write the texture again."):
-        check_npz(path)
+        check_archive(path)
         with np.load(path, allow_pickle=False) as file:
             arrays = dict(file)
         if "texture" not in arrays:

@@ -6,8 +6,8 @@ import warnings
 
 import numpy as np
 
-from ..io.files import MOST_UNPACKED, atomic_path, check_size
-from ..io.reading import reading
+from ..io.files import atomic_path
+from ..io.reading import MOST_UNPACKED, check_size, reading
 from ..signal import BAND_HZ, REFERENCE_FORCE, rms
 from .checks import check_above_zero, check_file
 from .metadata import (

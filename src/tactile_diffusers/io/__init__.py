@@ -1,1 +1,1 @@
-"""Files: whole or absent, locked while they are written, refused by name when damaged."""
+"""Files: written under a temporary name and renamed, locked while they are written, refused by name when damaged."""

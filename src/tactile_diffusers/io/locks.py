@@ -1,4 +1,4 @@
-"""One process at a time may write to a folder: what two do at once, or clean up, would destroy each other's work."""
+"""Locks on folders: one process at a time may write to a folder, or clean it up."""
 
 import os
 from contextlib import contextmanager
@@ -9,25 +9,25 @@ try:
 except ImportError:  # Windows
     fcntl = None
 
-#: Folders that this process holds: resolved path -> descriptor.
-_held = {}
+#: Folders that this process has locked: resolved path -> descriptor.
+_locked = {}
 
 
-def lock_folder(folder, named="The folder"):
-    """Keeps other processes out of a folder until `unlock_folder`, or until this process ends, however it does.
+def lock_folder(folder, argument="The folder"):
+    """Locks a folder until `unlock_folder`, or until this process ends.
 
-    The lock is the kernel's (flock), on the folder itself: no file is left behind, and a kill frees it. Only those who
-    ask for it are kept out. A folder that this process holds already stays its own. Where the system or the file system
-    has no such locks, nothing is locked.
+    The lock is the kernel's (flock), on the folder itself: no file is left behind, and a kill frees it. It is advisory.
+    Locking a folder twice in one process changes nothing. Where the system or the file system has no such locks,
+    nothing is locked.
 
     Args:
-        folder (`str` or `Path`): exists.
-        named (`str`): what it is called in the message: an argument.
+        folder (`str` or `Path`): an existing folder.
+        argument (`str`): the argument that the message names.
 
     Raises:
-        ValueError: if another process holds it.
+        ValueError: if another process has locked the folder.
     """
-    if fcntl is None or _holds(folder):
+    if fcntl is None or _is_ours(folder):
         return
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -35,18 +35,37 @@ def lock_folder(folder, named="The folder"):
     except BlockingIOError:
         os.close(handle)
         raise ValueError(
-            f"{named} {folder} is in use: another process is writing there. Wait until it has ended, end it, or give "
-            "another folder."
+            f"{argument} {folder} is in use: another process is writing there. Wait until it has ended, end it, or "
+            "give another folder."
         ) from None
     except OSError:  # a file system without such locks, or one that locks files alone
         os.close(handle)
         return
-    unlock_folder(folder)  # one of this name that was removed since
-    _held[Path(folder).resolve()] = handle
+    unlock_folder(folder)  # an older folder of this name that has been removed
+    _locked[Path(folder).resolve()] = handle
+
+
+def unlock_folder(folder):
+    """Frees a folder that `lock_folder` locked; does nothing for others."""
+    handle = _locked.pop(Path(folder).resolve(), None)
+    if handle is not None:
+        os.close(handle)
+
+
+@contextmanager
+def locked_folder(folder, argument="The folder"):
+    """Locks a folder for the length of a block, in which it may be removed."""
+    before = _is_ours(folder)
+    lock_folder(folder, argument)
+    try:
+        yield
+    finally:
+        if not before:
+            unlock_folder(folder)
 
 
 def is_locked(path):
-    """Whether another process, or another part of this one, holds a file or folder: HDF5 locks what it writes."""
+    """Whether anyone has locked a file or folder; HDF5 locks the files that it writes."""
     if fcntl is None:
         return False
     try:
@@ -64,35 +83,16 @@ def is_locked(path):
     return False
 
 
-def unlock_folder(folder):
-    """Lets others write to a folder that `lock_folder` locked; nothing where it did not."""
-    handle = _held.pop(Path(folder).resolve(), None)
-    if handle is not None:
-        os.close(handle)
-
-
-@contextmanager
-def locked_folder(folder, named="The folder"):
-    """`lock_folder` for the length of a block, in which the folder may be removed."""
-    before = _holds(folder)
-    lock_folder(folder, named)
-    try:
-        yield
-    finally:
-        if not before:
-            unlock_folder(folder)
-
-
-def _holds(folder):
-    handle = _held.get(Path(folder).resolve())
+def _is_ours(folder):
+    handle = _locked.get(Path(folder).resolve())
     return handle is not None and os.path.samestat(os.fstat(handle), os.stat(folder))
 
 
-def _forget():
-    """In a forked child: its copies of the descriptors would hold the locks for as long as it lives."""
-    while _held:
-        os.close(_held.popitem()[1])
+def _close_inherited():
+    """In a forked child: inherited descriptors would keep the parent's locks for as long as the child lives."""
+    while _locked:
+        os.close(_locked.popitem()[1])
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget)
+    os.register_at_fork(after_in_child=_close_inherited)

@@ -1,19 +1,28 @@
-"""Refusals of damaged files: every room reads through this, and nothing heavy is imported for it."""
+"""Refusals of damaged files. Every room reads files through this module; it imports nothing heavy."""
 
 import json
+import os
+import zipfile
 from contextlib import contextmanager
 from pathlib import Path
 
-# of a library's message: some quote the file
+#: Longest quote of a library's message; some quote the file.
 _LONGEST_REASON = 300
+#: A file may unpack to so many bytes, or to so many times its own size, whichever is more. Recordings and texts do not
+#: compress a hundredfold; a damaged header, or an archive built to fill the memory, claims more.
+MOST_UNPACKED, MOST_RATIO = 2**26, 100
 
 
 @contextmanager
 def reading(path, kind, remedy="Copy it again, or write it again."):
-    """Whatever a damaged file makes the block raise becomes a `ValueError` that names the file, and `kind`.
+    """Turns whatever the block raises over a damaged file into a `ValueError` that names the file.
 
-    So do a `PermissionError` and a `MemoryError`, whose remedies are others. A `FileNotFoundError`, and a `ValueError`
-    or `OSError` that names the file already, pass as they are.
+    A `FileNotFoundError`, and a `ValueError` or `OSError` that already names the file, pass unchanged.
+
+    Args:
+        path (`str` or `Path`): the file.
+        kind (`str`): what the file should be, for the message: "a checkpoint".
+        remedy (`str`): the last sentence of the message.
     """
     try:
         yield
@@ -35,14 +44,30 @@ def reading(path, kind, remedy="Copy it again, or write it again."):
 
 
 def read_json(path, kind, remedy="Copy it again, or write it again."):
-    """A JSON object from a file, a dict.
+    """Reads a JSON object as a dict.
 
     Raises:
         FileNotFoundError: if there is no file.
-        ValueError: if it is truncated, no JSON, or no object.
+        ValueError: if the file is truncated, not JSON, or not an object.
     """
     with reading(path, kind, remedy):
         content = json.loads(Path(path).read_text(encoding="utf-8-sig"))  # Windows puts a mark before UTF-8
         if not isinstance(content, dict):
             raise ValueError(f"it holds a {type(content).__name__}, not an object")
     return content
+
+
+def check_size(path, claimed):
+    """Raises a `ValueError` if the header of a file claims absurdly more bytes than the file has."""
+    held = os.stat(path).st_size
+    if claimed > max(MOST_UNPACKED, MOST_RATIO * held):
+        raise ValueError(
+            f"{path} claims to hold {claimed:.3g} bytes, but has {held}: its header is damaged, or it was built to "
+            "fill the memory. Copy it again, or write it again."
+        )
+
+
+def check_archive(path):
+    """`check_size` of a zip archive: npz, xlsx."""
+    with zipfile.ZipFile(path) as archive:
+        check_size(path, sum(member.file_size for member in archive.infolist()))

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ...io.files import check_archive, check_size
-from ...io.reading import reading
+from ...io.reading import check_archive, check_size, reading
 from ..wav_header import check_wav
 from .delimited import DECIMAL_COMMA, delimited_format, find_header
 from .trees import open_tree, tree_columns, tree_node, tree_nodes, tree_rate, tree_tables

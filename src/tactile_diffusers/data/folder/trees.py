@@ -15,7 +15,8 @@ import h5py
 import numpy as np
 from scipy import io
 
-from ...io.files import check_npz, check_size, open_whole
+from ...io.hdf5 import open_whole
+from ...io.reading import check_archive, check_size
 
 #: Attributes of HDF5 groups and arrays, and scalars beside arrays, that give the sampling rate in Hz.
 RATE_NAMES = ("rate", "sampling_rate", "sampling_rate_hz", "fs", "Fs")
@@ -51,7 +52,7 @@ def _in_memory(path, kind, _changed):
     """The tree of an npz, or of a mat below v7.3."""
     try:
         if kind == "npz":
-            check_npz(path)
+            check_archive(path)
             with np.load(path, allow_pickle=False) as arrays:
                 return _nested({name: arrays[name] for name in arrays.files})
         _check_mat(path)
