@@ -5,13 +5,13 @@ import torch
 from tqdm.auto import tqdm
 
 from tactile_diffusers.checkpoints import DISTILLED
-from tactile_diffusers.cli.distilled import with_lctg
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.reference import Reference
 from tactile_diffusers.evaluation.result_files import machine, write_results
 from tactile_diffusers.evaluation.sections.context import check_fit
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.models.lctg import LCTGModel, same_encoder
+from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.schedulers import VDDIMScheduler
 from tactile_diffusers.signal import nine_band_error_db, resample
 
@@ -63,7 +63,7 @@ def _distilled(arguments, pipe):
         if not same_encoder(lctg, pipe.lctg):
             raise ValueError(f"--decoders {name}={folder}: its encoder is not the checkpoint's; it fits another one.")
         own = {"scheduler": VDDIMScheduler.from_pretrained(folder, subfolder="scheduler")} if folders else {}
-        made[name] = with_lctg(pipe, lctg, **own), range(1, lctg.config.distilled_steps + 1)
+        made[name] = TactileTexturePipeline.from_pipe(pipe, lctg=lctg, **own), range(1, lctg.config.distilled_steps + 1)
     return made
 
 

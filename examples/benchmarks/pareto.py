@@ -7,11 +7,11 @@ import torch
 from peers import ANCHOR, BFLOAT16, OURS, STEPS, load
 from speed import seconds_of
 
-from tactile_diffusers.cli.distilled import distilled_folder, with_lctg
 from tactile_diffusers.evaluation.generate import reconstruct
 from tactile_diffusers.evaluation.statistics import leaf
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.models import LCTGModel
+from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
 from tactile_diffusers.pipelines.recorded import DEFAULT_STEPS
 from tactile_diffusers.signal import band_edges, nine_band_error_db
 
@@ -24,9 +24,9 @@ _MARKERS = {OURS: "o", BFLOAT16: "^", DISTILLED: "*", ANCHOR: "s"}
 def models(arguments, pipe, checkpoint):
     """Pipelines to compare: name -> pipeline."""
     made = {OURS: pipe, BFLOAT16: load(checkpoint, torch.bfloat16)}
-    folder = arguments.distilled or distilled_folder(checkpoint)
+    folder = arguments.distilled or find_decoders(checkpoint).get("distilled")
     if folder is not None:
-        made[DISTILLED] = with_lctg(pipe, LCTGModel.from_pretrained(str(folder)))
+        made[DISTILLED] = TactileTexturePipeline.from_pipe(pipe, lctg=LCTGModel.from_pretrained(str(folder)))
     if arguments.anchor is not None:
         made[ANCHOR] = load(arguments.anchor)
     return made

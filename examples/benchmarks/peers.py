@@ -11,9 +11,9 @@ from peer_models import SIZE_TOLERANCE, audio_diffusion, audio_diffusion_version
 from speed import DURATIONS, LONG_RUN, RATINGS, peak_memory, seconds_of
 from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
 
-from tactile_diffusers.cli.distilled import distilled_folder, with_lctg
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.models import LCTGModel
+from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
 from tactile_diffusers.pipelines.recorded import DEFAULT_STEPS
 from tactile_diffusers.signal import SEGMENT_SECONDS
 
@@ -101,8 +101,6 @@ def competitor(request, name):
 
 def load(folder, dtype=torch.float32):
     """The pipeline of a checkpoint, without progress bars."""
-    from tactile_diffusers import TactileTexturePipeline
-
     pipe = TactileTexturePipeline.from_pretrained(str(folder), dtype=dtype)
     pipe.set_progress_bar_config(disable=True)
     return pipe
@@ -116,7 +114,7 @@ def generating_modules(pipe):
 def _ours(request, steps=(STEPS, STEPS), compiled=False, dtype=torch.float32, distilled=False):
     pipe = load(request["checkpoint"], dtype)
     if distilled:
-        pipe = with_lctg(pipe, LCTGModel.from_pretrained(request["distilled"]))
+        pipe = TactileTexturePipeline.from_pipe(pipe, lctg=LCTGModel.from_pretrained(request["distilled"]))
     modules = generating_modules(pipe)
     if compiled:  # for each shape anew, as fast as can be
         for network in (pipe.lctg, pipe.dale):
@@ -176,7 +174,7 @@ def compare(arguments, pipe, checkpoint):
         peers.insert(0, _AUDIO)
     except ImportError as error:
         notes.append(f"audio-diffusion-pytorch: {error}.")
-    anchor, distilled = arguments.anchor, arguments.distilled or distilled_folder(checkpoint)
+    anchor, distilled = arguments.anchor, arguments.distilled or find_decoders(checkpoint).get("distilled")
     if anchor is not None and load(anchor).dale is None:
         notes.append(f"{ANCHOR}: no DALE in {anchor.name}, so it only reconstructs and is left out here.")
         anchor = None

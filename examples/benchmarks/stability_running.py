@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from stability_bench import RATINGS, SAME, Row, not_finite, relative
 
-from tactile_diffusers.cli.distilled import with_lctg
 from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.playback import TextureProfile, TextureStream
 from tactile_diffusers.playback.finger import FASTEST, FingerPath
@@ -133,7 +132,7 @@ def threads(bench):
     finally:
         torch.set_num_threads(before)
     again = 2 if bench.quick else 10
-    apart, shared = [bench.copy() for _ in range(2)], [with_lctg(bench.pipe, bench.pipe.lctg) for _ in range(2)]
+    apart, shared = [bench.copy() for _ in range(2)], [TactileTexturePipeline.from_pipe(bench.pipe) for _ in range(2)]
     for name, pipes in (("two pipelines", apart), ("two pipelines of the same weights", shared)):
         with ThreadPoolExecutor(2) as pool:
             made = list(pool.map(lambda pipe: [bench.make(pipe).textures for _ in range(again)], pipes))

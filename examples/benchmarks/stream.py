@@ -8,10 +8,10 @@ from scipy import signal
 from tqdm.auto import tqdm
 
 from tactile_diffusers.checkpoints import bundled_checkpoint
-from tactile_diffusers.cli.distilled import distilled_folder, with_lctg
 from tactile_diffusers.evaluation.result_files import machine, write_results
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.models.lctg import LCTGModel, same_encoder
+from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
 from tactile_diffusers.playback import FingerPath, GeneratingProcess, TextureProfile, TextureStream, on_time
 from tactile_diffusers.playback.stream import SPEED_EXPONENT
 from tactile_diffusers.signal import DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES, band_levels_db, band_pass
@@ -240,11 +240,11 @@ def with_distilled(pipe):
 
     What is distilled from another checkpoint's decoder would not fit: only the bundled encoder's latents do.
     """
-    found, folder = {"as it is": pipe}, distilled_folder(bundled_checkpoint())
+    found, folder = {"as it is": pipe}, find_decoders(bundled_checkpoint()).get("distilled")
     if folder is not None:
         lctg = LCTGModel.from_pretrained(str(folder))
         if same_encoder(lctg, pipe.lctg):
-            found["distilled decoder"] = with_lctg(pipe, lctg)
+            found["distilled decoder"] = TactileTexturePipeline.from_pipe(pipe, lctg=lctg)
     return found
 
 

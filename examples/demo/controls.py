@@ -2,7 +2,6 @@
 
 import functools
 
-from presets import PRESETS, REMARK
 from settings import (
     LIMITS,
     MOST_SECONDS,
@@ -16,7 +15,11 @@ from settings import (
     to_z,
 )
 
+from tactile_diffusers.pipelines import PRESETS
 from tactile_diffusers.signal import RATING_AXES
+
+#: What the page says about the presets.
+REMARK = "Presets are ratings that such a surface may be given, chosen by hand. They are not recordings of it."
 
 
 def said(gr, function):

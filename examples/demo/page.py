@@ -5,11 +5,11 @@ import html
 
 from answers import comparison_answer, reconstruction_answer
 from controls import leave_checks_of_numbers_to_us, read_ratings, said
-from presets import PRESETS
 from settings import Settings, blend, describe, to_z
 from texture_tab import texture_tab
 from uploads import LONGEST_SECONDS, read_upload
 
+from tactile_diffusers.pipelines import PRESETS
 from tactile_diffusers.pipelines.inputs import check_number
 
 CSS = """

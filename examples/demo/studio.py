@@ -11,9 +11,8 @@ from bands import BandRange, draw_latents, heard_range, rating_range, training_r
 from settings import Settings, novelty
 
 from tactile_diffusers.checkpoints import bundled_checkpoint
-from tactile_diffusers.cli.distilled import distilled_folder, with_lctg
 from tactile_diffusers.models import LCTGModel
-from tactile_diffusers.pipelines import TactileTexturePipeline
+from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
 from tactile_diffusers.signal import RATING_AXES, nine_band_error_db, resample, rms
 
 #: Seed of the draws behind the ranges of bands: they must not move while a visitor tries seeds.
@@ -104,8 +103,8 @@ class Studio:
         if self._teacher.dale is None:
             raise ValueError(f"The checkpoint {folder} has no `dale`: it reconstructs, it cannot generate.")
         self._teacher.set_progress_bar_config(disable=True)
-        distilled = distilled_folder(folder)
-        self._distilled = None if distilled is None else LCTGModel.from_pretrained(str(distilled)).eval()
+        distilled = find_decoders(folder).get("distilled")
+        self._distilled = None if distilled is None else LCTGModel.from_pretrained(str(distilled))
         # one at a time: two at once would each take twice as long, and twice the memory
         self._lock = threading.Lock()
         self._training = training_range(self._teacher, _RANGE_SEED)
@@ -124,7 +123,9 @@ class Studio:
         for name in ("dale_scheduler",) if distilled else ("scheduler", "dale_scheduler"):
             scheduler = getattr(self._teacher, name)
             parts[name] = type(scheduler).from_config(scheduler.config, multistep_order=settings.order)
-        return with_lctg(self._teacher, self._distilled if distilled else self._teacher.lctg, **parts)
+        if distilled:
+            parts["lctg"] = self._distilled
+        return TactileTexturePipeline.from_pipe(self._teacher, **parts)
 
     def generate(self, ratings, settings=None):
         """Textures of ratings.

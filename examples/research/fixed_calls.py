@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
+from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.export import FORMATS
 from tactile_diffusers.playback import EndlessProfile, EndlessStream, TextureProfile, TextureScene, TextureStream
 
@@ -136,8 +136,7 @@ def main():
     pipe.set_progress_bar_config(disable=True)
     out = pipe(**CALLS["one"], generator=generator())
     found = textures_of(pipe) | recording_calls(pipe, out.textures, out.sampling_rate) | playback_calls(pipe, out)
-    lctg = LCTGModel.from_pretrained(bundled_checkpoint(), subfolder="lctg_distilled")
-    distilled = TactileTexturePipeline.from_pretrained(bundled_checkpoint(), lctg=lctg)
+    distilled = TactileTexturePipeline.from_pretrained(bundled_checkpoint(), decoder="distilled")
     distilled.set_progress_bar_config(disable=True)
     found |= textures_of(distilled, "distilled/")
     np.savez(arguments.folder / "arrays.npz", **found)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from presets import PRESETS
 from settings import Settings
+
+from tactile_diffusers.pipelines import PRESETS
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from presets import PRESETS
 from settings import LIMITS, Settings, available_scales, blend, describe, from_z, novelty, slider_ranges, to_z
 
+from tactile_diffusers.pipelines import PRESETS
 from tactile_diffusers.pipelines.inputs import parse_ratings
 
 NAN = float("nan")

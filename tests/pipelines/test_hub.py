@@ -242,8 +242,7 @@ class TestCache:
         config = saved.parent / "cache/models--someone--textures/snapshots" / COMMIT / DISTILLED / "config.json"
         config.write_text(json.dumps(json.loads(config.read_text()) | {"distilled_steps": 2}))
         with recorded_warnings() as found:
-            lctg = LCTGModel.from_pretrained("someone/textures", subfolder=DISTILLED, cache_dir=cache)
-            pipe = TactileTexturePipeline.from_pretrained("someone/textures", lctg=lctg, cache_dir=cache)
+            pipe = TactileTexturePipeline.from_pretrained("someone/textures", decoder="distilled", cache_dir=cache)
         assert of_loading(found) == [] and pipe.resolve_steps() == (2, 5)
 
     def test_a_revision_that_was_not_fetched_is_said(self, cache):

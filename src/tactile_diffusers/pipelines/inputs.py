@@ -2,18 +2,12 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
-import diffusers
 import numpy as np
 import torch
 from diffusers.utils import logging
 
-from ..features import TactileFeatureExtractor
-from ..io.reading import read_json, reading
-from ..models import DALEModel, LCTGModel, RatingEstimator
-from ..schedulers import VDDIMScheduler
 from ..signal import coverage_distance
 
 logger = logging.get_logger(__name__)
@@ -26,13 +20,6 @@ RATING_SCALES = ("z", "raw", "percentile")
 LARGEST_RATING = 6.0
 #: longest texture of one call, s: all of it is in memory; an `EndlessStream` has no end
 LONGEST_SECONDS = 3600.0
-_AGAIN = "Copy the checkpoint again as a whole."
-# files of the components that are no models
-_CONFIGS = {
-    "scheduler": "scheduler_config.json",
-    "dale_scheduler": "scheduler_config.json",
-    "feature_extractor": "preprocessor_config.json",
-}
 
 
 class _Scale(NamedTuple):
@@ -316,47 +303,3 @@ def check_components(lctg, feature_extractor, dale):
         raise ValueError(
             f"`dale` makes {dale.latent_channels} latent channels, `lctg` generates from {lctg.base_channels}: {theirs}"
         )
-
-
-def check_folder(folder, given):
-    """Refuses a local checkpoint folder that is damaged, incomplete or of another package, models' folders excepted.
-
-    Components that are `given` by keyword are not looked at. Models refuse for themselves what they cannot read.
-
-    Raises:
-        OSError: if the folder of a component is missing.
-        ValueError: naming the file and what is wrong with it.
-    """
-    folder = Path(folder)
-    path = folder / "model_index.json"
-    if not path.is_file():
-        return  # a name on the Hub, or a folder that the loader itself refuses
-    with reading(path, "the index of a checkpoint", _AGAIN):
-        content = read_json(path, "JSON")
-        if not isinstance(content["_class_name"], str):
-            raise ValueError("`_class_name` is no name")
-        index = {name: entry for name, entry in content.items() if not name.startswith("_")}
-        classes = {name: _component_class(name, *entry) for name, entry in index.items() if entry != [None, None]}
-        if "lctg" not in index:
-            raise ValueError("it names no `lctg`")
-    missing = [name for name in classes if name not in given and not (folder / name).is_dir()]
-    if missing:
-        raise OSError(f"The checkpoint {folder} lacks the folder(s) of {missing} that {path.name} names. {_AGAIN}")
-    for name, cls in classes.items():
-        config = folder / name / _CONFIGS.get(name, "")
-        if name in given or name not in _CONFIGS:
-            continue
-        with reading(config, f"the config of a {cls.__name__}", _AGAIN):
-            make = cls.from_config if hasattr(cls, "from_config") else cls.from_dict
-            make(read_json(config, "JSON"))
-
-
-def _component_class(name, library, class_name):
-    """The class of a component; none but ours and diffusers' schedulers, because to name one is to import it."""
-    ours = (DALEModel, LCTGModel, RatingEstimator, TactileFeatureExtractor, VDDIMScheduler)
-    cls = {("tactile_diffusers", each.__name__): each for each in ours}.get((library, class_name))
-    if cls is None and library == "diffusers" and "scheduler" in name and class_name.endswith("Scheduler"):
-        cls = getattr(diffusers, class_name, None)
-    if cls is None:
-        raise ValueError(f"its component {name!r} is {library}.{class_name}, which is none of this package")
-    return cls

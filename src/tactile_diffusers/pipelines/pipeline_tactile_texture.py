@@ -16,7 +16,6 @@ from .inputs import (
     LONGEST_SECONDS,
     check_callback_inputs,
     check_components,
-    check_folder,
     check_generator,
     check_noise,
     check_number,
@@ -25,6 +24,7 @@ from .inputs import (
     parse_ratings,
     warn_of_novel_ratings,
 )
+from .loading import LoadingMixin
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
 from .recorded import RecordedTexturesMixin
 from .velocities import rating_velocity, texture_velocity
@@ -44,7 +44,7 @@ EXAMPLE_DOC_STRING = """
 """
 
 
-class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline):
+class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, DiffusionPipeline):
     r"""
     Textures from perceptual ratings: DALE makes latents, level and friction coefficient; LCTG decodes them to force.
 
@@ -91,16 +91,6 @@ class TactileTexturePipeline(RecordedTexturesMixin, HubMixin, DiffusionPipeline)
             dale_scheduler=dale_scheduler,
             rating_estimator=rating_estimator,
         )
-
-    @classmethod
-    def from_pretrained(cls, pretrained_model_name_or_path, **kwargs):
-        """Loads a checkpoint, see [`DiffusionPipeline.from_pretrained`].
-
-        Raises:
-            OSError: if a local folder lacks a component, naming it, or the Hub has no such repository or revision.
-        """
-        check_folder(pretrained_model_name_or_path, kwargs)
-        return super().from_pretrained(pretrained_model_name_or_path, **kwargs)
 
     @property
     def _execution_device(self):

@@ -31,7 +31,7 @@ class RecordedTexturesMixin:
         if most is not None and decoding > most:
             raise ValueError(
                 f"`num_inference_steps` must be at most {most}, got {decoding}: this LCTG was distilled to so many "
-                'steps and gets worse beyond. Leave it out, or load the teacher (`subfolder="lctg"`).'
+                "steps and gets worse beyond. Leave it out, or load the checkpoint without `decoder`."
             )
         if num_latent_inference_steps is None:
             return decoding, decoding if most is None else DEFAULT_STEPS

@@ -314,7 +314,7 @@ def _noise_seed(seed, name, use):
 def _parse_surfaces(surfaces, config, rating_scale):
     """Names, and ratings (surfaces, axes) float32, z-scores."""
     if not isinstance(surfaces, Mapping) or not surfaces:
-        raise ValueError(f'`surfaces` must map names to ratings, {{"denim": [1.0, 0.5, -1.0]}}, got {surfaces!r}.')
+        raise ValueError(f'`surfaces` must map names to ratings, {{"denim": [0.9, 0.5, 0.3]}}, got {surfaces!r}.')
     rows = []
     for name, ratings in surfaces.items():
         if not isinstance(name, str) or not name:

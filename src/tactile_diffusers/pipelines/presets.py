@@ -1,6 +1,7 @@
-"""Ratings to begin with. Named after surfaces that may be rated so; no recording of any lies behind them."""
+"""Ratings to start from."""
 
-#: Name -> z-scores in the order roughness, bumpiness, slipperiness; `None` = not specified. Chosen by hand.
+#: Name -> (roughness, bumpiness, slipperiness) in z-scores; `None` = not specified. Chosen by hand for what such a
+#: surface may feel like, within what the bundled checkpoint was trained on. They are not measurements.
 PRESETS = {
     "glass": (-1.5, -0.9, -0.9),
     "polished metal": (-1.2, -0.7, 0.3),
@@ -13,5 +14,3 @@ PRESETS = {
     "engraved grating": (0.5, 1.6, 0.4),
     "rough, whatever else": (1.3, None, None),
 }
-#: What the page says about them.
-REMARK = "Presets are ratings that such a surface may be given, chosen by hand. They are not recordings of it."
