@@ -8,8 +8,8 @@ import numpy as np
 from strip import strip_page
 
 from tactile_diffusers import export
-from tactile_diffusers.pipelines.inputs import check_number
 from tactile_diffusers.signal import RATING_AXES
+from tactile_diffusers.signal.checks import check_number
 
 #: Where Python keeps what is done with warnings, there is one for all threads.
 _WARNINGS = threading.Lock()
@@ -75,7 +75,7 @@ def write_files(texture, name, folder, pixel_pitch):
     suffix, write = FORMATS[name]
     options = {}
     if is_map(name):
-        check_number("pixel pitch", pixel_pitch, 0, False, " mm")
+        check_number("pixel pitch", pixel_pitch, "mm", above=0)
         options["pixel_pitch"] = float(pixel_pitch)
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)

@@ -10,7 +10,7 @@ from texture_tab import texture_tab
 from uploads import LONGEST_SECONDS, read_upload
 
 from tactile_diffusers.pipelines import PRESETS
-from tactile_diffusers.pipelines.inputs import check_number
+from tactile_diffusers.signal.checks import check_number
 
 CSS = """
 #picture { min-height: 400px; } /* nothing jumps when they arrive */
@@ -111,7 +111,7 @@ def _blend_tab(gr, studio, kept, asked):
 
     def generate(scale, *wanted):
         first, second, percent, *how, _ = wanted
-        check_number("blend", percent, 0, True, " and <= 100", 100)
+        check_number("blend", percent, "%", at_least=0, at_most=100)
         first, second = (tuple(to_z(ratings, "z", studio.config)) for _, ratings in (first, second))
         rows = [first, blend(first, second, percent / 100), second]
         made = studio.generate(rows, Settings(*how, takes=1))
@@ -174,8 +174,8 @@ def _recording_tab(gr, studio, asked):
         try:
             if content is None:
                 raise ValueError("Choose a file first.")
-            check_number("newtons per unit", newtons_per_unit, 0, False, "")
-            check_number("sampling rate", csv_rate, 0, False, "")
+            check_number("newtons per unit", newtons_per_unit, above=0)
+            check_number("sampling rate", csv_rate, "Hz", above=0)
             samples, sampling_rate = read_upload(content, csv_rate, newtons_per_unit)
             made = studio.reconstruct(samples, sampling_rate, Settings(*values))
         except ValueError as error:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from tactile_diffusers.pipelines.inputs import check_number, parse_ratings
+from tactile_diffusers.pipelines.inputs import parse_ratings
 from tactile_diffusers.signal import RATING_AXES, coverage_distance
+from tactile_diffusers.signal.checks import check_number
 from tactile_diffusers.signal.rating_scales import RATING_SCALE, to_raw
 
 #: What the sliders allow, and what is refused whoever asks: an answer takes seconds and megabytes at most.
@@ -57,7 +58,7 @@ class Settings:
     def __post_init__(self):
         for field in fields(self):
             value, (low, high) = getattr(self, field.name), LIMITS[field.name]
-            check_number(field.name, value, low, True, f" and <= {high}", high)
+            check_number(field.name, value, at_least=low, at_most=high)
             if field.type is int:
                 if value != int(value):
                     raise ValueError(f"`{field.name}` must be a whole number, got {value}.")
@@ -132,7 +133,7 @@ def blend(first, second, share):
     Raises:
         ValueError: for a share outside.
     """
-    check_number("share", share, 0, True, " and <= 1", 1)
+    check_number("share", share, at_least=0, at_most=1)
     if share in (0, 1):  # NaN in the other one must not count
         return tuple((first, second)[int(share)])
     return tuple((1 - share) * a + share * b for a, b in zip(first, second, strict=True))

@@ -56,7 +56,7 @@ def test_every_writer_refuses(tmp_path, write, change, message):
 @pytest.mark.parametrize(
     ("write", "change", "message"),
     [
-        (_npz, {"seed": 0.5}, "`seed` must be a whole number of at most 64 bits, got 0.5"),
+        (_npz, {"seed": 0.5}, "`seed` must be a whole number of at least 0 and below 2..64, got 0.5"),
         (_wav, {"seed": 2**64}, "`seed` must be a whole number"),
         (_npz, {"reference_speed": 0.0}, "`reference_speed` must be above zero"),
         (_wav, {"subtype": "PCM_24"}, "`subtype` must be .*got 'PCM_24'"),

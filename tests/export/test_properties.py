@@ -19,7 +19,7 @@ metadata = st.fixed_dictionaries(
         "friction_coefficient": number,
         "reference_speed": st.floats(10, 400),
         "ratings": st.lists(st.one_of(st.none(), st.just(math.nan), st.floats(-6, 6)), min_size=3, max_size=3),
-        "seed": st.integers(-(2**63), 2**64 - 1),
+        "seed": st.integers(0, 2**64 - 1),
     },
     optional={
         "checkpoint": st.one_of(st.none(), st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=20))
@@ -151,7 +151,7 @@ BAD = {
     "friction_coefficient": [0, -0.1, math.inf, None, "x", 10**400, [1.0]],
     "reference_speed": [0, -80, math.inf, None, "x", 10**400, [80.0]],
     "ratings": [[1, 2], [1, 2, 3, 4], [math.inf, 0, 0], None, "abc", 5, [10**400, 0, 0], [[1], [2], [3]], ["x"] * 3],
-    "seed": [0.5, math.nan, math.inf, True, 2**64, -(2**63) - 1, None, "x", "5", [1]],
+    "seed": [0.5, math.nan, math.inf, True, 2**64, -1, None, "x", "5", [1]],
     "checkpoint": [5, b"x", ["x"]],
 }
 

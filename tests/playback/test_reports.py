@@ -154,5 +154,5 @@ def test_places_of_every_allowed_shape(dimensions, time, position):
 
 @pytest.mark.parametrize("samples", [80.0, 0, -5, "80", True])
 def test_samples_are_a_whole_number(path, samples):
-    with pytest.raises(ValueError, match="`samples` must be a whole number >= 1"):
+    with pytest.raises(ValueError, match="`samples` must be a whole number of at least 1"):
         path.advance(samples)

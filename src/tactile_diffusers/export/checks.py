@@ -1,7 +1,6 @@
 """What every writer asks of its arguments before it touches the disk."""
 
 import math
-from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -72,18 +71,6 @@ def check_positive_or_unknown(name, value):
     if not (math.isnan(number) or 0 < number < math.inf):
         raise ValueError(f"`{name}` must be above zero, or NaN if unknown, got {value!r}.")
     return number
-
-
-def check_seed(seed):
-    """A seed as a plain int.
-
-    Raises:
-        ValueError: if `seed` is not a whole number of at most 64 bits.
-    """
-    number = isinstance(seed, Real) and not isinstance(seed, bool)
-    if not number or not -(2**63) <= seed < 2**64 or seed % 1:  # NaN fails too
-        raise ValueError(f"`seed` must be a whole number of at most 64 bits, got {seed}.")
-    return int(seed)
 
 
 def check_above_zero(name, value):

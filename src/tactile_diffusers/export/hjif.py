@@ -12,7 +12,7 @@ import numpy as np
 
 from ..io.files import write_text
 from ..io.reading import read_json, reading
-from ..signal import BAND_HZ, REFERENCE_FORCE
+from ..signal import BAND_HZ, REFERENCE_FORCE, resample
 from .checks import check_above_zero, check_file
 from .metadata import (
     check_arguments,
@@ -23,7 +23,6 @@ from .metadata import (
     metadata_from_json,
     metadata_to_json,
 )
-from .resampling import resample_freely
 
 #: Key frames per s; over position at least as many at the reference speed.
 KEY_FRAME_RATE = 8000
@@ -74,7 +73,7 @@ def write_hjif(
     normal_force = check_above_zero("normal_force", normal_force)
     timescale, step = (KEY_FRAME_RATE, 1) if modality in TEMPORAL else _micrometres(check_known_speed(metadata))
 
-    values = resample_freely(texture, sampling_rate, timescale / step)
+    values = resample(texture, sampling_rate, timescale / step, method="fourier")
     if modality == "Friction":
         values = mean_friction(metadata) + values / normal_force
         metadata["normal_force"] = normal_force
@@ -173,5 +172,5 @@ def read_hjif(path):
         if modality == "Friction":
             values = (values - mean_friction(metadata)) * metadata["normal_force"]
         metadata |= {"modality": modality, "gain": channel["gain"], "key_frame_rate": rate}
-        texture = resample_freely(values, rate, metadata["sampling_rate"], metadata["samples"])
+        texture = resample(values, rate, metadata["sampling_rate"], metadata["samples"], method="fourier")
         return check_read(texture, metadata)

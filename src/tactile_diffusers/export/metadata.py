@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from ..signal import BAND_HZ, RATING_AXES, REFERENCE_FORCE
-from .checks import check_positive_or_unknown, check_ratings, check_seed, check_texture
+from ..signal.checks import check_seed, check_whole_number
+from .checks import check_positive_or_unknown, check_ratings, check_texture
 
 #: Key under which a file of another's format holds what belongs to the texture, as JSON.
 METADATA_KEY = "tactile_diffusers"
@@ -84,8 +85,8 @@ def check_span(seconds, metadata):
         ValueError: if they differ by more than what is lost at the end: one key frame or pixel, or 10 %.
     """
     samples, rate = metadata["samples"], metadata["sampling_rate"]
-    check_seed(samples)  # a whole number
-    if not (samples >= 1 and rate > 0 and samples / rate <= 1.1 * seconds + 0.1):
+    check_whole_number("samples", samples)
+    if not (rate > 0 and samples / rate <= 1.1 * seconds + 0.1):
         raise ValueError(f"`samples` is {samples} at {rate} Hz, but it holds {seconds:.3g} s")
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..io.files import atomic_path
 from ..io.reading import MOST_UNPACKED, check_size, reading
-from ..signal import BAND_HZ, REFERENCE_FORCE, rms
+from ..signal import BAND_HZ, REFERENCE_FORCE, resample, rms
+from ..signal.resampling import KEPT_SHARE, low_pass_for, num_samples
 from .checks import check_above_zero, check_file
 from .metadata import (
     METADATA_KEY,
@@ -20,7 +21,6 @@ from .metadata import (
     metadata_from_json,
     metadata_to_json,
 )
-from .resampling import KEPT_SHARE, low_pass_for, num_samples, resample_freely
 
 #: mm between pixels of a common electroadhesive display (Tanvas; FIELD section 4).
 PIXEL_PITCH = 0.15
@@ -90,7 +90,7 @@ def write_png(
         )
     held = highest_frequency(speed, pixel_pitch)
     coarse = texture if held >= BAND_HZ[1] else low_pass_for(texture, sampling_rate, speed / pixel_pitch)
-    pixels = resample_freely(coarse, sampling_rate, speed / pixel_pitch)
+    pixels = resample(coarse, sampling_rate, speed / pixel_pitch, method="fourier")
     _warn_of_loss(texture, pixels, speed, pixel_pitch)
     friction = mean_friction(metadata) + pixels / normal_force
     lowest = float(friction.min())
@@ -171,5 +171,5 @@ def read_png(path):
         check_span(len(row) * pitch / speed, metadata)
         metadata["highest_frequency"] = highest_frequency(speed, pitch)
         newtons = (friction - mean_friction(metadata)) * metadata["normal_force"]
-        texture = resample_freely(newtons, speed / pitch, metadata["sampling_rate"], metadata["samples"])
+        texture = resample(newtons, speed / pitch, metadata["sampling_rate"], metadata["samples"], method="fourier")
         return check_read(texture, metadata)

@@ -11,7 +11,6 @@ from transformers.feature_extraction_utils import BatchFeature, FeatureExtractio
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, power_spectral_density, resample, rms
 from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .low_band import sample_low_band
-from .upsampling import resample_quickly
 
 #: powers below this are silence to the logarithm (a whitened texture has a mean power of 1 in every band)
 LOG_FLOOR = 1e-4
@@ -321,8 +320,10 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             waveform = impose_band_levels(
                 waveform, _as_float64(band_levels), modulation_gain=modulation_gain, **self._latent_grid
             )
-        texture = resample_quickly(self._emphasize(waveform, -1), self.sampling_rate, self.delivery_rate)[:, :samples]
-        texture = texture - texture.mean(-1, keepdims=True)
+        texture = self._emphasize(waveform, -1)
+        texture = resample(texture, self.sampling_rate, self.delivery_rate, samples, dtype=np.float32)
+        texture = texture.astype(np.float64)
+        texture -= texture.mean(-1, keepdims=True)
         with np.errstate(over="ignore", invalid="ignore"):  # levels that explode: infinities tell
             scale, wanted = rms(texture)[:, None], np.exp(levels)[:, None]
             heard = (scale > SILENCE) & (wanted > SILENCE)

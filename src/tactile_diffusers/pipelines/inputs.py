@@ -1,6 +1,5 @@
 """Checks of what a caller gives, before any work starts."""
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -9,6 +8,7 @@ import torch
 from diffusers.utils import logging
 
 from ..signal import coverage_distance
+from ..signal.checks import check_number, check_whole_number
 
 logger = logging.get_logger(__name__)
 
@@ -164,17 +164,9 @@ def _as_array(ratings, axes):
         raise ValueError(f"`ratings` must be numbers, NaN or None, got {ratings!r}.") from error
 
 
-def check_positive_integer(name, value):
-    """Raises a `ValueError` unless `value` is a whole number >= 1."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ValueError(f"`{name}` must be a whole number >= 1, got {value!r}.")
-
-
 def check_steps(name, value):
     """Raises a `ValueError` unless `value` is a whole number from 1 to `MOST_STEPS`."""
-    check_positive_integer(name, value)
-    if value > MOST_STEPS:
-        raise ValueError(f"`{name}` must be at most {MOST_STEPS}, got {value}. Ten are as good as a thousand.")
+    check_whole_number(name, value, at_most=MOST_STEPS)
 
 
 def parse_guidance(guidance_scale, axes):
@@ -188,27 +180,13 @@ def parse_guidance(guidance_scale, axes):
         ValueError: for an unknown axis, or a scale that is no finite number of at least 0.
     """
     if not isinstance(guidance_scale, dict):
-        check_number("guidance_scale", guidance_scale, 0, True, " (1.0 = off), or a dict of axes")
-        return float(guidance_scale)
+        return check_number("guidance_scale", guidance_scale, at_least=0)
     unknown = sorted(str(name) for name in set(guidance_scale) - set(axes))
     if unknown:
         raise ValueError(f"`guidance_scale` has unknown axes {unknown}; the axes are {list(axes)}.")
     for name, scale in guidance_scale.items():
-        check_number(f"guidance_scale[{name!r}]", scale, 0, True, " (1.0 = off)")
+        check_number(f"guidance_scale[{name!r}]", scale, at_least=0)
     return {list(axes).index(name): float(scale) for name, scale in guidance_scale.items()}
-
-
-def check_number(name, value, low, low_allowed, meaning, high=float("inf")):
-    """Raises a `ValueError` unless `value` is a finite number, above `low` (or at it, if allowed), up to `high`."""
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    try:
-        size = float(value) if number else math.nan
-    except OverflowError:  # a whole number beyond every float
-        size = math.nan
-    if not (math.isfinite(size) and low <= size <= high and (low_allowed or size > low)):
-        raise ValueError(
-            f"`{name}` must be a finite number {'>=' if low_allowed else '>'} {low}{meaning}, got {value!r}."
-        )
 
 
 def check_generator(generator, batch_size):
@@ -234,7 +212,7 @@ def check_decoding(latents, level, friction_coefficient, channels, num_inference
     """Raises a `ValueError` for impossible arguments of `decode`, where LCTG has `channels` latent channels."""
     check_steps("num_inference_steps", num_inference_steps)
     if samples is not None:
-        check_positive_integer("samples", samples)
+        check_whole_number("samples", samples)
     for name, value in (("latents", latents), ("level", level), ("friction_coefficient", friction_coefficient)):
         if not isinstance(value, torch.Tensor) and not (value is None and name == "friction_coefficient"):
             raise ValueError(f"`{name}` must be a torch.Tensor, got {type(value).__name__}.")

@@ -10,6 +10,7 @@ from diffusers.utils import replace_example_docstring
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
 from ..schedulers import VDDIMScheduler, draw_noise
+from ..signal.checks import check_number, check_whole_number
 from .guidance import Guidance
 from .hub import HubMixin
 from .inputs import (
@@ -18,8 +19,6 @@ from .inputs import (
     check_components,
     check_generator,
     check_noise,
-    check_number,
-    check_positive_integer,
     parse_guidance,
     parse_ratings,
     warn_of_novel_ratings,
@@ -140,15 +139,14 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
         if self.dale is None:
             raise ValueError("This pipeline has no `dale`: it reconstructs (`pipe.reconstruct`), it cannot generate.")
         self.resolve_steps(num_inference_steps, num_latent_inference_steps)
-        check_positive_integer("num_textures_per_rating", num_textures_per_rating)
+        check_whole_number("num_textures_per_rating", num_textures_per_rating)
         parse_guidance(guidance_scale, self.dale.config.rating_axes)
-        check_number("guidance_rescale", guidance_rescale, 0, True, " and <= 1 (0.0 = off)", 1)
+        check_number("guidance_rescale", guidance_rescale, at_least=0, at_most=1)
         if guidance_rescale and not isinstance(self.dale_scheduler, VDDIMScheduler):
             found = type(self.dale_scheduler).__name__
             raise ValueError(f"`guidance_rescale` needs a VDDIMScheduler as `dale_scheduler`, got {found}.")
         if duration_s is not None:
-            most = f" (seconds), at most {LONGEST_SECONDS:g}, or None"
-            check_number("duration_s", duration_s, 0, False, most, LONGEST_SECONDS)
+            check_number("duration_s", duration_s, "s", above=0, at_most=LONGEST_SECONDS)
         if output_type not in ("np", "pt", "latent"):
             raise ValueError(f'`output_type` must be "np", "pt" or "latent", got {output_type!r}.')
         check_callback_inputs(callback_on_step_end_tensor_inputs, self._callback_tensor_inputs)

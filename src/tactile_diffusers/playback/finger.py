@@ -3,8 +3,7 @@
 import numpy as np
 from scipy import signal
 
-from ..pipelines.inputs import check_positive_integer
-from ..signal.checks import check_number
+from ..signal.checks import check_number, check_whole_number
 from .reports import ReportWatch, check_clock, check_reports
 
 #: Low-pass of the path, Hz. Of a sensor of 125 Hz and 0.1 mm it leaves jitter that puts 20 dB less energy into the
@@ -128,7 +127,7 @@ class FingerPath:
         Raises:
             ValueError: if `samples` is no whole number of at least 1.
         """
-        check_positive_integer("samples", samples)
+        check_whole_number("samples", samples)
         wanted = (self._samples + np.arange(samples)) / self.sampling_rate - self._wait
         self._samples += samples
         if not len(self._times):

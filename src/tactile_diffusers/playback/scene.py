@@ -9,10 +9,11 @@ import numpy as np
 import torch
 
 from ..pipelines import TactileTexturePipeline
-from ..pipelines.inputs import check_positive_integer, parse_ratings
+from ..pipelines.inputs import parse_ratings
+from ..signal.checks import check_seed, check_whole_number
 from .patches import Patches
 from .profile import LOOP_SHARE, TextureProfile
-from .scene_files import SceneState, check_seed, read_scene, write_scene
+from .scene_files import SceneState, read_scene, write_scene
 
 #: Distance from a patch, mm, and time before it is reached, s, from which on `prepare` decodes it: a finger moves up to
 #: 0.2 m/s, mostly, and a segment takes 0.1 s to decode on one slow core.
@@ -72,7 +73,6 @@ class TextureScene:
         _check_pipe(pipe)
         pipe.check_inputs(num_inference_steps, None, guidance_scale, 1, None, "latent", ())
         decoding_steps, self._latent_steps = pipe.resolve_steps(num_inference_steps)
-        check_seed(seed)
         config = pipe.dale.config
         if config.reference_speed is None:
             raise ValueError("`pipe` does not know its reference speed (config of `dale`): it cannot be laid in space.")
@@ -82,7 +82,7 @@ class TextureScene:
             ratings=ratings,
             rating_axes=tuple(config.rating_axes),
             patches=Patches({} if patches is None else patches, names),
-            seed=int(seed),
+            seed=check_seed(seed),
             num_inference_steps=int(decoding_steps),  # JSON knows no other
             guidance_scale=guidance_scale,
             reference_speed=float(config.reference_speed),
@@ -109,7 +109,7 @@ class TextureScene:
         return scene
 
     def _begin(self, state, pipe, cache_size):
-        check_positive_integer("cache_size", cache_size)
+        check_whole_number("cache_size", cache_size)
         self._state, self._pipe, self.cache_size = state, pipe, int(cache_size)
         self._profiles = OrderedDict()
         # one for what takes long, models have state; one for the moments in which the cache is looked at

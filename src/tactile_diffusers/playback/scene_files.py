@@ -19,6 +19,7 @@ from safetensors.numpy import save_file
 
 from ..io.files import atomic_path
 from ..pipelines.inputs import check_steps
+from ..signal.checks import check_seed
 from .patches import LONGEST_MM, Patches
 
 FORMAT, VERSION = "tactile-scene", "1"
@@ -183,9 +184,3 @@ def _weights(pipe):
     A digest would refuse the same checkpoint in half precision.
     """
     return torch.stack([parameter.float().abs().mean() for parameter in pipe.lctg.parameters()]).cpu().numpy()
-
-
-def check_seed(seed):
-    """Raises a `ValueError` unless `seed` is a whole number of at least 0."""
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise ValueError(f"`seed` must be a whole number >= 0, got {seed!r}.")

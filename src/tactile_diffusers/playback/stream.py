@@ -4,9 +4,8 @@ import threading
 
 import numpy as np
 
-from ..pipelines.inputs import check_positive_integer
 from ..signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE
-from ..signal.checks import check_number
+from ..signal.checks import check_number, check_whole_number
 from .finger import CUTOFF_HZ, FingerPath
 
 #: Speed below which friction turns smoothly with the direction, mm/s: where a resting finger is loaded, not sliding.
@@ -159,7 +158,7 @@ class TextureStream:
 
     def _block(self, samples, normal_force):
         """Force and, as the last column, friction about its mean: (samples, dimensions + 1); speed (samples,)."""
-        check_positive_integer("samples", samples)
+        check_whole_number("samples", samples)
         with self._lock:
             normal_force = self._normal_force(normal_force, samples)
             place, velocity = self._finger.advance(samples)

@@ -10,7 +10,8 @@ from .constants import (
     WORKING_RATE,
 )
 from .coverage import coverage_distance
-from .filters import band_pass, resample
+from .filters import band_pass
+from .resampling import resample
 from .spectra import band_edges, band_levels_db, level, nine_band_error_db, power_spectral_density, rms
 
 __all__ = [

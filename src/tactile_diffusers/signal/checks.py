@@ -1,4 +1,4 @@
-"""What playback asks of numbers: those of a stream, and of the conversion from newtons to drive."""
+"""Checks of numbers that a caller gives: finite numbers, whole numbers, seeds, rows of samples and small tables."""
 
 import sys
 from numbers import Real
@@ -6,25 +6,59 @@ from numbers import Real
 import numpy as np
 
 
-def check_number(name, value, unit, *, above=None, at_least=None):
-    """A finite float, above or at least a bound where one is given. An array or tensor without axes is a number, too.
+def check_number(name, value, unit="", *, above=None, at_least=None, at_most=None):
+    """A finite float inside the bounds that are given. An array or tensor without axes is a number, too.
 
     Raises:
-        ValueError: if `value` is no finite number or beyond the bound; the message calls it `name`, in `unit`.
+        ValueError: if `value` is no finite number or outside the bounds; the message calls it `name`, in `unit`.
     """
-    bound = f" above {above:g}" if above is not None else f" of at least {at_least:g}" if at_least is not None else ""
+    number = _as_number(value)
+    inside = number is not None
+    bounds = []
+    if above is not None:
+        inside, bounds = inside and number > above, [*bounds, f"above {above:g}"]
+    if at_least is not None:
+        inside, bounds = inside and number >= at_least, [*bounds, f"of at least {at_least:g}"]
+    if at_most is not None:
+        inside, bounds = inside and number <= at_most, [*bounds, f"of at most {at_most:g}"]
+    if not inside:
+        words = " and ".join(bounds) + (f" in {unit}" if unit else "")
+        raise ValueError(f"`{name}` must be a finite number{' ' if words else ''}{words.strip()}, got {value!r}.")
+    return float(number)
+
+
+def check_whole_number(name, value, at_least=1, at_most=2**64 - 1):
+    """A whole number inside the bounds, as an int.
+
+    Raises:
+        ValueError: if `value` is anything else; the message calls it `name`.
+    """
+    number = _as_number(value)
+    if number is None or number % 1 or not at_least <= number <= at_most:
+        most = "" if at_most == 2**64 - 1 else f" and at most {at_most}"
+        raise ValueError(f"`{name}` must be a whole number of at least {at_least}{most}, got {value!r}.")
+    return int(number)
+
+
+def check_seed(seed):
+    """A seed as an int: a whole number of at least 0 that fits into 64 bits, as generators and files take it.
+
+    Raises:
+        ValueError: if `seed` is anything else.
+    """
+    number = _as_number(seed)
+    if number is None or number % 1 or not 0 <= number < 2**64:
+        raise ValueError(f"`seed` must be a whole number of at least 0 and below 2**64, got {seed!r}.")
+    return int(number)
+
+
+def _as_number(value):
+    """A finite real number, or `None`."""
     if getattr(value, "shape", None) == () and hasattr(value, "item"):
         value = value.item()
     number = isinstance(value, Real) and not isinstance(value, bool)
-    # a whole number beyond every float is no finite one; NaN fails
-    if (
-        not number
-        or not abs(value) <= sys.float_info.max
-        or (above is not None and value <= above)
-        or (at_least is not None and value < at_least)
-    ):
-        raise ValueError(f"`{name}` must be a finite number{bound} in {unit}, got {value!r}. Give it in {unit}.")
-    return float(value)
+    # a whole number beyond every float is not finite; NaN fails
+    return value if number and abs(value) <= sys.float_info.max else None
 
 
 def check_samples(name, values):

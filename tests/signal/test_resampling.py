@@ -1,9 +1,14 @@
-"""Resampling by any ratio."""
+"""Resampling: by Fourier's series to any rate, and in single precision to a multiple of the rate."""
 
 import numpy as np
 import pytest
 
-from tactile_diffusers.export.resampling import KEPT_SHARE, num_samples, resample_freely
+from tactile_diffusers.signal import resample
+from tactile_diffusers.signal.resampling import KEPT_SHARE, num_samples
+
+
+def resample_freely(*arguments):
+    return resample(*arguments, method="fourier")
 
 
 def _sine(frequency, rate, samples):
@@ -40,3 +45,15 @@ def test_there_and_back_is_the_same(pink_noise):
 def test_one_sample_and_constants():
     np.testing.assert_allclose(resample_freely(np.ones(1), 10000, 8000), [1])
     np.testing.assert_allclose(resample_freely(np.full(300, 3.0), 10000, 777.7), 3, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rate_in", "rate_out"), [(2500, 5000), (2500, 7500), (2500, 10_000), (2000, 10_000), (2500, 8000), (10_000, 2500)]
+)
+@pytest.mark.parametrize("samples", [1, 7, 500, 4096])
+def test_single_precision_gives_the_same_texture(rate_in, rate_out, samples):
+    texture = np.random.default_rng(samples).standard_normal((3, samples))
+    quick = resample(texture, rate_in, rate_out, dtype=np.float32)
+    assert quick.dtype == np.float32
+    # float32, sums of a hundred products near 1
+    np.testing.assert_allclose(quick, resample(texture, rate_in, rate_out), rtol=0, atol=5e-6)
