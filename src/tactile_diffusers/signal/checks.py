@@ -1,7 +1,7 @@
 """Checks of numbers that a caller gives: finite numbers, whole numbers, seeds, rows of samples and small tables."""
 
 import sys
-from numbers import Real
+from numbers import Integral, Real
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def check_whole_number(name, value, at_least=1, at_most=2**64 - 1):
         ValueError: if `value` is anything else; the message calls it `name`.
     """
     number = _as_number(value)
-    if number is None or number % 1 or not at_least <= number <= at_most:
+    if not isinstance(number, Integral) or not at_least <= number <= at_most:
         most = "" if at_most == 2**64 - 1 else f" and at most {at_most}"
         raise ValueError(f"`{name}` must be a whole number of at least {at_least}{most}, got {value!r}.")
     return int(number)
@@ -47,7 +47,7 @@ def check_seed(seed):
         ValueError: if `seed` is anything else.
     """
     number = _as_number(seed)
-    if number is None or number % 1 or not 0 <= number < 2**64:
+    if not isinstance(number, Integral) or not 0 <= number < 2**64:
         raise ValueError(f"`seed` must be a whole number of at least 0 and below 2**64, got {seed!r}.")
     return int(number)
 
