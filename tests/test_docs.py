@@ -78,13 +78,6 @@ def test_the_readme_has_its_parts_in_order():
     assert "DiffusionPipeline.from_pretrained" not in README
 
 
-@pytest.mark.parametrize("name", ["README.md", "RESULTS.md"])
-def test_blocks_that_commands_fill_are_closed(name):
-    markers = re.findall(r"^<!-- (begin|end) (.+) -->$", (ROOT / name).read_text(encoding="utf-8"), re.M)
-    assert markers and [kind for kind, _ in markers] == ["begin", "end"] * (len(markers) // 2)
-    assert [block for _, block in markers[::2]] == [block for _, block in markers[1::2]]
-
-
 def test_commands_are_set_as_code():
     fences = README.split("```")[::2]  # what is outside of fenced blocks
     loose = [line for text in fences for line in text.splitlines() if re.match(r"(python|pip|accelerate) ", line)]

@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 
 from tactile_diffusers.checkpoints import DISTILLED
-from tactile_diffusers.cli import readme
 from tactile_diffusers.cli.program import Parser, program
 
 #: each measured by `run(arguments, pipe)` of its module: text, or text and how many bounds failed
@@ -45,7 +44,6 @@ def parse_arguments(argv=None):
     compared.add_argument("--seed", type=int, default=0)
     compared.add_argument("--quiet", action="store_true", help="no progress bars")
     _add_comparison(parser)
-    readme.add_arguments(parser, None)
     arguments = parser.parse_args(argv)
     if arguments.surfaces is None:
         arguments.surfaces = 100 if arguments.suite == "scene" else 60
@@ -68,8 +66,6 @@ def parse_arguments(argv=None):
     if arguments.recordings is not None and not arguments.recordings.is_file():
         parser.error(f"argument --recordings: {arguments.recordings} is not a file")
     _check_comparison(parser, arguments)
-    arguments.readme_name = arguments.readme_name or arguments.suite
-    readme.check_arguments(parser, arguments)
     return arguments
 
 
@@ -120,8 +116,6 @@ def main(argv=None):
     pipe.set_progress_bar_config(disable=True)
     made = importlib.import_module(MODULES.get(arguments.suite, arguments.suite)).run(arguments, pipe)
     text, failed = made if isinstance(made, tuple) else (made, 0)  # a suite with bounds also counts what misses them
-    if arguments.readme is not None:
-        readme.write_between(arguments.readme, arguments.readme_name, text)
     print(text)
     return 1 if failed else 0
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from child import run_child
 
-from tactile_diffusers.cli import readme
 from tactile_diffusers.evaluation.result_files import machine, write_results
 
 #: Segments of the paper's collection, which preparation is extrapolated to.
@@ -54,9 +53,6 @@ def run(arguments, pipe):
     }
     text = markdown(report)
     write_results(arguments.output, "data", report, text, indent=1)
-    if arguments.readme is not None:
-        folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
-        readme.copy_results(arguments.output, folder, ("data.*",))
     return text
 
 

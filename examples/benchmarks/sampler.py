@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from tactile_diffusers.cli import readme
 from tactile_diffusers.evaluation.result_files import write_results
 
 #: Rules and spacings that the tables show; the JSON has all.
@@ -279,7 +278,4 @@ def run(arguments, pipe):
     }
     write_results(arguments.output, "scheduler", report, markdown(report), indent=1)
     plot(report, arguments.output / "scheduler.png")
-    if arguments.readme is not None:
-        folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
-        readme.copy_results(arguments.output, folder, ("scheduler.*",))
     return summary(report)

@@ -5,7 +5,6 @@ import time
 
 from child import run_child
 
-from tactile_diffusers.cli import readme
 from tactile_diffusers.evaluation.result_files import machine, write_results
 from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.pipelines.recorded import DEFAULT_STEPS
@@ -101,7 +100,7 @@ def run(arguments, pipe):
     Args:
         arguments (`argparse.Namespace`): "checkpoint" (`str`), "output" (`Path`), "repeats", and of the comparison
             "peers" (`bool`), "anchor" and "distilled" (`Path` or `None`), "data" (`Path` or `None`), "segments",
-            "seed", "quiet", "readme" and "readme_name".
+            "seed" and "quiet".
         pipe (`TactileTexturePipeline`): from that checkpoint, with a DALE.
 
     Returns:
@@ -136,7 +135,4 @@ def run(arguments, pipe):
     write_results(arguments.output, "benchmark", report, "\n".join(text))
     if "pareto" in report:
         pareto.plot(report["pareto"], arguments.output / "pareto.png")
-    if arguments.readme is not None and "pareto" in report:
-        folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
-        readme.copy_results(arguments.output, folder, ("pareto.png", "benchmark.json"))
     return "\n".join(text)

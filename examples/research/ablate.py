@@ -7,7 +7,6 @@ from pathlib import Path
 
 from tqdm.auto import tqdm
 
-from tactile_diffusers.cli import readme
 from tactile_diffusers.cli.program import Parser, program, refuse
 from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.io.files import write_text
@@ -36,7 +35,6 @@ def parse_arguments(scripts, argv=None):
     parser.add_argument("--threads", type=int, default=1, help="of training and measuring; default: 1")
     parser.add_argument("--split", choices=SPLITS[1:], default="validation", help="default: validation")
     parser.add_argument("--report-only", action="store_true", help="only tell what is done")
-    readme.add_arguments(parser, "ablation")
     parser.add_argument("--quiet", action="store_true", help="no progress bars")
     arguments = parser.parse_args(argv)
     if not arguments.data.is_file():
@@ -45,7 +43,6 @@ def parse_arguments(scripts, argv=None):
         parser.error(f"argument --rows: {arguments.rows} is not a folder; give one with row files NAME.json")
     if arguments.threads < 1:
         parser.error(f"argument --threads: must be at least 1, got {arguments.threads}")
-    readme.check_arguments(parser, arguments)
     return arguments
 
 
@@ -171,11 +168,6 @@ def _tell(rows, plans, arguments):
     plot_rate_distortion(results, output / "rate_distortion.png")
     text = markdown(results, **facts)
     write_text(output / "report.md", text)
-    if arguments.readme is not None:
-        folder = readme.results_folder(arguments.readme_name)
-        readme.copy_results(output, arguments.readme.parent / folder)
-        shown = markdown(results, **facts, pictures=folder.as_posix(), short=True)
-        readme.write_between(arguments.readme, arguments.readme_name, shown)
     print(text)
     return True
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from laws import LAWS
 from tqdm import tqdm
 
-from tactile_diffusers.cli import readme
 from tactile_diffusers.cli.program import Parser, program
 from tactile_diffusers.evaluation.result_files import write_results
 from tactile_diffusers.io.files import atomic_path
@@ -27,9 +26,7 @@ def parse_arguments(argv=None):
     parser.add_argument("--quick", action="store_true", help="measure less, with wider tolerances")
     parser.add_argument("--laws", nargs="+", choices=list(LAWS), default=list(LAWS), metavar="LAW", help="default: all")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    readme.add_arguments(parser, "laws")
     arguments = parser.parse_args(argv)
-    readme.check_arguments(parser, arguments)
     if arguments.output.exists() and not arguments.output.is_dir():
         parser.error(f"argument --output: {arguments.output} is a file; give a folder")
     return arguments
@@ -46,16 +43,6 @@ def markdown(laws):
             numbers = (f"{value:.4g}" for value in (check.intended, check.measured, check.tolerance))
             lines.append(f"| {quantity} | {' | '.join(numbers)} | {'yes' if check.ok else '**no**'} |")
     return "\n".join(lines) + "\n"
-
-
-def summary(laws):
-    """One line a law, for a README."""
-    lines = ["| law | quantities | within tolerance | largest deviation, share of tolerance |", "|---|---:|---:|---:|"]
-    for law in laws.values():
-        shares = [abs(check.measured - check.intended) / check.tolerance for check in law.checks if check.tolerance]
-        within = sum(check.ok for check in law.checks)
-        lines.append(f"| {law.title} | {len(law.checks)} | {within} | {max(shares, default=0):.2f} |")
-    return f"Recipe {RECIPE_VERSION}.\n\n" + "\n".join(lines) + "\n"
 
 
 def results(laws, quick):
@@ -93,10 +80,6 @@ def main(argv=None):
         laws[name] = LAWS[name](arguments.quick)
         draw(laws[name], arguments.output / f"{name}.png")
     write_results(arguments.output, "validation", results(laws, arguments.quick), markdown(laws), indent=1)
-    if arguments.readme is not None:
-        folder = arguments.readme.parent / readme.results_folder(arguments.readme_name)
-        readme.copy_results(arguments.output, folder, ("*.png", "validation.*"))
-        readme.write_between(arguments.readme, arguments.readme_name, summary(laws))
     off = [f"{name}: {check.quantity}" for name, law in laws.items() for check in law.checks if not check.ok]
     print("\n".join([f"wrote {arguments.output / 'validation.md'}", *(f"off: {line}" for line in off)]))
     return 1 if off else 0

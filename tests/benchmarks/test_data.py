@@ -7,7 +7,6 @@ import math
 import data_loading as benchmark_data
 import pytest
 
-from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import SegmentLimits, prepare_recordings
 from tactile_diffusers.virtual import generate_recordings
 
@@ -25,15 +24,12 @@ def test_every_figure_is_reported(evaluable_pipe, recordings, tmp_path, monkeypa
     monkeypatch.setattr(benchmark_data, "MEASURED_SECONDS", 0.01)
     limits = SegmentLimits(None, None, seconds=2048 / 2500)  # as long as those of the tiny pipeline
     prepare_recordings(recordings, tmp_path / "p.h5", limits, validation=0, test=0, quiet=True)
-    (tmp_path / "README.md").write_text("\n".join(markers("data")))
     arguments = argparse.Namespace(
-        output=tmp_path / "out", recordings=recordings, data=tmp_path / "p.h5", quiet=True, readme_name="data",
-        readme=tmp_path / "README.md",
+        output=tmp_path / "out", recordings=recordings, data=tmp_path / "p.h5", quiet=True
     )  # fmt: skip
     text = benchmark_data.run(arguments, evaluable_pipe())
     report = json.loads((tmp_path / "out" / "data.json").read_text())
     assert (tmp_path / "out" / "data.md").read_text() == text and "#### Loading against training" in text
-    assert (tmp_path / "examples" / "results" / "data" / "data.json").is_file()
     preparation = report["preparation"]
     assert preparation["recorded s"] == pytest.approx(40)
     assert preparation["seconds for 22000"] == pytest.approx(preparation["seconds"] * 22_000 / preparation["segments"])

@@ -9,8 +9,6 @@ import pytest
 import scene as benchmark_scene
 from child import run_child
 
-from tactile_diffusers.cli.readme import markers
-
 
 @pytest.fixture
 def checkpoint(pipe, tmp_path):
@@ -26,9 +24,8 @@ def _in_this_process(code, *arguments):
 
 @pytest.fixture
 def command(checkpoint, tmp_path):
-    (tmp_path / "README.md").write_text("\n".join(markers("scene")))
     words = f"--suite scene --checkpoint {checkpoint} --surfaces 5 --repeats 1 --output {tmp_path / 'out'}"
-    return [*words.split(), "--readme", str(tmp_path / "README.md")]
+    return words.split()
 
 
 def test_the_suite_writes_its_tables(command, tmp_path, monkeypatch, capsys):
@@ -43,7 +40,6 @@ def test_the_suite_writes_its_tables(command, tmp_path, monkeypatch, capsys):
     assert report["file"]["kB per surface"] == pytest.approx(report["file"]["kB"] / 5)
     text = (tmp_path / "out" / "scene.md").read_text()
     assert "scene from a file, 3 touched" in text and text.strip() == capsys.readouterr().out.strip()
-    assert text.strip() in (tmp_path / "README.md").read_text()
 
 
 @pytest.mark.slow

@@ -9,16 +9,14 @@ import speed as benchmark_speed
 
 from tactile_diffusers import LCTGModel, VDDIMScheduler
 from tactile_diffusers.cli import evaluate
-from tactile_diffusers.cli.readme import markers
 
 
 def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, capsys):
     """Two training surfaces too few for a judge, too few textures for a covariance: empty numbers, not a crash."""
-    out, readme = tmp_path / "report", tmp_path / "README.md"
-    readme.write_text("\n".join(markers("results")))
+    out = tmp_path / "report"
     arguments = f"--checkpoint {checkpoint} --data {prepared} --output {out} --steps 1 2 --quick --quiet".split()
     arguments += ["--anchor", str(checkpoint)]
-    assert evaluate.main(arguments + ["--sections", "reconstruction", "--readme", str(readme)]) == 0
+    assert evaluate.main(arguments + ["--sections", "reconstruction"]) == 0
     report = json.loads((out / "report.json").read_text())
     assert list(report["reconstruction"]["steps"]) == ["1", "2"] and report["generation"] is None
     # random weights know nothing of the surfaces: far from real textures in every respect
@@ -26,7 +24,6 @@ def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, cap
     assert report["reconstruction"]["steps"]["1"]["ftd"]["mean"] is None
     assert (out / "steps.png").stat().st_size > 5000
     assert (out / "report.md").read_text() in capsys.readouterr().out + "\n"
-    assert "another take" in readme.read_text() and "Beside the paper's configuration" in readme.read_text()
     assert list(report["anchors"]) == ["pipeline"] and list(report["anchors"]["pipeline"]["steps"]) == ["5", "10", "25"]
 
 
@@ -34,7 +31,7 @@ def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, cap
     "extra",
     [
         *("--steps 0", "--per-surface 0", "--baseline-surfaces 1"),
-        *("--data nowhere.h5", "--readme nowhere.md", "--checkpoint nowhere"),
+        *("--data nowhere.h5", "--checkpoint nowhere"),
     ],
 )
 def test_evaluate_refuses_before_any_work(extra, prepared, tmp_path):
@@ -70,16 +67,14 @@ def test_benchmark_compares_solvers(checkpoint, prepared, tmp_path, monkeypatch)
     monkeypatch.setattr(solver_study, "REFERENCE_STEPS", 20)
     monkeypatch.setattr(solver_study, "STEPS", (3, 4, 10))
     monkeypatch.setattr(solver_study.trained_errors, "__defaults__", (None, None, None, (3, 4, 10), True))
-    out, readme = tmp_path / "b", tmp_path / "README.md"
-    readme.write_text("\n".join(markers("scheduler")))
+    out = tmp_path / "b"
     arguments = f"--checkpoint {checkpoint} --data {prepared} --output {out} --suite scheduler --segments 3 --quiet"
-    assert benchmark.main([*arguments.split(), "--readme", str(readme)]) == 0
+    assert benchmark.main(arguments.split()) == 0
     report = json.loads((out / "scheduler.json").read_text())
     assert set(report["trained"]) == {"lctg", "dale", "real_ktd", "rules"}
     assert report["trained"]["lctg"]["order 2, both_ends"]["4"]["nine_band_db"]["mean"] > 0
     assert report["analytic"]["orders"]["rotation_2"]["uniform"] > 1.8
     assert "Trained LCTG" in (out / "scheduler.md").read_text() and (out / "scheduler.png").stat().st_size > 20_000
-    assert "order 2, both_ends, 10" in readme.read_text()
 
 
 def test_decoder_suite_measures_every_number_of_steps(checkpoint, prepared, tmp_path, capsys):

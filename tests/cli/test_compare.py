@@ -51,9 +51,7 @@ def test_obedient_and_deaf_checkpoints_are_told_apart(folder, tmp_path, capsys):
     deaf = _report(0.1)
     few = _report()["data"] | {"training_surfaces": 10}
     ours, other = folder("ours"), folder("other", control=deaf["control"], data=few)
-    readme = tmp_path / "README.md"
-    readme.write_text("before\n<!-- begin beside -->\nold\n<!-- end beside -->\nafter\n")
-    words = f"--report ours={ours} other={other} --output {tmp_path / 'out'} --readme {readme} --readme-name beside"
+    words = f"--report ours={ours} other={other} --output {tmp_path / 'out'}"
     assert compare.main(words.split()) == 0
     printed = capsys.readouterr().out
     lines = {line.split("|")[1].strip(): line for line in printed.splitlines() if line.startswith("| o")}
@@ -62,8 +60,6 @@ def test_obedient_and_deaf_checkpoints_are_told_apart(folder, tmp_path, capsys):
     assert "30–30" in lines["ours"] and "3–3" in lines["other"]
     for name in ("axes.png", "data.png"):
         assert (tmp_path / "out" / name).read_bytes()[:4] == b"\x89PNG"
-        assert (tmp_path / "examples/results/beside" / name).is_file() and name in readme.read_text()
-    assert "old" not in readme.read_text() and readme.read_text().endswith("after\n")
 
 
 def test_reports_of_one_size_need_no_picture_of_sizes(folder, tmp_path, capsys):

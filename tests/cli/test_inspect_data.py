@@ -3,7 +3,6 @@
 import pytest
 
 from tactile_diffusers.cli.inspect_data import main
-from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import prepare_recordings
 from tactile_diffusers.virtual import generate_recordings
 
@@ -16,16 +15,13 @@ def files(tmp_path_factory):
     return folder
 
 
-def test_card_and_readme(files, tmp_path, capsys):
-    begin, end = markers("data")
-    (tmp_path / "README.md").write_text(f"# Title\n{begin}\nREPLACED\n{end}\nrest\n")
+def test_card(files, tmp_path, capsys):
     arguments = f"--recordings {files}/r.h5 --prepared {files}/p.h5 --output {tmp_path}/card"
-    assert main(f"{arguments} --readme {tmp_path}/README.md --quiet".split()) == 0
+    assert main(f"{arguments} --quiet".split()) == 0
     printed = capsys.readouterr()
     assert "one_explorer" in printed.out and f"wrote {tmp_path}/card/card.md" in printed.out and not printed.err
-    text = (tmp_path / "README.md").read_text()
-    assert "REPLACED" not in text and text.endswith("rest\n") and "| source | virtual surfaces |" in text
-    assert (tmp_path / "examples/results/data/surfaces.png").is_file() and "data/surfaces.png" in text
+    assert "| source | virtual surfaces |" in (tmp_path / "card/card.md").read_text()
+    assert (tmp_path / "card/surfaces.png").is_file()
 
 
 def test_without_prepared_the_default_limits_are_used_and_told(files, tmp_path, capsys, monkeypatch):
@@ -43,7 +39,6 @@ def test_without_prepared_the_default_limits_are_used_and_told(files, tmp_path, 
         ("--recordings {tmp}/no.h5 --output {tmp}/card", "there is no file"),
         ("--recordings {files}/r.h5 --prepared {tmp}/no.h5 --output {tmp}/card", "there is no file"),
         ("--recordings {files}/r.h5", "--output"),
-        ("--recordings {files}/r.h5 --output {tmp}/card --readme {tmp}/README.md", "must hold the lines"),
     ],
 )
 def test_bad_arguments(files, tmp_path, capsys, flags, message):

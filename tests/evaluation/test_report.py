@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli import evaluate
-from tactile_diffusers.cli.readme import markers
 from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.evaluation import TactileEmbedding
@@ -408,19 +407,6 @@ def test_halves_of_the_held_out_segments_share_no_sample(evaluable_pipe, prepare
     assert sorted(context.requests[1][rows]) == sorted(context.surfaces)
 
 
-def test_readme_is_rewritten_between_its_markers_only(evaluable_pipe, prepared, tmp_path):
-    report = _report(evaluable_pipe(dale=False), prepared, tmp_path, ["reconstruction"])
-    readme = tmp_path / "README.md"
-    begin, end = markers("results")
-    readme.write_text(f"before\n{begin}\nold\n{end}\nafter\n")
-    for _ in range(2):  # twice gives the same
-        evaluate.write_readme(readme, "results", report, tmp_path / "out")
-        lines = readme.read_text()
-    assert lines.startswith("before\n" + begin) and lines.endswith(end + "\nafter\n")
-    assert "old" not in lines.split("\n") and lines.count("### Measured") == 1
-    assert (tmp_path / "examples" / "results" / "results" / "overlays.png").is_file()
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -432,7 +418,6 @@ def test_readme_is_rewritten_between_its_markers_only(evaluable_pipe, prepared, 
         (["--anchor", ".", "--sections", "speed"], "needs the section reconstruction"),
         (["--training", "."], "has no training.json"),
         (["--guidance-scale", "-1"], "0 or more"),
-        (["--readme", "nowhere.md"], "must hold the lines"),
     ],
 )
 def test_command_refuses_bad_arguments(prepared, tmp_path, capsys, changes, message):

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from ..io.reading import read_json, reading
-from . import readme
 from .program import Parser, program, refuse
 
 
@@ -25,10 +24,8 @@ def parse_arguments(argv=None):
         help="output folders of evaluate.py with the sections control and generation, called by these names",
     )
     parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="report.md and pictures")
-    readme.add_arguments(parser, "compare")
     arguments = parser.parse_args(argv)
     arguments.report = dict(_named(parser, item) for item in arguments.report)
-    readme.check_arguments(parser, arguments)
     return arguments
 
 
@@ -76,10 +73,5 @@ def main(argv=None):
     plot_axis_spectra(reports, arguments.output / "axes.png")
     plot_data(reports, arguments.output / "data.png")
     write_text(arguments.output / "report.md", text)
-    if arguments.readme:
-        folder = readme.results_folder(arguments.readme_name)
-        readme.copy_results(arguments.output, arguments.readme.parent / folder, ("*.png", "report.md"))
-        shown = comparison_markdown(reports, folder.as_posix())
-        readme.write_between(arguments.readme, arguments.readme_name, shown)
     print(text)
     return 0

@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..data.splits import SPLITS
-from . import readme
 from .program import Parser, program, refuse
 
 _SECTIONS = (
@@ -68,7 +67,6 @@ def parse_arguments(argv=None):
         "--embedding", metavar="MODULE:NAME", help="embedding of the audio distance; default: log-mel, ours"
     )
     parser.add_argument("--vibromaf", action="store_true", help="add vibromaf's metrics to reconstructions")
-    readme.add_arguments(parser, "results")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--quiet", action="store_true", help="no progress bars")
     arguments = parser.parse_args(argv)
@@ -87,7 +85,6 @@ def parse_arguments(argv=None):
         parser.error(f"argument --seed: must be at least 0, got {arguments.seed}")
     if any(not 0 <= scale < float("inf") for scale in arguments.guidance_scale):
         parser.error(f"argument --guidance-scale: must be 0 or more, got {arguments.guidance_scale}")
-    readme.check_arguments(parser, arguments)
     return arguments
 
 
@@ -104,15 +101,6 @@ def _check_folders(parser, arguments):
     for folder in arguments.training:
         if not (folder / "training.json").is_file():
             parser.error(f"argument --training: {folder} has no training.json; it is written by the training scripts")
-
-
-def write_readme(path, name, report, output):
-    """Puts a report's results between the markers of a README, and the report itself under examples/results/`name`."""
-    from ..evaluation.summary import readme_markdown
-
-    folder = readme.results_folder(name)
-    readme.copy_results(output, path.parent / folder)
-    readme.write_between(path, name, readme_markdown(report, folder.as_posix()))
 
 
 def make_context(arguments):
@@ -173,7 +161,5 @@ def main(argv=None):
     write_text(arguments.output / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     markdown = report_markdown(report)
     write_text(arguments.output / "report.md", markdown)
-    if arguments.readme is not None:
-        write_readme(arguments.readme, arguments.readme_name, report, arguments.output)
     print(markdown)
     return 0

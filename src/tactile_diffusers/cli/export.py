@@ -12,7 +12,6 @@ from ..export.generated import MANIFEST, read_generated
 from ..export.png import HEIGHT, PIXEL_PITCH
 from ..export.round_trip import round_trip, round_trip_markdown
 from ..signal import REFERENCE_FORCE
-from . import readme
 from .program import Parser, program, refuse
 
 #: Readers of the files that the command takes, by their last suffix.
@@ -45,7 +44,6 @@ def parse_arguments(argv=None):
         f"png and hjif-friction; default: {REFERENCE_FORCE}")  # fmt: skip
     add("--round_trip", action="store_true", help="read every file back and print what was lost")
     add("--json", action="store_true", help="print JSON; null = unknown, or exact in `snr_db`")
-    readme.add_arguments(parser, "export")
     arguments = parser.parse_args(argv)
     for name in ("pixel_pitch", "height", "normal_force"):
         value = getattr(arguments, name)
@@ -58,9 +56,6 @@ def parse_arguments(argv=None):
         parser.error(f"argument --output: {arguments.output} is where --input lies; give another folder")
     if arguments.output.exists() and not arguments.output.is_dir():
         parser.error(f"argument --output: {arguments.output} is not a folder")
-    if arguments.readme is not None and not arguments.round_trip:
-        parser.error("argument --readme: give --round_trip too, whose table it is that goes there")
-    readme.check_arguments(parser, arguments)
     return arguments
 
 
@@ -86,8 +81,6 @@ def main(argv=None):
         table = round_trip_markdown(rows)
         if not arguments.json:
             print(f"\n{table}")
-        if arguments.readme is not None:
-            readme.write_between(arguments.readme, arguments.readme_name, f"{_measured(rows)}\n\n{table}")
     return 0
 
 
@@ -181,10 +174,3 @@ def _check_speed(metadata, chosen, source):
 
 def _finite(value):
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _measured(rows):
-    """A line that says on what the table was measured."""
-    textures = {row["texture"]: row["seconds"] for row in rows}
-    held = f"{len(textures)} texture{'s' if len(textures) > 1 else ''} of {sum(textures.values()):.2f} s in all"
-    return f"Measured on {held}, each file read back with `FORMATS[name].read`:"

@@ -4,7 +4,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from . import readme
 from .program import Parser, program, refuse
 
 DESCRIPTION = """\
@@ -36,25 +35,13 @@ def parse_arguments(argv=None):
     parser.add_argument(
         "--output", type=Path, required=True, metavar="FOLDER", help="new, or an older card, which is replaced"
     )
-    readme.add_arguments(parser, "data")
     parser.add_argument("--quiet", action="store_true", help="no progress bars")
     arguments = parser.parse_args(argv)
     for name in ("recordings", "prepared"):
         path = getattr(arguments, name)
         if path is not None and not path.is_file():
             parser.error(f"argument --{name}: there is no file {path}")
-    readme.check_arguments(parser, arguments)
     return arguments
-
-
-def write_readme(path, name, card, output):
-    """Puts the head of a card between the markers of a README, and the card itself under examples/results/`name`."""
-    from ..data.card import summary
-
-    folder = readme.results_folder(name).as_posix()
-    readme.copy_results(output, path.parent / folder, names=tuple(card["files"]))
-    links = f"The whole card: [{folder}]({folder}/card.md).\n\n![surfaces]({folder}/surfaces.png)"
-    readme.write_between(path, name, f"{summary(card)}\n\n{links}")
 
 
 def main(argv=None):
@@ -75,8 +62,6 @@ def main(argv=None):
         card = write_card(arguments.recordings, arguments.output, arguments.prepared, arguments.quiet)
     except (ValueError, OSError) as error:
         return refuse("inspect_data.py", error)
-    if arguments.readme is not None:
-        write_readme(arguments.readme, arguments.readme_name, card, arguments.output)
     print(f"{summary(card)}\n\nwrote {arguments.output / 'card.md'}")
     return 0
 

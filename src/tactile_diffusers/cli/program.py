@@ -1,20 +1,28 @@
-"""What commands share: the name of the running one, how options are spelt, and what is refused."""
+"""What the commands share: spelling of options, common arguments and their checks, refusals."""
 
 import argparse
+import math
+import re
 import sys
 import tempfile
+from pathlib import Path
 
-#: Of the entry point.
+from ..checkpoints import bundled_checkpoint
+
+#: The console command.
 NAME = "tactile-diffusers"
+#: `--checkpoint bundled`: the checkpoint that comes with the package.
+BUNDLED = "bundled"
+_HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]*/[\w.-]+")
 
 
 def program(script):
-    """`script`, or the command of the entry point if it was called by that (`cli.main` sets it)."""
+    """The name for usage and errors: `script`, or `tactile-diffusers COMMAND` if the command was started that way."""
     return sys.argv[0] if sys.argv[0].startswith(f"{NAME} ") else script
 
 
 class Parser(argparse.ArgumentParser):
-    """An option may be written with hyphens or with underscores, whichever of them `--help` shows."""
+    """An `ArgumentParser` that accepts hyphens and underscores alike in the names of options."""
 
     def parse_known_args(self, args=None, namespace=None):
         words = sys.argv[1:] if args is None else args
@@ -29,7 +37,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def refuse(script, error):
-    """Says on stderr, in one line, why a command stops.
+    """Prints on stderr, in one line, why a command stops.
 
     Returns:
         `int`: its exit code, 2.
@@ -38,29 +46,146 @@ def refuse(script, error):
     return 2
 
 
-def check_seed(parser, seed, count=1):
-    """Refuses a seed that generators and files do not take, or that counts beyond it.
+# Types of arguments: argparse adds the name of the argument to their messages and exits with code 2.
+
+
+def count(word):
+    """A whole number of at least 1."""
+    if (value := int(word)) < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
+    return value
+
+
+def positive_number(word):
+    """A finite number above zero."""
+    if not 0 < (value := float(word)) < math.inf:
+        raise argparse.ArgumentTypeError(f"must be above zero, got {value}")
+    return value
+
+
+def seed(word):
+    """A seed that PyTorch's generators and HDF5 take."""
+    if not 0 <= (value := int(word)) < 2**63:
+        raise argparse.ArgumentTypeError(f"must be at least 0 and below 2**63, got {value}")
+    return value
+
+
+def existing_file(word):
+    """The path of a file."""
+    if not (path := Path(word)).is_file():
+        raise argparse.ArgumentTypeError(f"{path} is not a file")
+    return path
+
+
+def existing_folder(word):
+    """The path of a folder."""
+    if not (path := Path(word)).is_dir():
+        raise argparse.ArgumentTypeError(f"{path} is not a folder")
+    return path
+
+
+def output_folder(word):
+    """The path of a folder, or of a new one, in which files can be written."""
+    path = Path(word)
+    if path.exists() and not path.is_dir():
+        raise argparse.ArgumentTypeError(f"{path} is not a folder")
+    existing = next(folder for folder in (path, *path.absolute().parents) if folder.is_dir())
+    try:
+        with tempfile.TemporaryFile(dir=existing):
+            return path
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"{existing} cannot be written: {error.strerror}") from error
+
+
+def checkpoint(word):
+    """What `TactileTexturePipeline.from_pretrained` takes: the path of a folder, or a Hub id."""
+    if word == BUNDLED:
+        return bundled_checkpoint()
+    if not Path(word).is_dir() and not _HUB_ID.fullmatch(word):
+        raise argparse.ArgumentTypeError(f"{word} is neither a folder, nor a Hub id (user/name), nor {BUNDLED!r}")
+    return word
+
+
+def add_checkpoint_argument(parser):
+    """Adds `--checkpoint`: a folder, a Hub id, or `bundled`. The parsed value is a folder's path or a Hub id."""
+    parser.add_argument(
+        "--checkpoint",
+        type=checkpoint,
+        default=BUNDLED,
+        metavar="CHECKPOINT",
+        help=f"a folder, a Hub id (user/name), or {BUNDLED!r}; default: {BUNDLED}",
+    )
+
+
+def add_seed_argument(parser, purpose="seed of all noise"):
+    """Adds `--seed`."""
+    parser.add_argument("--seed", type=seed, default=0, help=f"{purpose}; default: 0")
+
+
+def add_output_argument(parser, purpose):
+    """Adds `--output`, a folder that is created if need be."""
+    parser.add_argument("--output", type=output_folder, required=True, metavar="FOLDER", help=purpose)
+
+
+def checkpoint_folder(name):
+    """The folder of a checkpoint; one on the Hub is downloaded.
+
+    Args:
+        name (`str`): as `--checkpoint` was parsed.
+
+    Raises:
+        OSError: if the Hub has no such checkpoint, or is out of reach.
+    """
+    from ..pipelines import TactileTexturePipeline
+
+    return Path(name if Path(name).is_dir() else TactileTexturePipeline.download(name))
+
+
+def checkpoint_name(name):
+    """What to call a checkpoint in files and reports: the name of its folder, or its Hub id."""
+    return Path(name).resolve().name if Path(name).is_dir() else name
+
+
+def load_pipeline(name, quiet=True):
+    """Loads the pipeline of a checkpoint.
+
+    Args:
+        name (`str` or `Path`): as `--checkpoint` was parsed.
+        quiet (`bool`): no progress bars, of loading and of calls.
+
+    Returns:
+        `TactileTexturePipeline`
+
+    Raises:
+        OSError: if it cannot be found or read, naming what is missing.
+        ValueError: if its components do not fit each other.
+    """
+    from diffusers.utils.logging import disable_progress_bar
+
+    from tactile_diffusers import TactileTexturePipeline
+
+    if quiet:
+        disable_progress_bar()
+    pipe = TactileTexturePipeline.from_pretrained(str(name))
+    pipe.set_progress_bar_config(disable=quiet)
+    return pipe
+
+
+def check_seed(parser, value, number=1):
+    """Refuses a seed that generators and files do not take, or whose `number` successors they do not.
 
     Raises:
         SystemExit: with exit code 2 and a line that names the argument and the value.
     """
-    if not 0 <= seed <= 2**63 - count:
-        parser.error(f"argument --seed: must be at least 0 and below 2**63, got {seed}")
+    if not 0 <= value <= 2**63 - number:
+        parser.error(f"argument --seed: must be at least 0 and below 2**63, got {value}")
 
 
 def check_folders(parser, arguments):
-    """Refuses a `--checkpoint` that is no folder, and an `--output` that is something else or cannot be written.
-
-    Raises:
-        SystemExit: with exit code 2 and a line that names the argument and the path.
-    """
-    if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
-        parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder")
-    if arguments.output.exists() and not arguments.output.is_dir():
-        parser.error(f"argument --output: {arguments.output} is not a folder")
-    existing = next(path for path in (arguments.output, *arguments.output.absolute().parents) if path.is_dir())
-    try:
-        with tempfile.TemporaryFile(dir=existing):
-            pass
-    except OSError as error:
-        parser.error(f"argument --output: {existing} cannot be written: {error.strerror}")
+    """As `checkpoint` and `output_folder`, for commands that declare these arguments without a type."""
+    for name, convert in (("checkpoint", existing_folder), ("output", output_folder)):
+        value = getattr(arguments, name)
+        try:
+            value is None or convert(value)
+        except argparse.ArgumentTypeError as error:
+            parser.error(f"argument --{name}: {error}")
