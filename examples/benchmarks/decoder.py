@@ -6,9 +6,9 @@ from tqdm.auto import tqdm
 
 from tactile_diffusers.checkpoints import DISTILLED
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.reference import Reference
+from tactile_diffusers.evaluation.held_out import check_fit
+from tactile_diffusers.evaluation.metrics.reference import Reference
 from tactile_diffusers.evaluation.result_files import machine, write_results
-from tactile_diffusers.evaluation.sections.context import check_fit
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.models.lctg import LCTGModel, same_encoder
 from tactile_diffusers.pipelines import TactileTexturePipeline

@@ -7,8 +7,8 @@ import torch
 from peers import ANCHOR, BFLOAT16, OURS, STEPS, load
 from speed import seconds_of
 
-from tactile_diffusers.evaluation.generate import reconstruct
-from tactile_diffusers.evaluation.statistics import leaf
+from tactile_diffusers.evaluation.metrics.statistics import leaf
+from tactile_diffusers.evaluation.sampling import reconstruct
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.models import LCTGModel
 from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
@@ -45,7 +45,7 @@ def measure(arguments, pipe, checkpoint):
         `dict`: "about" (`str`) and "models", name -> steps -> {"nine_band_db" (leaf over surfaces), "seconds"}.
     """
     from tactile_diffusers.data import PreparedDataset
-    from tactile_diffusers.evaluation.sections.context import check_fit
+    from tactile_diffusers.evaluation.held_out import check_fit
 
     held_out, compared = PreparedDataset(arguments.data, "test"), models(arguments, pipe, checkpoint)
     for name, one in compared.items():
@@ -110,7 +110,7 @@ def plot(found, output_path):
     """Error against seconds, one line a model, points labelled by their steps, above the front of what is best."""
     from matplotlib.ticker import StrMethodFormatter
 
-    from tactile_diffusers.evaluation.figures import figure_panels
+    from tactile_diffusers.evaluation.report_figures import figure_panels
 
     with figure_panels(output_path, 1, 1, (8, 4.6)) as panels:
         panel = panels[0, 0]

@@ -46,7 +46,7 @@ def trained(pipe, data, segments, seed, quiet):
     from solver_study import TrainedStage, trained_errors, trained_rules
 
     from tactile_diffusers.data import PreparedDataset
-    from tactile_diffusers.evaluation.reference import Reference
+    from tactile_diffusers.evaluation.metrics.reference import Reference
 
     held_out, train = PreparedDataset(data, "validation"), PreparedDataset(data, "train")
     rate = held_out.sampling_rate
@@ -206,7 +206,7 @@ def _trained_table(by_scheduler, steps=("3", "4", "5", "10", "25", "100")):
 
 def plot(report, output_path):
     """Log-log error against steps on the mixture, level of components, and the trained models."""
-    from tactile_diffusers.evaluation.figures import figure_panels
+    from tactile_diffusers.evaluation.report_figures import figure_panels
 
     found = report.get("trained")
     with figure_panels(output_path, 1, 4, (18, 4.2)) as panels:

@@ -133,7 +133,7 @@ def _run(row, plan, scripts, arguments, bench):
     """Trains and measures a row, unless that is done."""
     from ablate_training import train, training_facts
 
-    from tactile_diffusers.evaluation.report import machine
+    from tactile_diffusers.evaluation.result_files import machine_facts
     from tactile_diffusers.io.locks import locked_folder
 
     folder = arguments.output / row.name
@@ -143,7 +143,7 @@ def _run(row, plan, scripts, arguments, bench):
             return
         train(row, plan, scripts, arguments.threads)
         measured = bench.measure(plan[-1].folder, generates=row.dale is not None)
-        result = {"machine": machine(), **_conditions(plan, arguments), **training_facts(plan), **measured}
+        result = {"machine": machine_facts(), **_conditions(plan, arguments), **training_facts(plan), **measured}
         write_text(folder / "result.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 

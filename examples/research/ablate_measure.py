@@ -7,13 +7,14 @@ import torch
 
 from tactile_diffusers.evaluation.baselines import BaselineRequest, Decimated, latent_rate
 from tactile_diffusers.evaluation.envelopes import Grid, surface_means
-from tactile_diffusers.evaluation.generate import noise_seeds, reconstruct
-from tactile_diffusers.evaluation.reconstruction import SIGNED_BANDS_HZ, signed_band_key, snr_db
+from tactile_diffusers.evaluation.held_out import check_fit
+from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key, snr_db
+from tactile_diffusers.evaluation.metrics.statistics import excess
+from tactile_diffusers.evaluation.sampling import noise_seeds, reconstruct
 from tactile_diffusers.evaluation.sections import Context, Settings
-from tactile_diffusers.evaluation.sections.context import HALF_PRECISION, check_fit
+from tactile_diffusers.evaluation.sections.context import HALF_PRECISION
 from tactile_diffusers.evaluation.sections.reconstruction import pair_metrics
 from tactile_diffusers.evaluation.sections.speed import decoding_seconds
-from tactile_diffusers.evaluation.statistics import excess
 from tactile_diffusers.signal import band_levels_db, nine_band_error_db, resample
 
 #: Steps at which reconstructions are measured; the last also decodes the noisy latents.

@@ -1,7 +1,7 @@
 """The rows of an ablation side by side: tables and pictures."""
 
-from tactile_diffusers.evaluation.figures import figure_panels
 from tactile_diffusers.evaluation.labels import BANDS
+from tactile_diffusers.evaluation.report_figures import figure_panels
 from tactile_diffusers.evaluation.tables import markdown_table
 
 #: Headings and digits of the main table.

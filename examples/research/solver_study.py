@@ -8,8 +8,8 @@ from diffusers import DDIMScheduler, DPMSolverMultistepScheduler
 from scipy import signal
 from solvers import RULES, run
 
-from tactile_diffusers.evaluation.reconstruction import rmse
-from tactile_diffusers.evaluation.statistics import leaf, number
+from tactile_diffusers.evaluation.metrics.errors import rmse
+from tactile_diffusers.evaluation.metrics.statistics import leaf, number
 from tactile_diffusers.schedulers import VDDIMScheduler
 from tactile_diffusers.schedulers.scheduling_v_ddim import SPACINGS, spaced_angles
 from tactile_diffusers.signal import band_levels_db, nine_band_error_db, resample, rms

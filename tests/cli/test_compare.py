@@ -7,8 +7,8 @@ import pytest
 
 from tactile_diffusers.cli import compare
 from tactile_diffusers.evaluation import comparison
-from tactile_diffusers.evaluation.obedience import QUANTITIES
-from tactile_diffusers.evaluation.statistics import number
+from tactile_diffusers.evaluation.control_summary import QUANTITIES
+from tactile_diffusers.evaluation.metrics.statistics import number
 from tactile_diffusers.signal import RATING_AXES
 
 

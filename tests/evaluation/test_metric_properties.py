@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_diffusers.evaluation.distances import (
+from tactile_diffusers.evaluation.metrics.distances import (
     frechet_tactile_distance,
     kernel_tactile_distance,
     within_similarity,
 )
-from tactile_diffusers.evaluation.reconstruction import (
+from tactile_diffusers.evaluation.metrics.errors import (
     goodness_of_fit,
     level_error_db,
     log_spectral_distance_db,
@@ -22,7 +22,7 @@ from tactile_diffusers.evaluation.reconstruction import (
     signed_band_error_db,
     snr_db,
 )
-from tactile_diffusers.evaluation.statistics import jackknife, leaf
+from tactile_diffusers.evaluation.metrics.statistics import jackknife, leaf
 
 RATE = 2500
 samples = st.integers(600, 1500)

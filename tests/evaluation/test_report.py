@@ -17,12 +17,12 @@ from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recor
 from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.evaluation import TactileEmbedding
 from tactile_diffusers.evaluation.baselines import SLUGS
+from tactile_diffusers.evaluation.metrics.statistics import is_leaf
 from tactile_diffusers.evaluation.report import folder_digest, leaves, run_sections
 from tactile_diffusers.evaluation.sections import QUICK, SECTIONS, Anchor, Context
 from tactile_diffusers.evaluation.sections.generation import _SetJudge
 from tactile_diffusers.evaluation.sections.long_textures import largest_correlation, long_texture_study, overlap_mask
 from tactile_diffusers.evaluation.sections.reconstruction import fewest_steps, power_percent
-from tactile_diffusers.evaluation.statistics import is_leaf
 from tactile_diffusers.evaluation.summary import _warnings, readme_markdown, report_markdown
 from tactile_diffusers.evaluation.tables import markdown_table, text
 from tactile_diffusers.evaluation.winners import baselines_that_win

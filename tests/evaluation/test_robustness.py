@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
-from tactile_diffusers.evaluation.generate import reconstruct
+from tactile_diffusers.evaluation.sampling import reconstruct
 from tactile_diffusers.evaluation.sections import QUICK, Context, robustness
 from tactile_diffusers.evaluation.sections.robustness import (
     differences,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tactile_diffusers.evaluation.reference import Reference
-from tactile_diffusers.evaluation.statistics import is_leaf, jackknife, leaf, number
+from tactile_diffusers.evaluation.metrics.reference import Reference
+from tactile_diffusers.evaluation.metrics.statistics import is_leaf, jackknife, leaf, number
 from tactile_diffusers.signal import DEVICE_RATE
 
 

@@ -17,7 +17,7 @@ from solver_study import (
 from solvers import RULES, run
 
 from tactile_diffusers import VDDIMScheduler
-from tactile_diffusers.evaluation.statistics import number
+from tactile_diffusers.evaluation.metrics.statistics import number
 from tactile_diffusers.schedulers.scheduling_v_ddim import spaced_angles
 
 

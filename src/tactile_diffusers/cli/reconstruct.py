@@ -77,7 +77,7 @@ def _reconstruct(arguments):
 
     from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 
-    from ..evaluation.reconstruction import snr_db
+    from ..evaluation.metrics.errors import snr_db
     from ..export import write_figure, write_npz, write_wav
     from ..signal import REFERENCE_FORCE, nine_band_error_db, resample, rms
     from .recording import LARGEST_RMS, read_recording

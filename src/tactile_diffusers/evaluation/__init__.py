@@ -2,11 +2,11 @@
 
 from .audio_distance import frechet_audio_distance, log_mel_embedding
 from .baselines import SLUGS, BaselineRequest, TrainingTextures, default_baselines
-from .distances import frechet_tactile_distance, kernel_tactile_distance
-from .embedding import FEATURE_NAMES, TactileEmbedding, tactile_features
 from .judge import Judge, response_matrix
-from .novelty import TrainingWaveforms, closer_share, diversity, nearest_distance, precision_recall
-from .reconstruction import (
+from .metrics.copying import TrainingWaveforms, closer_share, diversity, nearest_distance, precision_recall
+from .metrics.distances import frechet_tactile_distance, kernel_tactile_distance
+from .metrics.embedding import FEATURE_NAMES, TactileEmbedding, tactile_features
+from .metrics.errors import (
     goodness_of_fit,
     level_error_db,
     log_spectral_distance_db,
@@ -16,8 +16,8 @@ from .reconstruction import (
     signed_band_error_db,
     snr_db,
 )
-from .reference import Reference
-from .statistics import jackknife, leaf
+from .metrics.reference import Reference
+from .metrics.statistics import jackknife, leaf
 from .truth import RatedTextures, truth_of
 
 __all__ = [

@@ -14,8 +14,8 @@ import torch
 from scipy import signal
 
 from ..signal import BAND_HZ
-from .checks import check_textures
-from .distances import frechet_tactile_distance
+from .metrics.distances import frechet_tactile_distance
+from .metrics.texture_checks import check_textures
 
 MEL_BANDS = 32
 #: Length of the windows and their distance, s: 5 Hz resolve the lowest bands, which are 40 Hz wide.

@@ -12,7 +12,7 @@ from scipy import fft
 
 from ..signal import BAND_HZ, rms
 from . import envelopes
-from .checks import check_textures
+from .metrics.texture_checks import check_textures
 
 #: Ratings closer than this count as equally close: the mean over raters is not more precise.
 _LEAST_DISTANCE = 0.1

@@ -5,9 +5,9 @@ from collections import Counter
 import numpy as np
 
 from ..signal import RATING_AXES
-from .figures import figure_panels, share_limits
+from .control_summary import comparisons, matrix_difference
 from .labels import default_guidance
-from .obedience import comparisons, matrix_difference
+from .report_figures import figure_panels, share_limits
 from .tables import markdown_table
 
 _TICKS_HZ = (30, 100, 300, 1000)

@@ -16,7 +16,7 @@ from scipy.interpolate import make_interp_spline
 
 from ..signal import BAND_HZ, WORKING_RATE, band_edges, band_levels_db, power_spectral_density, resample, rms
 from ..signal.spectra import POWER_FLOOR
-from .reconstruction import OUT_OF_BAND_HZ
+from .metrics.errors import OUT_OF_BAND_HZ
 
 #: The beta density is infinite at its ends where a parameter is below 1, as is common with 1/f friction: relative
 #: frequencies stay this far inside.

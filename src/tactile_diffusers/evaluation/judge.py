@@ -11,7 +11,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
 from ..signal import RATING_AXES
-from .statistics import jackknife_interval
+from .metrics.statistics import jackknife_interval
 
 #: Weight of log friction beside the features of the embedding, in standard deviations: one number that carries nearly
 #: all of slipperiness, beside 53 others. Cross-validated R² of slipperiness on virtual surfaces, weights 1, 3 and 6:

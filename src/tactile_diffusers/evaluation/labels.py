@@ -1,6 +1,6 @@
 """Names of rows, columns and metrics, as people read them."""
 
-from .reconstruction import SIGNED_BANDS_HZ, signed_band_key
+from .metrics.errors import SIGNED_BANDS_HZ, signed_band_key
 
 #: How people read the rows. Baselines that describe the very recording know more than ratings can tell.
 NAMES = {

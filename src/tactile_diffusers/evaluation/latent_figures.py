@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .figures import figure_panels
+from .report_figures import figure_panels
 
 # of the histogram: range in standard deviations and number of bins
 _REACH, _BINS = 4.0, 65

@@ -16,9 +16,10 @@ from ..checkpoints import DISTILLED
 from ..io.files import write_text
 from ..io.reading import read_json
 from ..training.surfaces import count_seen, surfaces_of, trained_on
-from .figures import plot_beside
+from .metrics.statistics import is_leaf
+from .report_figures import plot_beside
+from .result_files import machine_facts
 from .sections import SECTIONS, WITHOUT_RATINGS, anchors
-from .statistics import is_leaf
 from .training_record import training_facts
 
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
@@ -71,7 +72,7 @@ def run_sections(context, names, checkpoint, training=()):
         "seed": context.seed,
         "settings": {**asdict(context.settings), "guidance_scales": context.guidance_scales},
         "pipeline": {"num_inference_steps": context.steps, "guidance_scale": context.default_guidance},
-        "machine": machine(),
+        "machine": machine_facts(),
         "versions": _versions(),
         **dict.fromkeys((*MEASURED, "anchors")),
     }
@@ -156,7 +157,7 @@ def _conditions(context, checkpoint):
         "pipeline": [context.steps, context.default_guidance],
         "threads": torch.get_num_threads(),
         "versions": _versions(),
-        "machine": machine(),
+        "machine": machine_facts(),
         "code": _code_digest(),
     }
     return json.loads(json.dumps(state))
@@ -212,17 +213,6 @@ def _alpha(reliability):
         axis: None if np.isnan(alpha) else float(alpha)
         for axis, alpha in zip(reliability.axes, reliability.alpha, strict=True)
     }
-
-
-def machine():
-    """Processor, cores and threads of this machine."""
-    name = platform.processor() or platform.machine()
-    try:
-        models = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
-        name = models[0].split(":")[1].strip()
-    except (OSError, IndexError):
-        pass
-    return {"processor": name, "cores": os.cpu_count(), "threads": torch.get_num_threads(), "system": platform.system()}
 
 
 def _versions():

@@ -1,17 +1,19 @@
 """What commands that measure share: the machine's name, and how results are written."""
 
 import json
+import os
+import platform
+from pathlib import Path
 
 import torch
 
 from ..io.files import write_text
-from . import report as evaluation
 
 
 def machine(computing=None):
     """The machine in words: processor, what computes (by default torch's threads), version of torch."""
     computing = computing or f"{torch.get_num_threads()} threads"
-    return f"{evaluation.machine()['processor']}, {computing}, torch {torch.__version__}"
+    return f"{machine_facts()['processor']}, {computing}, torch {torch.__version__}"
 
 
 def write_results(output, name, report, text, indent=2):
@@ -27,3 +29,14 @@ def write_results(output, name, report, text, indent=2):
     output.mkdir(parents=True, exist_ok=True)
     write_text(output / f"{name}.json", json.dumps(report, indent=indent) + "\n")
     write_text(output / f"{name}.md", text)
+
+
+def machine_facts():
+    """Processor, cores and threads of this machine."""
+    name = platform.processor() or platform.machine()
+    try:
+        models = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
+        name = models[0].split(":")[1].strip()
+    except (OSError, IndexError):
+        pass
+    return {"processor": name, "cores": os.cpu_count(), "threads": torch.get_num_threads(), "system": platform.system()}

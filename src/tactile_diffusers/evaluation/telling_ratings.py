@@ -1,7 +1,7 @@
 """Tables of what ratings make: generated sets, unseen surfaces, control, novel ratings."""
 
+from .control_summary import VALUES, obedience_rows
 from .labels import NAMES, SETS, default_guidance
-from .obedience import VALUES, obedience_rows
 from .tables import markdown_table, text, title
 
 

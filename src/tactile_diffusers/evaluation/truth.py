@@ -15,7 +15,7 @@ from tqdm import tqdm
 from ..data import HoldOut, PreparedDataset, SegmentLimits
 from ..signal import RATING_AXES
 from ..virtual import FIRST_FRESH, RECIPE_VERSION, VirtualSurface, fresh_ratings, fresh_textures, rater_settings
-from .statistics import jackknife_interval
+from .metrics.statistics import jackknife_interval
 
 #: Standard deviation of the kernel over ratings, z-scores: a third of what ratings spread over surfaces.
 KERNEL_WIDTH = 0.25

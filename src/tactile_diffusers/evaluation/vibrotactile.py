@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..signal import resample
-from .checks import check_pair, check_textures
+from .metrics.texture_checks import check_pair, check_textures
 
 #: Rate that the thresholds of `vibromaf` assume, Hz, and the samples of its blocks.
 VIBROMAF_RATE = 8000

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .labels import FROM_RATINGS, NAMES, SETS, SPECTRAL, default_guidance, default_steps
-from .statistics import number
+from .metrics.statistics import number
 from .tables import text
 
 # metrics of which less is better, and of which more is

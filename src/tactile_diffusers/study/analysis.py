@@ -12,7 +12,7 @@ import pandas
 from scipy import stats
 
 from ..data import RaterScores, rating_reliability
-from ..evaluation.statistics import number
+from ..evaluation.metrics.statistics import number
 from ..signal import RATING_AXES
 from .responses import SIMULATED
 from .sensitivity import abx_dprime

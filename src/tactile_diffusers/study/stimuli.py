@@ -7,8 +7,8 @@ import pandas
 
 from ..data import PreparedDataset
 from ..evaluation import SLUGS, BaselineRequest, TrainingTextures, default_baselines
-from ..evaluation.generate import generate, noise_seeds, reconstruct
-from ..evaluation.sections.context import check_fit, check_unseen
+from ..evaluation.held_out import check_fit, check_unseen
+from ..evaluation.sampling import generate, noise_seeds, reconstruct
 from ..export import write_npz, write_wav
 from ..signal import RATING_AXES, rms
 from .folder import KEY_COLUMNS

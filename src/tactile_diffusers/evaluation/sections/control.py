@@ -10,11 +10,11 @@ from scipy.stats import spearmanr
 
 from ...signal import RATING_AXES, level
 from ..baselines import BaselineRequest
-from ..conditioning import d_prime, latent_shift_percent, shape_change_db, texture_measures
-from ..figures import plot_control, plot_responses
-from ..generate import noise_seeds
 from ..judge import FEWEST_SURFACES, Judge, response_interval, response_matrix
-from ..statistics import jackknife, leaf, number
+from ..metrics.rating_effects import d_prime, latent_shift_percent, shape_change_db, texture_measures
+from ..metrics.statistics import jackknife, leaf, number
+from ..report_figures import plot_control, plot_responses
+from ..sampling import noise_seeds
 from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE, truth_of
 
 # requests from which three slopes and an intercept can be told, also with one left out

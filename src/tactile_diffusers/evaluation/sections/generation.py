@@ -5,9 +5,7 @@ import numpy as np
 from ...signal import band_levels_db, level
 from ..audio_distance import frechet_audio_distance, log_mel_embedding
 from ..baselines import BaselineRequest
-from ..figures import plot_unseen
-from ..generate import noise_seeds
-from ..novelty import (
+from ..metrics.copying import (
     TrainingWaveforms,
     closer_share,
     diversity,
@@ -15,8 +13,10 @@ from ..novelty import (
     precision_recall,
     rating_diversity,
 )
-from ..reconstruction import out_of_band_ratio_db, rmse
-from ..statistics import excess, jackknife, leaf, number
+from ..metrics.errors import out_of_band_ratio_db, rmse
+from ..metrics.statistics import excess, jackknife, leaf, number
+from ..report_figures import plot_unseen
+from ..sampling import noise_seeds
 
 #: Of precision and recall.
 NEIGHBOURS = 5

@@ -12,9 +12,9 @@ import torch
 from tqdm.auto import tqdm
 
 from ...signal import band_levels_db, rms
-from ..generate import noise_seeds
 from ..latent_figures import plot_latents
-from ..statistics import jackknife, leaf, number
+from ..metrics.statistics import jackknife, leaf, number
+from ..sampling import noise_seeds
 
 #: Learned latents are bounded by 1 (tanh): beyond this they count as driven into the bound. Others have no bound.
 NEAR_BOUND = 0.95

@@ -6,7 +6,7 @@ from scipy.signal import fftconvolve
 
 from ...pipelines.windows import Windows
 from ...signal import band_edges, band_levels_db
-from ..statistics import leaf, number
+from ..metrics.statistics import leaf, number
 
 
 def run(context):

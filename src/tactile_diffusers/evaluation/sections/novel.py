@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 
 from ...signal import RATING_AXES
-from ..generate import noise_seeds
-from ..novelty import nearest_distance
-from ..reconstruction import DB_PER_NEPER
-from ..statistics import leaf, number
+from ..metrics.copying import nearest_distance
+from ..metrics.errors import DB_PER_NEPER
+from ..metrics.statistics import leaf, number
+from ..sampling import noise_seeds
 
 #: Magnitudes of the ratings: of the corners of the cube, and of one axis while the others are not specified.
 MAGNITUDES = (1.0, 2.0, 3.0, 4.0)

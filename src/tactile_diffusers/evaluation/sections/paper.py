@@ -3,10 +3,10 @@
 import numpy as np
 
 from ...signal import RATING_AXES, band_levels_db, power_spectral_density
-from ..conditioning import latent_shift_percent
-from ..figures import plot_latent_shift, plot_spectra
-from ..generate import noise_seeds
-from ..statistics import leaf
+from ..metrics.rating_effects import latent_shift_percent
+from ..metrics.statistics import leaf
+from ..report_figures import plot_latent_shift, plot_spectra
+from ..sampling import noise_seeds
 
 #: Ratings run from -2 to 2 (paper section 3.3 and 3.4).
 FARTHEST = 2.0

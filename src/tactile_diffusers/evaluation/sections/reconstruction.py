@@ -4,9 +4,7 @@ import numpy as np
 
 from ...signal import nine_band_error_db, rms
 from ..baselines import SLUGS
-from ..figures import plot_overlays, plot_steps
-from ..generate import reconstruct
-from ..reconstruction import (
+from ..metrics.errors import (
     SIGNED_BANDS_HZ,
     goodness_of_fit,
     level_error_db,
@@ -18,7 +16,9 @@ from ..reconstruction import (
     signed_band_key,
     snr_db,
 )
-from ..statistics import excess, jackknife, leaf, number
+from ..metrics.statistics import excess, jackknife, leaf, number
+from ..report_figures import plot_overlays, plot_steps
+from ..sampling import reconstruct
 from .speed import decoding_seconds
 
 #: Names of the metrics of a pair, in the order of the report.

@@ -9,7 +9,7 @@ import itertools
 import numpy as np
 
 from ...signal import RATING_AXES, band_levels_db
-from ..statistics import leaf, number
+from ..metrics.statistics import leaf, number
 from ..truth import VIRTUAL_SOURCE, virtual_truth
 
 DEGREES = (1, 2, 3)

@@ -8,9 +8,9 @@ import torch
 from ...data import PreparedDataset
 from ...pipelines.velocities import texture_velocity
 from ...signal import band_levels_db, band_pass, level, nine_band_error_db, rms
-from ..generate import noise_seeds, reconstruct
-from ..reconstruction import DB_PER_NEPER, out_of_band_ratio_db, snr_db
-from ..statistics import leaf, number
+from ..metrics.errors import DB_PER_NEPER, out_of_band_ratio_db, snr_db
+from ..metrics.statistics import leaf, number
+from ..sampling import noise_seeds, reconstruct
 
 #: Steps at which hard inputs are reconstructed.
 STEPS = (1, 5, 10)

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import torch
 
-from ..statistics import leaf, number
+from ..metrics.statistics import leaf, number
 
 #: The paper's display works in blocks of about this length.
 BLOCK_SECONDS = 0.1

@@ -5,7 +5,7 @@ import torch
 from scipy.fft import next_fast_len
 from scipy.spatial.distance import cdist
 
-from .checks import check_textures
+from .texture_checks import check_textures
 
 #: Band in which waveforms are compared, Hz. A low upper edge keeps lags resolved at a low rate, which makes this fast.
 COPY_BAND_HZ = (20.0, 400.0)

@@ -7,9 +7,9 @@ RMS, while another take of the same surface, which feels the same, has about -3 
 import numpy as np
 from scipy import signal
 
-from ..signal import BAND_HZ, band_levels_db, level, power_spectral_density, rms
-from ..signal.spectra import POWER_FLOOR
-from .checks import check_pair, check_textures
+from ...signal import BAND_HZ, band_levels_db, level, power_spectral_density, rms
+from ...signal.spectra import POWER_FLOOR
+from .texture_checks import check_pair, check_textures
 
 #: From here on a texture should be empty: the upper edge of the band and 5 % for the slope of its filter, Hz.
 OUT_OF_BAND_HZ = 1.05 * BAND_HZ[1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_diffusers.evaluation.obedience import (
+from tactile_diffusers.evaluation.control_summary import (
     QUANTITIES,
     TOLERANCE,
     VALUES,
@@ -11,7 +11,7 @@ from tactile_diffusers.evaluation.obedience import (
     matrix_difference,
     obedience_rows,
 )
-from tactile_diffusers.evaluation.statistics import number
+from tactile_diffusers.evaluation.metrics.statistics import number
 from tactile_diffusers.signal import RATING_AXES
 
 FEWEST = 20

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from tactile_diffusers.evaluation import TactileEmbedding, novelty
-from tactile_diffusers.evaluation.novelty import (
+from tactile_diffusers.evaluation.metrics.copying import (
     TrainingWaveforms,
     closer_share,
     diversity,

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from .checks import check_textures
+from .texture_checks import check_textures
 
 # rows of a kernel matrix that are held at once
 _ROWS = 512

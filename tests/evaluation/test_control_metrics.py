@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from tactile_diffusers.evaluation.conditioning import (
+from tactile_diffusers.evaluation.metrics.rating_effects import (
     d_prime,
     latent_shift_percent,
     shape_change_db,
     texture_measures,
 )
-from tactile_diffusers.evaluation.generate import generate, latent_summary, noise_seeds, reconstruct
+from tactile_diffusers.evaluation.sampling import generate, latent_summary, noise_seeds, reconstruct
 from tactile_diffusers.signal import DEVICE_RATE, band_edges, level
 
 

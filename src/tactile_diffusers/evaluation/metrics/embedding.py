@@ -11,9 +11,9 @@ import numpy as np
 from scipy import signal
 from scipy.spatial.distance import pdist
 
-from ..signal import BAND_HZ, DEVICE_RATE, band_edges, band_levels_db, rms
-from .checks import check_textures
-from .reconstruction import OUT_OF_BAND_HZ, out_of_band_ratio_db
+from ...signal import BAND_HZ, DEVICE_RATE, band_edges, band_levels_db, rms
+from .errors import OUT_OF_BAND_HZ, out_of_band_ratio_db
+from .texture_checks import check_textures
 
 BANDS = 18
 CARRIERS = 6
