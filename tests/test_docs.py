@@ -1,6 +1,8 @@
-"""What is written for readers, against the code: docstrings' arguments and defaults, the README's parts and blocks."""
+"""What is written for readers, against the code: docstrings' arguments and defaults, the pages' parts and links."""
 
 import ast
+import functools
+import importlib
 import inspect
 import re
 from pathlib import Path
@@ -18,6 +20,9 @@ from tactile_diffusers import (
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+EXAMPLES = (ROOT / "examples" / "README.md").read_text(encoding="utf-8")
+RESULTS = ROOT / "examples" / "results" / "README.md"
+PAGES = [ROOT / "README.md", ROOT / "examples" / "README.md", *sorted(RESULTS.parent.glob("*.md"))]
 MODULES = sorted((ROOT / "src" / "tactile_diffusers").rglob("*.py"))
 DOCUMENTED = [
     (DALEModel.__init__, DALEModel),
@@ -66,16 +71,36 @@ def test_the_readme_has_its_parts_in_order():
         "# tactile_diffusers",
         "## Install and make a texture",
         "## Ratings and units",
+        "## Eight numbers",
         "## How it works",
-        "## Results",
-        "## From recordings to a checkpoint",
+        "## Under a moving finger",
+        "## Files",
+        "## Your own surfaces",
         "## Limits",
         "## Citation and thanks",
     )
     places = [README.find(f"{part}\n") for part in parts]
     assert min(places) == 0 and places == sorted(places)
     assert "pipe = TactileTexturePipeline.from_pretrained" in README  # THE way
-    assert "DiffusionPipeline.from_pretrained" not in README
+    assert len(README.splitlines()) <= 250
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_and_headings_that_a_page_names_are_there(path):
+    text = path.read_text(encoding="utf-8")
+    for name, _, heading in (link.partition("#") for link in re.findall(r"\]\(([^):]+)\)", text)):
+        target = (path.parent / name) if name else path
+        assert target.exists(), name
+        if heading:
+            titles = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.M)
+            assert heading in {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}, heading
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_scripts_that_a_page_names_are_there(path):
+    text = path.read_text(encoding="utf-8")
+    named = set(re.findall(r"(?:python|accelerate launch|torchrun --nproc_per_node \d) (examples/[\w/]+\.py)", text))
+    assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
 
 
 def test_commands_are_set_as_code():
@@ -84,6 +109,29 @@ def test_commands_are_set_as_code():
     assert loose == []
 
 
-def test_pictures_and_files_that_the_readme_names_are_there():
-    named = re.findall(r"\]\(([^)#:]+)\)", README)
-    assert len(named) > 5 and [name for name in named if not (ROOT / name).exists()] == []
+def _rows(text, heading):
+    table = text.split(heading, 1)[1].split("|---", 1)[1].split("\n\n", 1)[0]
+    return [[cell.strip() for cell in row.strip("| ").split("|")] for row in table.splitlines()[1:]]
+
+
+NUMBER = re.compile(r"\d+\.\d+|\d+ of \d+")
+
+
+@pytest.mark.parametrize("row", _rows(RESULTS.read_text(encoding="utf-8"), "# Results"), ids=lambda row: row[0])
+def test_each_of_the_eight_numbers_stands_in_the_page_that_it_names(row):
+    page = (RESULTS.parent / re.search(r"\((.*?)\)", row[-1])[1]).read_text(encoding="utf-8")
+    for number in NUMBER.findall(f"{row[2]} {row[3]}"):
+        assert re.search(rf"(?<![\d.]){re.escape(number)}(?!\d)", page), number
+
+
+def test_the_readme_has_the_same_eight_numbers():
+    ours = [NUMBER.findall(row[2])[0] for row in _rows(RESULTS.read_text(encoding="utf-8"), "# Results")]
+    assert [NUMBER.findall(row[1])[0] for row in _rows(README, "## Eight numbers")] == ours and len(ours) == 8
+
+
+@pytest.mark.parametrize("row", _rows(EXAMPLES, "## Equations and where they are"), ids=lambda row: row[0])
+def test_the_map_of_equations_names_what_is_there(row):
+    file, names = row[2].split(" ", 1)
+    module = importlib.import_module(file.strip("`").removesuffix(".py").replace("/", "."))
+    for name in re.findall(r"`([\w.]+)`", names):
+        functools.reduce(getattr, name.split("."), module)

@@ -1,20 +1,27 @@
-"""The README's Python runs as it stands there."""
+"""The Python of README.md and examples/README.md runs as it stands there."""
 
 import re
 from pathlib import Path
 
 import pytest
 
-README = Path(__file__).parents[1] / "README.md"
-BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+ROOT = Path(__file__).parents[1]
+BLOCKS = {
+    f"{name}-{number}": code
+    for name in ("README.md", "examples/README.md")
+    for number, code in enumerate(re.findall(r"```python\n(.*?)```", (ROOT / name).read_text(encoding="utf-8"), re.S))
+}
 
 
-@pytest.mark.parametrize("code", BLOCKS, ids=range(len(BLOCKS)))
-def test_blocks_run(code, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", BLOCKS)
+def test_blocks_run(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # what they write
-    exec(compile(code, str(README), "exec"), {"__name__": "__main__"})  # as a script
+    exec(compile(BLOCKS[name], name, "exec"), {"__name__": "__main__"})  # as a script
 
 
-def test_there_is_a_block_for_each_way_of_use():
-    for name in ("TactileTexturePipeline", "TextureStream", "TextureScene"):
-        assert any(name in code for code in BLOCKS)
+@pytest.mark.parametrize(
+    "name", ["TactileTexturePipeline", "TextureStream", "EndlessStream", "TextureScene", "DriveProfile"]
+)
+def test_there_is_a_block_for_each_way_of_use(name):
+
+    assert any(name in code for code in BLOCKS.values())
