@@ -1,8 +1,8 @@
 """How large the package is, and how its files hang together: `python house.py [REPOSITORY]`.
 
-Prints lines and files under src, lines of tests, the lines that an import reaches, long functions and files, and circles
-of imports. Code is read, not run. `import tactile_diffusers` counts what Python loads at once; the training script counts
-imports inside functions too, because a reader follows both.
+Prints lines and files under src, lines of tests, the lines that an import reaches, long functions and files, and
+circles of imports. Code is read, not run. `import tactile_diffusers` counts what Python loads at once; the training
+script counts imports inside functions too, because a reader follows both.
 """
 
 import argparse
