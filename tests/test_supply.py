@@ -148,7 +148,7 @@ pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
 out = pipe([[1.5, 0.0, -1.0]], num_inference_steps=2, generator=torch.Generator().manual_seed(0))
 again = pipe.reconstruct(out.textures[0], out.sampling_rate, num_inference_steps=2)
 assert again.textures.shape == out.textures.shape
-from tactile_diffusers.cli.main import main
+from tactile_diffusers_cli import main
 assert main(["generate", "--ratings", "1.5", "0", "-1", "--output", "made"]) == 0
 assert main(["reconstruct", "made/texture.wav", "--output", "again"]) == 0
 assert main(["export", "--input", "made", "--output", "files"]) == 0

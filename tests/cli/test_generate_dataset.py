@@ -14,7 +14,8 @@ import pytest
 import torch
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.cli.generate_dataset import checkpoint_digest, main, texture_seeds
+from tactile_diffusers.cli.generate_dataset import main, texture_seeds
+from tactile_diffusers.evaluation.report import folder_digest
 from tactile_diffusers.export import read_generated
 from tactile_diffusers.io.locks import fcntl, is_locked
 
@@ -98,7 +99,7 @@ def test_shards_say_what_made_them(checkpoint, tmp_path):
     with h5py.File(tmp_path / "out" / "textures-00002.h5") as file:
         assert file["textures"].shape == (2, 1000) and file["textures"].dtype == np.float32
         expected = {"sampling_rate": 10_000, "reference_speed": 80.0, "num_inference_steps": 2, "guidance_scale": 1.0}
-        expected |= {"checkpoint_sha256": checkpoint_digest(checkpoint), "torch": torch.__version__, "device": "cpu"}
+        expected |= {"checkpoint_sha256": folder_digest(checkpoint), "torch": torch.__version__, "device": "cpu"}
         assert {name: file.attrs[name] for name in expected} == expected
     assert not list((tmp_path / "out").glob(".*"))
 
@@ -131,7 +132,7 @@ def test_a_killed_and_resumed_run_equals_an_unbroken_one(checkpoint, tmp_path, c
     assert list(out.glob(".textures-00001.h5.*.tmp"))
     first = _untouched(out / "textures-00000.h5")
     assert main([word for word in _words(checkpoint, out, **words) if word != "--quiet"]) == 0
-    assert "10 textures, 6 of them made now" in capsys.readouterr().out
+    assert "10 textures, 6 of them generated now" in capsys.readouterr().out
     assert _untouched(out / "textures-00000.h5") == first and not list(out.glob(".*"))
     assert main(_words(checkpoint, tmp_path / "unbroken", **words)) == 0
     assert _content(out) == _content(tmp_path / "unbroken")
@@ -143,7 +144,7 @@ def test_a_finished_set_is_left_alone(checkpoint, tmp_path, capsys):
     before = {path: _untouched(path) for path in (tmp_path / "out").iterdir()}
     assert main(_words(checkpoint, tmp_path / "out")[:-1]) == 0
     printed = capsys.readouterr().out
-    assert "10 textures, 0 of them made now" in printed and "hours" not in printed
+    assert "10 textures, 0 of them generated now" in printed and "hours" not in printed
     assert before == {path: _untouched(path) for path in (tmp_path / "out").iterdir()}
 
 
@@ -245,10 +246,11 @@ def test_unusual_ratings_are_warned_of_once(checkpoint, tmp_path, recorded_warni
         ({"num_textures": 0}, "--num_textures: must be at least 1, got 0"),
         ({"batch_size": -1}, "--batch_size: must be at least 1"),
         ({"textures_per_shard": 0}, "--textures_per_shard: must be at least 1"),
+        ({"num_latent_inference_steps": 0}, "--num_latent_inference_steps: must be at least 1"),
         ({"seed": -1}, "--seed: must be at least 0"),
         ({"seed": 2**64}, "--seed: must be at least 0 and below 2**63"),
         ({"ratings_file": "nowhere.csv"}, "--ratings_file: nowhere.csv is not a file"),
-        ({"checkpoint": "nowhere"}, "--checkpoint: nowhere is not a folder"),
+        ({"checkpoint": "nowhere"}, "--checkpoint: nowhere is neither a folder"),
         ({"output": __file__}, "is not a folder"),
         ({"num_textures": None}, "--num_textures"),
     ],
@@ -259,7 +261,7 @@ def test_bad_arguments_are_refused_by_name(tmp_path, capsys, changes, message):
     assert stop.value.code == 2 and message in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["num_inference_steps", "num_latent_inference_steps", "guidance_scale", "duration_s"])
+@pytest.mark.parametrize("name", ["guidance_scale", "duration_s"])
 def test_what_the_pipeline_refuses_is_refused_before_anything_is_written(checkpoint, tmp_path, capsys, name):
     assert main(_words(checkpoint, tmp_path / "out", **{name: -1})) == 2
     assert f"`{name}` must be" in capsys.readouterr().err and not (tmp_path / "out").exists()

@@ -120,32 +120,6 @@ class TestFolder:
         assert (out / "README.md").is_file() and not list(tmp_path.glob(".*"))  # what was there stays
 
 
-class TestAnotherDecoder:
-    def test_with_another_encoder_is_refused(self, words, make_pipeline, tmp_path, capsys):
-        make_pipeline(seed=5).save_pretrained(str(tmp_path / "other"))
-        assert "another encoder" in refused([*words, "--lctg", str(tmp_path / "other")], capsys)
-        assert not (tmp_path / "small").exists()
-
-    def test_that_does_not_fit_is_refused(self, words, checkpoint, make_lctg, tmp_path, capsys):
-        """The same encoder, but a detail layer that the feature extractor does not make."""
-        own = LCTGModel.from_pretrained(checkpoint, subfolder="lctg")
-        detailed = make_lctg(**{**own.config, "feature_channels": 26, "latent_channels": 6, "detail_channels": 2})
-        detailed.encoder.load_state_dict(own.encoder.state_dict())
-        detailed.save_pretrained(tmp_path / "detailed" / "lctg")
-        told = refused([*words, "--lctg", str(tmp_path / "detailed")], capsys)
-        assert "`lctg` hears 26 feature channels, `feature_extractor` makes 24" in told
-        assert not (tmp_path / "small").exists()
-
-    def test_of_the_same_latents_is_taken(self, checkpoint, make_lctg, tmp_path):
-        own = LCTGModel.from_pretrained(checkpoint, subfolder="lctg")
-        other = make_lctg(seed=7, **{k: v for k, v in own.config.items() if not k.startswith("_")})
-        other.encoder.load_state_dict(own.encoder.state_dict())
-        other.save_pretrained(tmp_path / "other" / "lctg")
-        pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
-        publish._replace_lctg(pipe, tmp_path / "other")
-        assert torch.equal(pipe.lctg.decoder.conv_in.weight, other.decoder.conv_in.weight)
-
-
 class TestReport:
     @pytest.fixture
     def report(self, checkpoint, prepared, tmp_path):

@@ -136,7 +136,7 @@ def test_nothing_but_errors_on_stderr(texture, tmp_path, silence):
     _write_csv(tmp_path / "r.csv", texture)
     words = ["reconstruct", str(tmp_path / "r.csv"), "--column", "Fx", "--rate", "10000", "--output", str(tmp_path)]
     done = subprocess.run(
-        [sys.executable, "-m", "tactile_diffusers.cli.main", *words, silence],
+        [sys.executable, "-m", "tactile_diffusers_cli", *words, silence],
         capture_output=True,
         text=True,
         check=True,

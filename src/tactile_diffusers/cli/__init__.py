@@ -1,1 +1,1 @@
-"""The command line. The scripts in `examples/` are thin over it."""
+"""The commands, a module each. `tactile_diffusers_cli` calls them by name; the scripts in `examples/` do, too."""

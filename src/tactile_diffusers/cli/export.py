@@ -1,4 +1,4 @@
-"""`python examples/export.py`: textures that this package wrote, as files for devices and other programs."""
+"""`tactile-diffusers export`: textures that this package wrote, as files for devices and other programs."""
 
 import argparse
 import json
@@ -12,7 +12,7 @@ from ..export.generated import MANIFEST, read_generated
 from ..export.png import HEIGHT, PIXEL_PITCH
 from ..export.round_trip import round_trip, round_trip_markdown
 from ..signal import REFERENCE_FORCE
-from .program import Parser, program, refuse
+from .program import Parser, add_output_argument, count, positive_number, program, refuse
 
 #: Readers of the files that the command takes, by their last suffix.
 READERS = {".npz": FORMATS["npz"].read, ".h5": FORMATS["hdf5"].read, ".wav": FORMATS["wav"].read}
@@ -34,28 +34,22 @@ def parse_arguments(argv=None):
     )
     add = parser.add_argument
     add("--input", type=Path, required=True, metavar="PATH", help="an .npz, .h5 or .wav file (with its .wav.json) of "
-        "this package, or a folder of generate_dataset.py, or one of .npz files")  # fmt: skip
-    add("--output", type=Path, required=True, metavar="FOLDER", help="where the files go")
+        "this package, a folder of .npz files, or one of `tactile-diffusers dataset`")  # fmt: skip
+    add_output_argument(parser, "folder of the files")
     add("--formats", nargs="+", choices=FORMATS, default=list(FORMATS), metavar="FORMAT", help="default: all")
-    add("--pixel_pitch", type=float, default=PIXEL_PITCH, metavar="MM", help=f"of the display, png; default: "
-        f"{PIXEL_PITCH}")  # fmt: skip
-    add("--height", type=int, default=HEIGHT, metavar="ROWS", help=f"of the picture, png; default: {HEIGHT}")
-    add("--normal_force", type=float, default=REFERENCE_FORCE, metavar="N", help="at which the texture was recorded, "
-        f"png and hjif-friction; default: {REFERENCE_FORCE}")  # fmt: skip
+    add("--pixel_pitch", type=positive_number, default=PIXEL_PITCH, metavar="MM", help="distance of two pixels on the "
+        f"display, mm; for png; default: {PIXEL_PITCH}")  # fmt: skip
+    add("--height", type=count, default=HEIGHT, metavar="ROWS", help=f"of the picture; for png; default: {HEIGHT}")
+    add("--normal_force", type=positive_number, default=REFERENCE_FORCE, metavar="N", help="at which the texture was "
+        f"recorded, N; for png and hjif-friction; default: {REFERENCE_FORCE}")  # fmt: skip
     add("--round_trip", action="store_true", help="read every file back and print what was lost")
-    add("--json", action="store_true", help="print JSON; null = unknown, or exact in `snr_db`")
+    add("--json", action="store_true", help="print JSON; null = unknown, or no loss in `snr_db`")
     arguments = parser.parse_args(argv)
-    for name in ("pixel_pitch", "height", "normal_force"):
-        value = getattr(arguments, name)
-        if not (value > 0 and math.isfinite(value)):
-            parser.error(f"argument --{name}: must be above zero, got {value}")
     if not arguments.input.exists():
         parser.error(f"argument --input: {arguments.input} does not exist")
     source = arguments.input if arguments.input.is_dir() else arguments.input.parent
     if arguments.output.resolve() == source.resolve():
         parser.error(f"argument --output: {arguments.output} is where --input lies; give another folder")
-    if arguments.output.exists() and not arguments.output.is_dir():
-        parser.error(f"argument --output: {arguments.output} is not a folder")
     return arguments
 
 
@@ -77,10 +71,8 @@ def main(argv=None):
         return refuse("export.py", error)
     if arguments.json:
         print(json.dumps([{key: _finite(value) for key, value in row.items()} for row in rows], indent=1))
-    if arguments.round_trip:
-        table = round_trip_markdown(rows)
-        if not arguments.json:
-            print(f"\n{table}")
+    elif arguments.round_trip:
+        print(f"\n{round_trip_markdown(rows)}")
     return 0
 
 
@@ -99,9 +91,7 @@ def read_textures(path):
     """
     if path.is_file():
         if path.suffix not in READERS:
-            raise ValueError(
-                f"{path} must end in {', '.join(READERS)}, which hold newtons and all that belongs to them."
-            )
+            raise ValueError(f"{path} must end in {', '.join(READERS)}: these formats hold newtons and metadata.")
         texture, metadata = READERS[path.suffix](path)
         yield _stem(path), texture, metadata
     elif (path / MANIFEST).is_file():

@@ -127,6 +127,25 @@ def add_output_argument(parser, purpose):
     parser.add_argument("--output", type=output_folder, required=True, metavar="FOLDER", help=purpose)
 
 
+def add_generation_arguments(parser):
+    """Adds how textures are generated: `--num_inference_steps` and so on; see `generation_options`."""
+    add = parser.add_argument
+    add("--decoder", metavar="NAME", help="further decoder of the checkpoint, as 'distilled'; default: its own")
+    add("--num_inference_steps", type=count, metavar="N", help="diffusion steps of LCTG, the decoder; default: the "
+        "checkpoint's; bundled: 5, distilled: 2")  # fmt: skip
+    add("--num_latent_inference_steps", type=count, metavar="N", help="diffusion steps of DALE, which generates the "
+        "latents; default: the checkpoint's; bundled: 5")  # fmt: skip
+    add("--guidance_scale", type=float, default=1.0, metavar="W", help="weight of the ratings; default: 1, off")
+    add("--duration_s", type=float, metavar="SECONDS", help="of a texture, s; default: one segment of 1.6384 s")
+
+
+def generation_options(arguments):
+    """Keywords for a call of the pipeline; those that were left out keep the pipeline's defaults."""
+    names = ("num_inference_steps", "num_latent_inference_steps", "guidance_scale", "duration_s")
+    found = {name: getattr(arguments, name) for name in names}
+    return {name: value for name, value in found.items() if value is not None}
+
+
 def checkpoint_folder(name):
     """The folder of a checkpoint; one on the Hub is downloaded.
 
@@ -146,12 +165,13 @@ def checkpoint_name(name):
     return Path(name).resolve().name if Path(name).is_dir() else name
 
 
-def load_pipeline(name, quiet=True):
+def load_pipeline(name, quiet=True, **options):
     """Loads the pipeline of a checkpoint.
 
     Args:
         name (`str` or `Path`): as `--checkpoint` was parsed.
         quiet (`bool`): no progress bars, of loading and of calls.
+        options: of `TactileTexturePipeline.from_pretrained`, such as `decoder` and `dtype`.
 
     Returns:
         `TactileTexturePipeline`
@@ -166,7 +186,7 @@ def load_pipeline(name, quiet=True):
 
     if quiet:
         disable_progress_bar()
-    pipe = TactileTexturePipeline.from_pretrained(str(name))
+    pipe = TactileTexturePipeline.from_pretrained(str(name), **options)
     pipe.set_progress_bar_config(disable=quiet)
     return pipe
 

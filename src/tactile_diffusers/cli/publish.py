@@ -1,5 +1,6 @@
-"""`python examples/publish.py`: a trained pipeline as a small, documented checkpoint folder."""
+"""`tactile-diffusers publish`: a trained pipeline as a small, documented checkpoint folder."""
 
+import argparse
 import os
 import re
 import shutil
@@ -10,82 +11,79 @@ from pathlib import Path
 from ..checkpoints import DISTILLED
 from ..io.files import clear_left_behind, whole_folder
 from ..io.reading import read_json, reading
-from .program import Parser, program, refuse
+from .program import Parser, existing_file, existing_folder, program, refuse
 
 #: Folder of a checkpoint with the pictures of its report.
 REPORT = "report"
+
+
+def _folder_with(file, command):
+    """A type of argument: a folder that `command` wrote, with the file `file`."""
+
+    def folder(word):
+        if not (Path(word) / file).is_file():
+            raise argparse.ArgumentTypeError(f"{word} has no {file}; it is written by {command}")
+        return Path(word)
+
+    return folder
+
+
+def _hub_id(word):
+    if not re.fullmatch(r"[\w.-]+/[\w.-]+", word):
+        raise argparse.ArgumentTypeError(f"must be USER/NAME, got {word!r}")
+    return word
 
 
 def parse_arguments(argv=None):
     """Arguments of the command.
 
     Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+        SystemExit: on bad arguments, with exit code 2 and a line that names the argument.
     """
     parser = Parser(prog=program("publish.py"), description="Store a trained pipeline small and documented.")
-    parser.add_argument("--checkpoint", type=Path, required=True, metavar="FOLDER", help="trained pipeline")
-    parser.add_argument(
-        "--runs",
-        type=Path,
-        nargs="+",
-        required=True,
-        metavar="FOLDER",
-        help="output folders of its trainings, in order",
+    add = parser.add_argument
+    run = _folder_with("training.json", "the training scripts")
+    add("--checkpoint", type=existing_folder, required=True, metavar="FOLDER", help="the trained pipeline")
+    add(
+        "--runs", type=run, nargs="+", required=True, metavar="FOLDER", help="output folders of its trainings, in order"
     )
-    parser.add_argument("--lctg", type=Path, metavar="FOLDER", help="take LCTG from here: same encoder, better decoder")
-    parser.add_argument("--distilled", type=Path, metavar="FOLDER", help="output folder of distill_lctg.py, goes along")
-    parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="what it was trained on")
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--note", default="", help="a sentence on how the trainings were run, for the card")
-    parser.add_argument(
-        "--report",
-        type=Path,
-        metavar="FOLDER",
-        help="output folder of evaluate.py: its tables and figures, for the card",
-    )
-    parser.add_argument(
-        "--data_card", type=Path, metavar="FOLDER", help="output folder of inspect_data.py: its warnings, for the card"
-    )
-    parser.add_argument("--licence", help="of the weights, as the Hub names it; default: that of the data")
-    parser.add_argument("--push_to_hub", metavar="USER/NAME", help="send the folder there; log in with `hf auth login`")
+    add("--distilled", type=run, metavar="FOLDER", help="output folder of distill_lctg.py: its decoder goes along")
+    add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="what the pipeline was trained on")
+    add("--output", type=Path, required=True, metavar="FOLDER", help="new, or published before: then it is replaced")
+    add("--note", default="", help="a sentence on how the trainings were run, for the card")
+    add("--report", type=_folder_with("report.json", "examples/evaluate.py"), metavar="FOLDER", help="output folder of "
+        "evaluate.py: its tables and pictures, for the card")  # fmt: skip
+    add("--data_card", type=_folder_with("card.json", "examples/inspect_data.py"), metavar="FOLDER", help="output "
+        "folder of inspect_data.py: its warnings, for the card")  # fmt: skip
+    add("--licence", help="of the weights, as the Hub names it; default: that of the data")
+    add("--push_to_hub", type=_hub_id, metavar="USER/NAME", help="send the folder there; log in with `hf auth login`")
     arguments = parser.parse_args(argv)
-    for run in [*arguments.runs, *([arguments.distilled] if arguments.distilled else [])]:
-        if not (run / "training.json").is_file():
-            parser.error(f"argument --runs: {run} has no training.json; it is written by the training scripts")
-    for name, file, command in (("report", "report.json", "evaluate"), ("data_card", "card.json", "inspect_data")):
-        folder = getattr(arguments, name)
-        if folder is not None and not (folder / file).is_file():
-            parser.error(f"argument --{name}: {folder} has no {file}; it is written by examples/{command}.py")
-    if arguments.push_to_hub is not None and not re.fullmatch(r"[\w.-]+/[\w.-]+", arguments.push_to_hub):
-        parser.error(f"argument --push_to_hub: must be USER/NAME, got {arguments.push_to_hub!r}")
-    _check_output(parser, arguments)
+    try:
+        _check_output(arguments)
+    except (ValueError, OSError) as error:
+        parser.error(f"argument --output: {error}")
     return arguments
 
 
-def _check_output(parser, arguments):
-    """Refuses an output that is no folder, or whose replacement would take what was given, or all, with it."""
+def _check_output(arguments):
+    """Refuses an output that is no folder, or whose replacement would remove what was given or anything foreign."""
     output = arguments.output.resolve()
     if output.exists() and not output.is_dir():
-        parser.error(f"argument --output: {arguments.output} is not a folder")
-    given = ("checkpoint", "lctg", "distilled", "data", "report", "data_card")
-    kept = [*(getattr(arguments, name) for name in given), *arguments.runs, Path.cwd()]
-    for path in filter(None, kept):
+        raise ValueError(f"{arguments.output} is not a folder")
+    given = (getattr(arguments, name) for name in ("checkpoint", "distilled", "data", "report", "data_card"))
+    for path in filter(None, [*given, *arguments.runs, Path.cwd()]):
         if output in (path.resolve(), *path.resolve().parents):
-            parser.error(
-                f"argument --output: {arguments.output} would be replaced as a whole, and {path} lies in it; give "
-                "another folder"
+            raise ValueError(
+                f"{arguments.output} would be replaced as a whole, and {path} lies in it; give another folder"
             )
-    try:
-        _check_replaceable(output)
-    except (ValueError, OSError) as error:
-        parser.error(f"argument --output: {error}")
+    _check_replaceable(output)
 
 
 def _check_replaceable(output):
-    """Refuses a folder that holds anything which this command did not write: it is replaced as a whole.
+    """Refuses a folder that holds anything but a published checkpoint.
 
     Raises:
-        ValueError: naming what is foreign, if the folder is neither absent, empty nor a published checkpoint.
+        ValueError: naming what is foreign.
     """
     from ..pipelines.hub import BESIDE
 
@@ -95,34 +93,15 @@ def _check_replaceable(output):
         index = read_json(output / "model_index.json", "the index of a checkpoint")
         known = {"model_index.json", *index}
         known |= {name for name in found for pattern in BESIDE if fnmatchcase(name, pattern.split("/")[0])}
-    foreign = sorted(found - known)
-    if foreign:
+    if foreign := sorted(found - known):
         raise ValueError(
             f"{output} would be replaced as a whole, and holds {foreign[:3]}, which no publish.py wrote; give a new "
             "folder, or move what is in it"
         )
 
 
-def _replace_lctg(pipe, folder):
-    """Gives `pipe` the LCTG of another pipeline folder.
-
-    Raises:
-        ValueError: if its encoder differs: DALE was trained on the latents of the one that `pipe` has; or if it does
-            not fit the other components.
-    """
-    from tactile_diffusers import LCTGModel
-    from tactile_diffusers.models.lctg import same_encoder
-    from tactile_diffusers.pipelines.inputs import check_components
-
-    other = LCTGModel.from_pretrained(folder, subfolder="lctg", dtype=pipe.lctg.dtype)
-    if not same_encoder(other, pipe.lctg):
-        raise ValueError(f"--lctg {folder} has another encoder than --checkpoint: DALE would speak another language.")
-    pipe.register_modules(lctg=other)
-    check_components(pipe.lctg, pipe.feature_extractor, pipe.dale)  # what the weights of an encoder do not tell
-
-
 def _add_distilled(pipe, folder, output):
-    """Stores the distilled LCTG of a training beside the pipeline.
+    """Stores the distilled decoder of a training beside the pipeline.
 
     Raises:
         ValueError: if its encoder is not the pipeline's.
@@ -136,7 +115,7 @@ def _add_distilled(pipe, folder, output):
     lctg.save_pretrained(str(output / DISTILLED))
 
 
-def _warnings(folder, data):
+def _data_warnings(folder, data):
     """The warnings of a data card as Markdown.
 
     Raises:
@@ -146,26 +125,26 @@ def _warnings(folder, data):
 
     with reading(folder / "card.json", "a data card", "Write it again with examples/inspect_data.py."):
         card = read_json(folder / "card.json", "JSON")
-        described, given = card["recordings"]["attributes"].get("source"), data.source
-        surfaces = (card["recordings"]["surfaces"], len(data.surfaces))
+        source = card["recordings"]["attributes"].get("source")
+        surfaces = card["recordings"]["surfaces"]
         warnings = warnings_in_words(card)
-    if described != given or surfaces[0] != surfaces[1]:
+    if source != data.source or surfaces != len(data.surfaces):
         raise ValueError(
-            f"--data_card {folder} describes {surfaces[0]} surfaces of {described!r}, --data holds {surfaces[1]} of "
-            f"{given!r}: write the card of these data with examples/inspect_data.py."
+            f"--data_card {folder} describes {surfaces} surfaces of {source!r}, --data holds {len(data.surfaces)} of "
+            f"{data.source!r}: write the card of these data with examples/inspect_data.py."
         )
     return warnings
 
 
 def _report(folder, digests, output, known):
-    """The results of an evaluation as Markdown; its pictures are copied into `output`.
+    """The results of an evaluation as Markdown; copies its pictures into `output`.
 
-    Surfaces that judged the checkpoint though it was trained on them are told on stderr and in the results.
+    Warns on stderr, and in the results, of test surfaces that the checkpoint was trained on.
 
     Args:
         folder (`Path`): output folder of evaluate.py.
-        digests (`set[str]`): of the checkpoints, either of which may have been evaluated.
-        output (`Path`): the folder of the model card.
+        digests (`set[str]`): of the checkpoints, any of which may have been evaluated.
+        output (`Path`): folder of the model card.
         known (`list[dict]`): surfaces of its training, as `trained_on` finds them.
 
     Raises:
@@ -174,7 +153,7 @@ def _report(folder, digests, output, known):
     from ..evaluation.summary import readme_markdown
     from ..training.surfaces import count_seen, warning
 
-    told, path = "", folder / "report.json"
+    path, text = folder / "report.json", ""
     with reading(path, "a report", "Run examples/evaluate.py again."):
         report = read_json(path, "JSON")
         if report["checkpoint"]["sha256"] not in digests:
@@ -182,16 +161,14 @@ def _report(folder, digests, output, known):
                 f"--report {path} is of another checkpoint ({report['checkpoint']['name']}): evaluate this one with "
                 "examples/evaluate.py."
             )
-        judged = report.get("judged")  # an older report does not name them
-        if judged is not None:
+        if (judged := report.get("judged")) is not None:
             report["seen_in_training"] = count_seen(judged, known)
-            told = warning(report["seen_in_training"], len(judged["surfaces"]))
+            text = warning(report["seen_in_training"], len(judged["surfaces"]))
         markdown = readme_markdown(report, REPORT)
-    if told:
-        print(f"{program('publish.py')}: warning: --report {folder}: {told}", file=sys.stderr)
+    if text:
+        print(f"{program('publish.py')}: warning: --report {folder}: {text}", file=sys.stderr)
     pictures = re.findall(rf"\]\({REPORT}/([^)]+)\)", markdown)
-    missing = [name for name in pictures if not (folder / name).is_file()]
-    if missing:
+    if missing := [name for name in pictures if not (folder / name).is_file()]:
         raise ValueError(f"--report {folder} lacks {missing}: run examples/evaluate.py again, it goes on where it was.")
     for name in pictures:
         (output / REPORT).mkdir(exist_ok=True)
@@ -216,28 +193,27 @@ def _fill(arguments, temporary):
     from ..training.surfaces import surfaces_of, trained_on, write_surfaces
 
     pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint), dtype=torch.float16)
-    if arguments.lctg is not None:
-        _replace_lctg(pipe, arguments.lctg)
     data = PreparedDataset(arguments.data, "train")
-    warnings = None if arguments.data_card is None else _warnings(arguments.data_card, data)
+    warnings = None if arguments.data_card is None else _data_warnings(arguments.data_card, data)
     pipe.save_pretrained(str(temporary))
     forget_folders(temporary)
     digests = {folder_digest(arguments.checkpoint), folder_digest(temporary)}
+    runs = arguments.runs
     if arguments.distilled is not None:
         _add_distilled(pipe, arguments.distilled, temporary)
         forget_folders(temporary)
         digests.add(folder_digest(temporary))
-    distilled = [arguments.distilled] if arguments.distilled else []
-    found, complete = trained_on([*arguments.runs, *distilled, *([arguments.lctg] if arguments.lctg else [])])
+        runs = [*runs, arguments.distilled]
+    found, complete = trained_on(runs)
     write_surfaces(temporary, found, complete)
-    # trainings of old kept no names: those of --data, which they trained on by what the user says, stand in
+    # trainings that did not record their surfaces had those of --data
     known = [*found, surfaces_of(data)]
     report = None if arguments.report is None else _report(arguments.report, digests, temporary, known)
     write_card(
         temporary,
         pipe,
         data,
-        [*arguments.runs, *distilled],
+        runs,
         place=arguments.push_to_hub or arguments.output.resolve().name,
         licence=arguments.licence,
         warnings=warnings,
@@ -247,10 +223,10 @@ def _fill(arguments, temporary):
 
 
 def main(argv=None):
-    """Runs the command: writes the folder under a temporary name, renames it, and sends it if asked.
+    """Runs the command: writes the folder under a temporary name, renames it, and sends it to the Hub if asked.
 
     Returns:
-        `int`: 0; 1 if the folder is written, but the Hub refused it; or 2 if something was refused before (one line on
+        `int`: 0; 1 if the folder is written, but the Hub refused it; 2 if something was refused before (one line on
         stderr, nothing written).
     """
     arguments = parse_arguments(argv)
@@ -273,8 +249,10 @@ def main(argv=None):
     try:
         upload_checkpoint(output, arguments.push_to_hub)
     except OSError as error:
-        told = f"{arguments.output} is written, but the Hub refused it: {error}"
-        print(f"{program('publish.py')}: error: {told}", file=sys.stderr)
+        print(
+            f"{program('publish.py')}: error: {arguments.output} is written, but the Hub refused it: {error}",
+            file=sys.stderr,
+        )
         return 1
     print(f"sent to https://huggingface.co/{arguments.push_to_hub}")
     return 0

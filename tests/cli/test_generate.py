@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import tactile_diffusers
+from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.cli.generate import main, parse_arguments
+from tactile_diffusers.pipelines import PRESETS
 from tactile_diffusers.pipelines.inputs import parse_ratings
 
 #: a small checkpoint of an earlier version, with the typical rater's statistics but without quantiles
@@ -27,8 +29,8 @@ class RecordingPipeline:
         self.progress_bar = {}
         self.error = None
 
-    def from_pretrained(self, folder):
-        self.folder = folder
+    def from_pretrained(self, folder, decoder=None):
+        self.folder, self.decoder = folder, decoder
         return self
 
     def set_progress_bar_config(self, **options):
@@ -55,7 +57,6 @@ class RecordingPipeline:
 def pipeline(monkeypatch):
     recorder = RecordingPipeline()
     monkeypatch.setattr(tactile_diffusers, "TactileTexturePipeline", recorder, raising=False)
-    monkeypatch.setattr(tactile_diffusers, "bundled_checkpoint", lambda: "bundled", raising=False)
     return recorder
 
 
@@ -63,32 +64,43 @@ def _parse(*arguments):
     return parse_arguments([*arguments, "--output", "out"])
 
 
-def test_ratings_may_be_negative_or_not_specified():
-    assert _parse("--ratings", "1.5", "0", "-1").ratings == [1.5, 0, -1]
-    assert _parse("--ratings", "-1.5", "-.5", "-2").ratings == [-1.5, -0.5, -2]
-    ratings = _parse("--ratings", "1.5", "nan", "-1").ratings
-    assert ratings[::2] == [1.5, -1] and math.isnan(ratings[1])
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("--ratings 1.5 0 -1", [1.5, 0, -1]),
+        ("--ratings -1.5 -.5 -2", [-1.5, -0.5, -2]),
+        ("--ratings 1.5 nan -1", [1.5, math.nan, -1]),
+        ("--ratings none 0 -1", [math.nan, 0, -1]),
+        ("--bumpiness -1.2", [math.nan, -1.2, math.nan]),
+        ("--roughness 1 --bumpiness 2 --slipperiness -1", [1, 2, -1]),
+        ("--preset denim", list(PRESETS["denim"])),
+    ],
+)
+def test_ratings_by_row_by_axis_or_by_name(words, expected):
+    np.testing.assert_array_equal(_parse(*words.split()).ratings, expected)
 
 
-def test_single_axes_leave_the_others_unspecified():
-    ratings = _parse("--bumpiness", "-1.2").ratings
-    assert ratings[1] == -1.2 and math.isnan(ratings[0]) and math.isnan(ratings[2])
-    assert _parse("--roughness", "1", "--bumpiness", "2", "--slipperiness", "-1").ratings == [1, 2, -1]
+def test_a_preset_may_leave_axes_open():
+    ratings = _parse("--preset", "rough, whatever else").ratings
+    assert ratings[0] == 1.3 and np.isnan(ratings[1:]).all()
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "give either --ratings or one or more of --roughness, --bumpiness, --slipperiness"),
-        (["--ratings", "1", "0", "0", "--roughness", "1"], "give either --ratings or"),
+        ([], "give either --ratings, or --preset, or one or more of --roughness, --bumpiness, --slipperiness"),
+        (["--ratings", "1", "0", "0", "--roughness", "1"], "give either --ratings, or"),
+        (["--preset", "denim", "--roughness", "1"], "give either --ratings, or"),
+        (["--preset", "velvet"], "argument --preset: invalid choice: 'velvet'"),
+        (["--preset", "denim", "--rating_scale", "raw"], "argument --rating_scale: leave it out"),
         (["--ratings", "1", "0"], "expected 3 arguments"),
         (["--ratings", "1", "0", "rough"], "must be a number, or none = not specified, got 'rough'"),
-        (["--roughness", "1", "--takes", "0"], "argument --takes: must be at least 1, got 0"),
+        (["--roughness", "1", "--num_textures_per_rating", "0"], "must be at least 1, got 0"),
         (["--roughness", "1", "--seed", "-1"], "argument --seed: must be at least 0"),
         (["--roughness", "1", "--seed", "9223372036854775808"], "argument --seed"),
-        (["--roughness", "1", "--rating-scale", "percent"], "argument --rating-scale: invalid choice: 'percent'"),
-        (["--roughness", "1", "--steps", "ten"], "invalid int value: 'ten'"),
-        (["--roughness", "1", "--checkpoint", "no such folder"], "no such folder is not a folder"),
+        (["--roughness", "1", "--rating_scale", "percent"], "argument --rating_scale: invalid choice: 'percent'"),
+        (["--roughness", "1", "--num_inference_steps", "ten"], "argument --num_inference_steps: invalid count value"),
+        (["--roughness", "1", "--checkpoint", "no such folder"], "no such folder is neither a folder"),
     ],
 )
 def test_bad_arguments_are_refused_with_one_line(capsys, arguments, message):
@@ -116,11 +128,12 @@ def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
         "texture.png",
     }
     # what was not asked for is left to the pipeline
-    assert pipeline.call == {"ratings": [1.5, 0, -1], "num_textures_per_rating": 1}
-    assert pipeline.folder == "bundled"
+    common = {"num_textures_per_rating": 1, "rating_scale": "z", "guidance_scale": 1.0}
+    assert pipeline.call == {"ratings": [1.5, 0, -1], **common}
+    assert pipeline.folder == bundled_checkpoint() and pipeline.decoder is None
     with np.load(output / "texture.npz") as file:
         assert (file["seed"], file["sampling_rate"], file["reference_speed"]) == (0, 10000, 80)
-        assert file["checkpoint"] == "bundled"
+        assert file["checkpoint"] == "virtual-surfaces"
         np.testing.assert_array_equal(file["ratings"], [1.5, 0, -1])
         rms = np.sqrt(np.mean(file["texture"].astype(np.float64) ** 2))
     printed = capsys.readouterr().out
@@ -135,14 +148,23 @@ def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
 
 
 def test_options_are_passed_on(pipeline, tmp_path, capsys):
-    arguments = ["--roughness=1", "--steps=4", "--latent-steps=6", "--guidance-scale=2.5", "--duration=3"]
-    arguments += ["--checkpoint", str(tmp_path), "--output", str(tmp_path / "out"), "--quiet"]
+    arguments = ["--roughness=1", "--num_inference_steps=4", "--num_latent_inference_steps=6", "--guidance_scale=2.5"]
+    arguments += [
+        "--duration_s=3",
+        "--decoder=distilled",
+        "--checkpoint",
+        str(tmp_path),
+        "--output",
+        str(tmp_path / "out"),
+        "--quiet",
+    ]
     assert main(arguments) == 0
-    assert pipeline.folder == str(tmp_path)
+    assert pipeline.folder == str(tmp_path) and pipeline.decoder == "distilled"
     assert pipeline.progress_bar == {"disable": True}
     del pipeline.call["ratings"]
     assert pipeline.call == {
         "num_textures_per_rating": 1,
+        "rating_scale": "z",
         "num_inference_steps": 4,
         "num_latent_inference_steps": 6,
         "guidance_scale": 2.5,
@@ -152,8 +174,9 @@ def test_options_are_passed_on(pipeline, tmp_path, capsys):
 
 
 def test_the_seed_in_each_file_makes_that_take_again(pipeline, tmp_path):
-    assert main(["--roughness", "1", "--takes", "3", "--seed", "40", "--quiet", "--output", str(tmp_path)]) == 0
+    assert main(["--roughness", "1", "--num_textures_per_rating", "3", "--seed", "40", "--output", str(tmp_path)]) == 0
     assert sorted(path.name for path in tmp_path.glob("*.npz")) == [f"texture_{take:03d}.npz" for take in range(3)]
+    assert [path.name for path in tmp_path.glob("*.png")] == ["texture_000.png"]
     with np.load(tmp_path / "texture_002.npz") as third:
         assert third["seed"] == 42
         main(["--roughness", "1", "--seed", "42", "--quiet", "--output", str(tmp_path)])
@@ -175,10 +198,10 @@ def test_the_rating_scale_is_passed_on_and_files_hold_z_scores(pipeline, tmp_pat
     statistics = {"ratings_mean": [4.0, 3.0, 5.0], "ratings_std": [2.0, 1.0, 1.0]}
     axes = ["roughness", "bumpiness", "slipperiness"]
     pipeline.dale = SimpleNamespace(config=SimpleNamespace(rating_axes=axes, **statistics))
-    assert main(["--ratings", "7", "nan", "4", "--rating-scale", "raw", "--output", str(tmp_path)]) == 0
+    assert main(["--ratings", "7", "nan", "4", "--rating_scale", "raw", "--output", str(tmp_path)]) == 0
     asked = pipeline.call.pop("ratings")
     assert (asked[0], asked[2]) == (7, 4) and math.isnan(asked[1])
-    assert pipeline.call == {"num_textures_per_rating": 1, "rating_scale": "raw"}
+    assert pipeline.call == {"num_textures_per_rating": 1, "rating_scale": "raw", "guidance_scale": 1.0}
     with np.load(tmp_path / "texture.npz") as file:
         np.testing.assert_allclose(file["ratings"], [1.5, np.nan, -1.0])
     assert json.loads((tmp_path / "texture.wav.json").read_text())["ratings"] == [1.5, None, -1.0]
@@ -187,7 +210,7 @@ def test_the_rating_scale_is_passed_on_and_files_hold_z_scores(pipeline, tmp_pat
 
 @pytest.mark.parametrize("scale", ["z", "raw", "percentile"])
 def test_every_rating_scale_of_the_pipeline_has_its_word(scale):
-    assert _parse("--roughness", "1", "--rating-scale", scale).rating_scale == scale
+    assert _parse("--roughness", "1", "--rating_scale", scale).rating_scale == scale
     with pytest.raises(ValueError, match=r"\['z', 'raw', 'percentile'\]"):
         parse_ratings([0, 0, 0], SimpleNamespace(rating_axes="abc"), "none of these")
 
@@ -195,10 +218,10 @@ def test_every_rating_scale_of_the_pipeline_has_its_word(scale):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--ratings", "9", "4", "4", "--rating-scale", "raw"], "between 0 and 8 .* got roughness = 9.0"),
-        (["--bumpiness", "-1", "--rating-scale", "raw"], "between 0 and 8 .* got bumpiness = -1.0"),
+        (["--ratings", "9", "4", "4", "--rating_scale", "raw"], "between 0 and 8 .* got roughness = 9.0"),
+        (["--bumpiness", "-1", "--rating_scale", "raw"], "between 0 and 8 .* got bumpiness = -1.0"),
         (["--ratings", "7", "4", "4"], "z-scores between -6 and 6 .* got roughness = 7.0"),
-        (["--roughness", "50", "--rating-scale", "percentile"], r"needs \['ratings_quantiles'\]"),
+        (["--roughness", "50", "--rating_scale", "percentile"], r"needs \['ratings_quantiles'\]"),
     ],
 )
 def test_the_check_of_ratings_follows_the_scale(tmp_path, capsys, arguments, message):
@@ -208,7 +231,7 @@ def test_the_check_of_ratings_follows_the_scale(tmp_path, capsys, arguments, mes
 
 
 def test_guidance_that_makes_levels_explode_is_refused_in_a_line(tmp_path, capsys):
-    words = ["--ratings", "1", "0", "0", "--guidance-scale", "1e30", "--steps", "2", "--quiet"]
+    words = ["--ratings", "1", "0", "0", "--guidance_scale", "1e30", "--num_inference_steps", "2", "--quiet"]
     with warnings.catch_warnings(action="error", category=RuntimeWarning):
         assert main([*words, "--checkpoint", str(TINY), "--output", str(tmp_path / "out")]) == 2
     assert "generate.py: error: Textures overflow" in capsys.readouterr().err

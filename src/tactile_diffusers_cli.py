@@ -1,0 +1,56 @@
+"""The console command `tactile-diffusers COMMAND`.
+
+It lies beside the package and not in it, because importing the package imports torch: help and errors need none of it.
+A command's own module, in `tactile_diffusers.cli`, is imported when the command is called.
+"""
+
+import importlib
+import importlib.metadata
+import sys
+
+NAME = "tactile-diffusers"
+#: Command -> module in `tactile_diffusers.cli` and what it does.
+COMMANDS = {
+    "generate": ("generate", "textures of ratings, as files"),
+    "reconstruct": ("reconstruct", "a recording through encoder and decoder, and how close it comes"),
+    "export": ("export", "textures in the formats of devices"),
+    "dataset": ("generate_dataset", "many textures, by several processes"),
+    "prepare": ("prepare_data", "recordings as a data set for training"),
+    "inspect": ("inspect_data", "a report on recordings, with warnings and remedies"),
+    "evaluate": ("evaluate", "metrics of a checkpoint on held-out surfaces"),
+    "compare": ("compare", "several evaluations side by side"),
+    "study": ("make_study", "stimuli, trials and analysis of a study with people"),
+    "publish": ("publish", "a trained pipeline as a small, documented folder"),
+}
+
+
+def usage():
+    """The commands, a line each."""
+    width = max(map(len, COMMANDS))
+    rows = [f"  {name:{width}}  {text}" for name, (_, text) in COMMANDS.items()]
+    end = f"`{NAME} COMMAND --help` lists the options of a command, `{NAME} --version` prints the version."
+    return "\n".join([f"usage: {NAME} COMMAND [options]", "", *rows, "", end])
+
+
+def main(argv=None):
+    """Runs a command and returns its exit code; 2 if there is no such command.
+
+    Args:
+        argv (`list[str]`, *optional*): the command and its options; defaults to those of the process.
+    """
+    argv = sys.argv[1:] if argv is None else list(argv)
+    if not argv or argv[0] in ("-h", "--help"):
+        print(usage())
+        return 0 if argv else 2
+    if argv[0] == "--version":
+        print(importlib.metadata.version(NAME))
+        return 0
+    if argv[0] not in COMMANDS:
+        print(f"{NAME}: error: there is no command {argv[0]!r}\n\n{usage()}", file=sys.stderr)
+        return 2
+    sys.argv[0] = f"{NAME} {argv[0]}"
+    return importlib.import_module(f"tactile_diffusers.cli.{COMMANDS[argv[0]][0]}").main(argv[1:])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
