@@ -8,7 +8,9 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from tactile_diffusers.playback import EndlessProfile, EndlessStream
-from tactile_diffusers.playback.endless import HANDOVER, OVERLAP
+from tactile_diffusers.playback.endless import HANDOVER
+from tactile_diffusers.playback.stream import FADE_SECONDS
+from tactile_diffusers.playback.windows import OVERLAP
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db
 
 #: Surfaces that follow each other, and how often ratings change, s.
@@ -34,13 +36,12 @@ def joints(pipe, quiet):
         pieces = {"joint": [], "middle": []}
         for index in range(1, WINDOWS):
             profile.generate(index - 1, index)
-            profile._recent = {index: 0}  # what is kept lies around it
             for name, place in (("joint", begin), ("middle", 0.5)):
                 x = (index + place) * profile.spacing + np.arange(samples) * speed / DEVICE_RATE
-                pieces[name].append(profile.read(x, np.full(samples, speed)))
+                pieces[name].append(profile.read(x - profile.window_length / 2, np.full(samples, speed)))
                 if name == "joint":
                     one, other = (
-                        profile._windows[k].read(x - k * profile.spacing, np.full(samples, speed))
+                        profile.windows[k].read(x - k * profile.spacing, np.full(samples, speed))
                         for k in (index - 1, index)
                     )
                     agreement.append(np.corrcoef(one, other)[0, 1])
@@ -66,13 +67,13 @@ def starts(pipe):
         with EndlessStream(EndlessProfile(pipe, RATINGS[0], number), 125.0) as stream:
             stream.read(1)
             first.append(time.perf_counter() - begin)
-            while stream._profile.missing():
+            while stream.profile.missing():
                 time.sleep(0.001)
-            before, begin = stream._profile, time.perf_counter()
+            before, begin = stream.profile, time.perf_counter()
             stream.change(RATINGS[1])
-            while stream._profile is before:
+            while stream.profile is before:
                 time.sleep(0.0005)
-            changes.append(time.perf_counter() - begin + stream._fade_samples / DEVICE_RATE)
+            changes.append(time.perf_counter() - begin + FADE_SECONDS)
     return {
         "first sample ms": 1e3 * float(np.median(first[1:])),
         "change felt ms": 1e3 * float(np.median(changes[1:])),
@@ -95,7 +96,7 @@ def clock(pipe, place, rate, block, minutes, quiet):
         `dict`: percentiles in ms, late blocks, shares of a core, memory, largest step.
     """
     blocks, budget = round(minutes * 60 * DEVICE_RATE / block), block / DEVICE_RATE
-    times, late, steps, last, finite, number, substituted = np.empty(blocks), 0, 0.0, 0.0, True, 0, 0
+    times, late, steps, last, finite, number = np.empty(blocks), 0, 0.0, 0.0, True, 0
     memory, busy, began = [], time.process_time(), time.perf_counter()
     with EndlessStream(EndlessProfile(pipe, RATINGS[0]), rate) as stream:
         stream.read(block)
@@ -105,7 +106,6 @@ def clock(pipe, place, rate, block, minutes, quiet):
                 stream.report(number / rate, place[number])
                 number += 1
             if (index + 1) % round(CHANGE_SECONDS / budget) == 0:
-                substituted += stream._profile.substituted
                 stream.change(RATINGS[index // round(CHANGE_SECONDS / budget) % len(RATINGS)])
             if index % round(5 / budget) == 0:
                 memory.append(_resident_mib())
@@ -126,7 +126,7 @@ def clock(pipe, place, rate, block, minutes, quiet):
         "underruns": int(late),
         "reading, share of a core": float(times.sum() / wall),
         "all, share of a core": (time.process_time() - busy) / wall,
-        "windows stood in for": int(substituted),
+        "windows stood in for": stream.substituted,
         "memory MiB": float(np.mean(memory[-quarter:])),
         "its growth MiB": float(np.mean(memory[-quarter:]) - np.mean(memory[quarter : 2 * quarter] or memory)),
         "largest step mN": 1e3 * steps,
@@ -164,7 +164,7 @@ def profiles(pipe, windows=6):
     for ratings in RATINGS:
         profile = EndlessProfile(pipe, ratings)
         profile.generate(*range(windows))
-        made.extend(profile._windows.values())
+        made.extend(profile.windows.values())
     return made
 
 

@@ -13,7 +13,7 @@ from stability_bench import RATINGS, SAME, Row, not_finite, relative
 from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.playback import TextureProfile, TextureStream
 from tactile_diffusers.playback.finger import FASTEST, FingerPath
-from tactile_diffusers.playback.stream import SLOWEST_SLIDING, SPEED_EXPONENT
+from tactile_diffusers.playback.force_laws import SLOWEST_SLIDING, SPEED_EXPONENT
 from tactile_diffusers.signal import DEVICE_RATE
 
 SENSOR_HZ, BLOCK = 125.0, 80

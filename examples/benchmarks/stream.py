@@ -13,7 +13,7 @@ from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.models.lctg import LCTGModel, same_encoder
 from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
 from tactile_diffusers.playback import FingerPath, GeneratingProcess, TextureProfile, TextureStream, on_time
-from tactile_diffusers.playback.stream import SPEED_EXPONENT
+from tactile_diffusers.playback.force_laws import SPEED_EXPONENT
 from tactile_diffusers.signal import DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES, band_levels_db, band_pass
 from tactile_diffusers.virtual.exploration import VELOCITY_RATE, Exploration, steady_exploration, wandering
 from tactile_diffusers.virtual.surface import VirtualSurface

@@ -11,7 +11,7 @@ from sound import SOUND_RMS
 
 from tactile_diffusers.playback import TextureProfile
 from tactile_diffusers.playback.finger import CUTOFF_HZ
-from tactile_diffusers.playback.stream import SLOWEST_SLIDING, SPEED_EXPONENT, TURNING_SPEED
+from tactile_diffusers.playback.force_laws import SLOWEST_SLIDING, SPEED_EXPONENT, TURNING_SPEED
 from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES
 
 #: Height of the page in pixels.

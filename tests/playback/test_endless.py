@@ -23,8 +23,13 @@ def make_profile(pipe):
     return lambda ratings=RATINGS, **options: EndlessProfile(pipe, ratings, **options)
 
 
+def _place(profile, windows):
+    """mm, of places in windows from the beginning of window 0."""
+    return windows * profile.spacing - profile.window_length / 2
+
+
 def _read(profile, begin, end, samples=400, speed=SPEED):
-    return profile.read(np.linspace(begin, end, samples) * profile.spacing, np.full(samples, speed))
+    return profile.read(_place(profile, np.linspace(begin, end, samples)), np.full(samples, speed))
 
 
 def _wait_for(condition, seconds=20.0):
@@ -60,7 +65,7 @@ class TestProfile:
         profile.generate(0, 1)
         place = np.linspace(1 + 0.25 / 3, 1 + 0.75 / 3, 500) * profile.spacing
         speed = np.full(500, SPEED)
-        before, after = (profile._windows[k].read(place - k * profile.spacing, speed) for k in (0, 1))
+        before, after = (profile.windows[k].read(place - k * profile.spacing, speed) for k in (0, 1))
         # random weights look farther around than trained ones; 0.99 of those of the bundled checkpoint
         assert np.corrcoef(before, after)[0, 1] > 0.8
 
@@ -77,21 +82,20 @@ class TestProfile:
         profile = EndlessProfile(make_pipeline(), RATINGS)
         profile.generate(0, 5)
         levels = profile.pipe.lctg.level_channels
-        means = [take[:levels].mean(-1) for take in profile._takes.values()]
+        means = [take[:levels].mean(-1) for take in profile._generator._takes.values()]
         for mean in means[1:]:
             torch.testing.assert_close(mean, means[0])
 
     def test_memory_is_bounded_and_what_was_dropped_comes_back(self, make_profile, monkeypatch):
         monkeypatch.setattr("tactile_diffusers.playback.endless.LARGEST_CACHE", 3)
+        monkeypatch.setattr("tactile_diffusers.playback.windows.LARGEST_TAKES", 5)
         profile = make_profile()
         profile.generate(0)
         first = _read(profile, 0.3, 0.9)
         for index in range(1, 8):
             profile.generate(index)
             _read(profile, index + 0.3, index + 0.9)
-            profile._recent = {index: profile._reads}
-        assert len(profile._windows) == 3 and len(profile._takes) <= 7 and 0 not in profile._windows
-        profile._recent = {0: profile._reads}
+        assert len(profile.windows) == 3 and len(profile._generator._takes) == 5 and 0 not in profile.windows
         profile.generate(0)
         np.testing.assert_allclose(_read(profile, 0.3, 0.9), first, atol=1e-4 * 0.01)
 
@@ -109,6 +113,23 @@ class TestProfile:
         assert np.abs(_read(profile, 7.3, 7.9) - own).max() > 1e-4
         assert profile.substituted == 1
 
+    def test_reading_may_wait_for_windows(self, make_profile):
+        profile, other = make_profile(wait=True), make_profile()
+        other.generate(*range(7, 20))
+        texture = _read(profile, 7.3, 19.7, samples=2000)  # more windows in one read than are kept
+        np.testing.assert_allclose(texture[:300], _read(other, 7.3, 19.7, samples=2000)[:300], atol=1e-4 * 0.01)
+        assert profile.substituted == 0 and len(profile.windows) == 12
+
+    def test_waiting_outlasts_an_interrupt(self, make_profile, monkeypatch):
+        profile, interrupts = make_profile(wait=True), iter([True, True, False])
+        generate = type(profile._generator).generate
+
+        def often_interrupted(generator, *arguments):
+            return {} if next(interrupts) else generate(generator, *arguments)
+
+        monkeypatch.setattr(type(profile._generator), "generate", often_interrupted)
+        assert np.isfinite(_read(profile, 0.4, 0.9)).all() and list(profile.windows) == [0]
+
     def test_an_interrupted_pipeline_leaves_nothing_half_made(self, make_profile, monkeypatch):
         profile = make_profile()
         decode = type(profile.pipe).decode
@@ -120,7 +141,7 @@ class TestProfile:
 
         monkeypatch.setattr(type(profile.pipe), "decode", interrupted)
         profile.generate(0)
-        assert profile._windows == {}
+        assert profile.windows == {}
         with pytest.raises(RuntimeError, match="`generate` a window first"):
             _read(profile, 0, 1)
 
@@ -155,7 +176,7 @@ class TestStream:
                 _wait_for(lambda: not profile.missing() or stream._failure)
         made = np.concatenate(made)
         assert np.isfinite(made).all() and profile.substituted <= 1
-        assert len(profile._windows) >= 3
+        assert len(profile.windows) >= 3
 
     def test_a_change_of_ratings_from_another_thread(self, make_profile):
         profile = make_profile()
@@ -165,20 +186,20 @@ class TestStream:
             thread = threading.Thread(target=stream.change, args=([-1.0, 1.0, 1.0],))
             thread.start()
             thread.join()
-            _wait_for(lambda: stream._profile is not profile)
+            _wait_for(lambda: stream.profile is not profile)
+            changed = stream.profile
             for _ in range(20):
                 stream.read(32)
-            changed, friction = stream._surface
-            assert changed is stream._profile and changed.ratings.tolist() == [[-1.0, 1.0, 1.0]]
-            assert friction == changed.friction_coefficient != profile.friction_coefficient
+            assert changed is stream.profile and changed.ratings.tolist() == [[-1.0, 1.0, 1.0]]
+            assert changed.friction_coefficient != profile.friction_coefficient
             assert changed.options == profile.options and changed.seed == profile.seed
 
     def test_a_change_is_in_the_scale_of_the_profile(self, make_pipeline):
         pipe = make_pipeline(dale_config={"ratings_mean": [3.0, 4.0, 5.0], "ratings_std": [1.5, 2.0, 1.0]})
         with EndlessStream(EndlessProfile(pipe, [6.0, 4.0, 5.0], rating_scale="raw"), 125.0) as stream:
-            assert stream._profile.ratings.tolist() == [[2.0, 0.0, 0.0]]
+            assert stream.profile.ratings.tolist() == [[2.0, 0.0, 0.0]]
             stream.change([3.0, 8.0, None])
-            _wait_for(lambda: stream._profile.ratings[0, 1] == 2.0)
+            _wait_for(lambda: stream.profile.ratings[0, 1] == 2.0)
 
     def test_impossible_ratings_leave_the_stream_as_it_was(self, make_profile):
         profile = make_profile()
@@ -186,14 +207,14 @@ class TestStream:
             with pytest.raises(ValueError, match="`ratings`"):
                 stream.change([9.0, 0.0, 0.0])
             stream.read(32)
-            assert stream._profile is profile and stream._changed is None
+            assert stream.profile is profile and not stream._changes
 
     def test_many_changes_end_at_the_last_one(self, make_profile):
         with EndlessStream(make_profile(), 125.0) as stream:
             for value in np.linspace(-1, 1, 15):
                 stream.change([value, 0.0, 0.0])
                 stream.read(32)
-            _wait_for(lambda: stream._profile.ratings[0, 0] == 1.0)
+            _wait_for(lambda: stream.profile.ratings[0, 0] == 1.0)
             for _ in range(20):
                 assert np.isfinite(stream.read(32)).all()
 
@@ -219,6 +240,32 @@ class TestStream:
                 force = stream.read(80)
                 _wait_for(lambda: not profile.missing() or stream._failure)
             assert force.shape == (80, 2) and np.isfinite(force).all() and force.any()
+
+    def test_substituted_windows_are_counted_and_warned_of_once(self, make_profile, monkeypatch):
+        with EndlessStream(make_profile(), 125.0) as stream:
+            monkeypatch.setattr(EndlessProfile, "missing", lambda _: [])  # a thread that is never in time
+            with pytest.warns(UserWarning, match=r"another one stands in .*wait=True") as warned:
+                for number in range(60):
+                    stream.report(number / 125, 100 * number / 125)
+                    stream.read(80)
+            before = stream.substituted
+            stream.change([0.0, 1.0, 0.0])
+            _wait_for(lambda: stream.profile.ratings[0, 1] == 1.0)
+            assert before >= 2 and stream.substituted == before and len(warned) == 1
+            assert warned[0].filename == __file__
+
+    def test_waiting_reads_the_same_at_any_pace(self, make_profile):
+        forces = []
+        for _ in range(2):
+            with EndlessStream(make_profile(wait=True), 125.0) as stream:
+                times = np.arange(125) / 125
+                stream.report(times, 100 * times)  # 100 mm: eight of the tiny windows
+                force = [stream.read(4000)]
+                stream.change([0.0, 1.0, 0.0])
+                assert stream.profile.ratings.tolist() == [[0.0, 1.0, 0.0]]  # at once
+                forces.append(np.concatenate([*force, stream.read(6000)]))
+                assert stream.substituted == 0
+        np.testing.assert_allclose(*forces, atol=1e-4 * forces[0].std())
 
     def test_closing_ends_the_thread_and_keeps_what_is_there(self, make_profile):
         stream = EndlessStream(make_profile(), 125.0)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from tactile_diffusers.playback import TextureProfile, TextureStream
-from tactile_diffusers.playback.stream import FORCE_EXPONENT, SLOWEST_SLIDING, SPEED_EXPONENT
+from tactile_diffusers.playback.force_laws import FORCE_EXPONENT, SLOWEST_SLIDING, SPEED_EXPONENT
 from tactile_diffusers.signal import band_levels_db
 
 RATE, SENSOR = 10_000, 125.0

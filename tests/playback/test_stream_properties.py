@@ -1,5 +1,6 @@
 """Any finger under a stream: the same force however it is cut into blocks, never beyond the profile, never NaN."""
 
+import threading
 import warnings
 
 import numpy as np
@@ -141,29 +142,28 @@ def test_bad_calls_are_refused_and_change_nothing(profiles, dimensions):
     np.testing.assert_array_equal(*made)
 
 
-class _Stub(EndlessProfile):
-    """Windows of noise, without a network."""
+class _Noise:
+    """A source of windows of noise, without a network."""
 
-    def __init__(self, seed=0):
-        self.source, self.pipe = object(), type("Pipe", (), {"interrupt": False})()
-        self.seed, self.level, self.friction_coefficient = seed, -4.6, 0.4
-        self.reference_speed, self.spacing, self.window_length = 80.0, 18.0, 24.0
-        self.length, self.substituted, self._reads, self._key = 3 * 2**20 * self.spacing, 0, 0, None
-        self._takes, self._windows, self._stand_ins, self._recent = {}, {}, {}, {}
+    ratings, seed, level, friction_coefficient = None, 0, -4.6, 0.4
+    reference_speed, spacing, window_length = 80.0, 18.0, 24.0
+    lock = threading.RLock()
 
-    def generate(self, *indices, ready=False):
-        for index in indices:
-            if index not in self._windows:
-                noise = 0.01 * np.random.default_rng([self.seed, index % 2**32]).standard_normal(3000)
-                self._windows[index] = TextureProfile(noise, RATE, 80.0, repeats=False, fill=False)
-        while len(self._windows) > 12:
-            del self._windows[next(iter(self._windows))]
+    def window_generator(self, *_):
+        return self
+
+    def generate(self, indices, prepare=False):
+        noise = {index: 0.01 * np.random.default_rng(index % 2**32).standard_normal(3000) for index in indices}
+        return {index: TextureProfile(n, RATE, 80.0, repeats=False, fill=False) for index, n in noise.items()}
+
+    def interrupt(self):
+        pass
 
 
 @settings.get_profile("few")
 @given(places=st.lists(st.floats(-200, 200), min_size=1, max_size=30), speed=st.floats(0, 500))
 def test_an_endless_profile_is_finite_wherever_it_is_read(places, speed):
-    profile = _Stub()
+    profile = EndlessProfile(_Noise(), None)
     with pytest.raises(RuntimeError, match="`generate`"):
         profile.read(np.zeros(1), np.zeros(1))
     profile.generate(0)
@@ -171,17 +171,17 @@ def test_an_endless_profile_is_finite_wherever_it_is_read(places, speed):
     made = profile.read(places, speeds)
     assert made.shape == (len(places),) and np.isfinite(made).all() and np.abs(made).max() < 0.2
     missing = profile.missing()
-    assert not set(missing) & set(profile._windows)
+    assert not set(missing) & set(profile.windows)
     profile._stand_ins.clear()
     profile.generate(*missing[:8])
     assert np.isfinite(profile.read(places, speeds)).all()
 
 
 @settings.get_profile("few")
-@given(data=st.data(), dimensions=st.sampled_from([1, 2]))
-def test_an_endless_stream_is_finite_under_any_finger(data, dimensions):
+@given(data=st.data(), dimensions=st.sampled_from([1, 2]), wait=st.booleans())
+def test_an_endless_stream_is_finite_under_any_finger(data, dimensions, wait):
     chunks = data.draw(sessions(dimensions))
-    with EndlessStream(_Stub(), SENSOR, dimensions=dimensions) as stream:
+    with EndlessStream(EndlessProfile(_Noise(), None, wait=wait), SENSOR, dimensions=dimensions) as stream:
         made = []
         for reports, samples, _, normal_force in chunks:
             for time, place in reports:

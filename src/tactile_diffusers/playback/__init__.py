@@ -2,8 +2,8 @@
 
 from .endless import EndlessProfile, EndlessStream
 from .finger import FingerPath
-from .generating import GeneratingProcess
 from .on_time import on_time
+from .process import GeneratingProcess
 from .profile import TextureProfile
 from .scene import TextureScene
 from .stream import TextureStream

@@ -7,14 +7,8 @@ import numpy as np
 from ..signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE
 from ..signal.checks import check_number, check_whole_number
 from .finger import CUTOFF_HZ, FingerPath
+from .force_laws import FORCE_EXPONENT, SPEED_EXPONENT, direction_length, load_gain, speed_gain
 
-#: Speed below which friction turns smoothly with the direction, mm/s: where a resting finger is loaded, not sliding.
-TURNING_SPEED = 5.0
-#: Speed below which the power of speed, which is meant for sliding, is held, mm/s.
-SLOWEST_SLIDING = 10.0
-#: Exponents a, b of a texture's amplitude on normal force and speed, of virtual surfaces (`data.virtual.laws`).
-#: Measure them for a real material, or set 0.
-FORCE_EXPONENT, SPEED_EXPONENT = 0.8, 0.3
 #: Time in which another profile or normal force takes over, s: half of what goes unnoticed as a delay (40 ms, Okamoto
 #: et al. 2009).
 FADE_SECONDS = 0.02
@@ -82,6 +76,11 @@ class TextureStream:
         self._pressed = None
 
     @property
+    def profile(self):
+        """What is under the finger, or takes over."""
+        return (self._next or self._surface)[0]
+
+    @property
     def latency(self):
         return self._finger.latency
 
@@ -107,10 +106,8 @@ class TextureStream:
         """
         surface = _checked(profile, friction_coefficient)
         with self._lock:
-            if (
-                self._next is not None
-            ):  # a replacement that is still fading in is finished at once where it is heard least
-                self._surface = self._next if self._faded > self._fade_samples / 2 else self._surface
+            if self._next is not None and self._faded > self._fade_samples / 2:
+                self._surface = self._next  # of two surfaces that still fade into each other the stronger one goes on
             self._next, self._faded = surface, 0
 
     @property
@@ -172,7 +169,7 @@ class TextureStream:
                 self._faded += samples
                 if self._faded >= self._fade_samples:
                     self._surface, self._next = self._next, None
-            (total, texture), turned = friction, _turned(speed)
+            (total, texture), turned = friction, direction_length(speed)
             direction = velocity * (turned / np.maximum(speed, 1e-12))[:, None]
             made = self._joined(np.column_stack([-direction * total[:, None], turned * texture]))
         return made.astype(np.float32), speed.astype(np.float32)
@@ -215,9 +212,8 @@ class TextureStream:
     def _friction(self, surface, place, velocity, speed, normal_force):
         """Magnitude of friction, in all and without its mean: (2, samples), N."""
         profile, friction_coefficient = surface
-        pressed = (normal_force / REFERENCE_FORCE) ** self.force_exponent
-        moved = (np.maximum(speed, SLOWEST_SLIDING) / profile.reference_speed) ** self.speed_exponent
-        texture = _read(profile, place, velocity) * pressed * moved
+        texture = _read(profile, place, velocity) * load_gain(normal_force, self.force_exponent)
+        texture *= speed_gain(speed, profile.reference_speed, self.speed_exponent)
         return np.stack([friction_coefficient * normal_force + texture, texture])
 
 
@@ -236,9 +232,3 @@ def _checked(profile, friction_coefficient):
     if not callable(getattr(profile, "read", None)):
         raise ValueError(f"`profile` must be a TextureProfile or an EndlessProfile, got {type(profile).__name__}.")
     return profile, check_number("friction_coefficient", friction_coefficient, "N per N of normal force", at_least=0)
-
-
-def _turned(speed):
-    """Length of the direction: from 0 at rest smoothly to 1 at `TURNING_SPEED`."""
-    ratio = np.minimum(speed / TURNING_SPEED, 1)
-    return 1.5 * ratio - 0.5 * ratio**3

@@ -31,15 +31,15 @@ def process():
 
 def _read(profile, begin, end):
     speed = profile.reference_speed
-    return profile.read(np.linspace(begin, end, 400) * profile.spacing, np.full(400, speed))
+    return profile.read(np.linspace(begin, end, 400) * profile.spacing - profile.window_length / 2, np.full(400, speed))
 
 
 def test_windows_are_those_of_this_process(process):
     there, here = EndlessProfile(process, RATINGS, 3), EndlessProfile(process.pipe, RATINGS, 3)
     for profile in (there, here):
-        profile.generate(0, 1, ready=True)
+        profile.generate(0, 1, prepare=True)
     assert there.level == pytest.approx(here.level) and there.friction_coefficient == here.friction_coefficient
-    assert sorted(there._windows) == [0, 1] and there._windows[0]._made.sum() == here._windows[0]._made.sum()
+    assert sorted(there.windows) == [0, 1] and there.windows[0]._made.sum() == here.windows[0]._made.sum()
     np.testing.assert_allclose(_read(there, 0.3, 1.9), _read(here, 0.3, 1.9), rtol=0, atol=1e-6)
 
 
@@ -48,7 +48,7 @@ def test_several_profiles_take_turns(process):
     for index in range(3):
         first.generate(index)
         second.generate(index)
-    assert sorted(first._windows) == sorted(second._windows) == [0, 1, 2]
+    assert sorted(first.windows) == sorted(second.windows) == [0, 1, 2]
     assert first.level != second.level
     again = EndlessProfile(process, RATINGS, 1)
     again.generate(2)
@@ -57,11 +57,11 @@ def test_several_profiles_take_turns(process):
 
 def test_a_stream_changes_its_ratings(process):
     with EndlessStream(EndlessProfile(process, RATINGS), 125.0) as stream:
-        before, deadline = stream._profile, time.monotonic() + 20
+        before, deadline = stream.profile, time.monotonic() + 20
         stream.change([-1.0, 1.0, 1.0])
-        while stream._profile is before:
+        while stream.profile is before:
             assert np.isfinite(stream.read(32)).all() and time.monotonic() < deadline
-        assert stream._profile.ratings.tolist() == [[-1.0, 1.0, 1.0]]
+        assert stream.profile.ratings.tolist() == [[-1.0, 1.0, 1.0]]
 
 
 def test_what_is_interrupted_leaves_nothing_half_made(process, monkeypatch):
@@ -74,15 +74,15 @@ def test_what_is_interrupted_leaves_nothing_half_made(process, monkeypatch):
 
     monkeypatch.setattr(process, "_connection", SimpleNamespace(send=send_and_interrupt, recv=process._connection.recv))
     profile.generate(0)
-    assert profile._windows == {}
+    assert profile.windows == {}
 
 
 def test_a_failure_there_is_raised_here(process):
     with pytest.raises(RuntimeError, match="Generating has failed: .*not a number"):
-        process.generate(process.new_key(), ("not a number", 0, True, {}), [0], [], False)
+        process.generate(-1, ("not a number", 0, True, {}), [0], False)
     profile = EndlessProfile(process, RATINGS)
     profile.generate(0)
-    assert list(profile._windows) == [0]
+    assert list(profile.windows) == [0]
 
 
 def test_an_ended_process_says_so():
@@ -99,7 +99,7 @@ def test_an_ended_process_says_so():
 
 
 def test_it_needs_a_core():
-    with pytest.raises(ValueError, match="`threads` must be at least 1, got 0"):
+    with pytest.raises(ValueError, match="`threads` must be a whole number >= 1, got 0"):
         GeneratingProcess(None, threads=0)
 
 

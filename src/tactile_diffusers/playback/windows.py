@@ -1,0 +1,159 @@
+"""The windows of an endless surface: takes of the same ratings that fade into each other as latents."""
+
+import threading
+import weakref
+
+import numpy as np
+import torch
+
+from ..pipelines.inputs import parse_ratings
+from .profile import TextureProfile
+
+#: Share of a window that overlaps the next one, where the latents of both become one.
+OVERLAP = 0.25
+#: Latents of takes that are kept, a few kilobytes each: a window needs those of its neighbours.
+LARGEST_TAKES = 64
+#: Speeds that a window is prepared for ahead of the finger, mm/s.
+_SPEEDS = (20.0, 320.0)
+#: One for each pipeline: several surfaces may share it, and it generates for one at a time.
+_LOCKS = weakref.WeakKeyDictionary()
+
+
+class WindowGenerator:
+    """Generates the windows of one endless surface with a pipeline of this process.
+
+    Windows begin `spacing` mm after each other and overlap by a quarter. Each is a take of the same ratings, with
+    the level, mean spectrum and friction coefficient of take 0. Where two overlap, their latents fade into each other
+    at constant variance, and both are decoded from these latents and the same noise, so that they nearly agree. A
+    window depends on the seed and its index alone, to rounding.
+
+    Args:
+        pipe (`TactileTexturePipeline`): with a DALE.
+        ratings, seed, fill, **options: as for [`EndlessProfile`].
+
+    Attributes:
+        level, friction_coefficient (`float`): of the surface; `None` before the first `generate`.
+        reference_speed (`float`): mm/s.
+        spacing, window_length (`float`): mm from window to window, and of each.
+        lock (`threading.RLock`): hold it while generating; surfaces of one pipeline share it.
+
+    Raises:
+        ValueError: for impossible ratings or options, or a pipeline without DALE or reference speed.
+    """
+
+    def __init__(self, pipe, ratings, seed=0, fill=True, **options):
+        speed = None if pipe.dale is None else pipe.dale.config.reference_speed
+        if speed is None:
+            raise ValueError("`pipe` has no `dale`, or its config has no `reference_speed`, which a surface needs.")
+        if not 0 <= int(seed) < 2**32:
+            raise ValueError(f"`seed` must lie in [0, 2^32), got {seed}.")
+        latent_options = dict(options)
+        self._steps, latent_options["num_latent_inference_steps"] = pipe.resolve_steps(
+            latent_options.pop("num_inference_steps", None), options.get("num_latent_inference_steps")
+        )
+        ratings = parse_ratings(ratings, pipe.dale.config, latent_options.pop("rating_scale", "z"))
+        if len(ratings) != 1:
+            raise ValueError(f"`ratings` must be those of one texture, got {len(ratings)}.")
+        self.pipe, self.ratings, self.seed, self.fill = pipe, ratings, int(seed), fill
+        self._latent_options = latent_options
+        self.lock = _LOCKS.setdefault(pipe, threading.RLock())
+        frames = pipe.dale.config.latent_frames
+        self._overlap = round(OVERLAP * frames)
+        self.reference_speed = float(speed)
+        seconds = frames * pipe.lctg.config.latent_hop / pipe.feature_extractor.sampling_rate
+        self.window_length = seconds * self.reference_speed
+        self.spacing = self.window_length * (1 - self._overlap / frames)
+        self.level = self.friction_coefficient = self._spectrum = None
+        self._takes = {}
+
+    def generate(self, indices, prepare=False):
+        """Generates windows in one batch.
+
+        Args:
+            indices (`list[int]`): of the windows.
+            prepare (`bool`, *optional*, defaults to `False`): computes all their resolutions for 20-320 mm/s, too;
+                otherwise each is computed when it is first read.
+
+        Returns:
+            `dict[int, TextureProfile]`: the windows; empty if `interrupt` came in between.
+        """
+        if not self._generate_takes(sorted({index + near for index in indices for near in (-1, 0, 1)})):
+            return {}
+        base = torch.stack([self._joined(index) for index in indices])
+        samples = base.shape[-1] * self.pipe.lctg.config.latent_hop
+        noise = torch.stack([self._noise(index, "decoder", samples) for index in indices])[:, None]
+        level = torch.full((len(indices),), self.level)
+        out = self.pipe.decode(self.pipe.lctg.pad_detail(base), level, None, self._steps, noise=noise)
+        if self.pipe.interrupt:
+            return {}
+        windows = {}
+        for index, texture in zip(indices, out.textures, strict=True):
+            filling = self._noise(index, "filling", len(texture)).numpy() if self.fill else None
+            windows[index] = TextureProfile(
+                texture, out.sampling_rate, self.reference_speed, fill=self.fill, repeats=False, noise=filling
+            )
+            if prepare:
+                windows[index].prepare(*_SPEEDS)
+        return windows
+
+    def interrupt(self):
+        """Lets a `generate` of another thread give up at its next step."""
+        interrupt(self.pipe)
+
+    def _generate_takes(self, indices):
+        """Latents of DALE, all with the scalars of take 0; `False` if interrupted."""
+        missing = sorted({*indices, *([0] if self._spectrum is None else [])} - self._takes.keys())
+        if missing:
+            out = self.pipe(
+                self.ratings,
+                num_textures_per_rating=len(missing),
+                generator=[self._random("take", index) for index in missing],
+                output_type="latent",
+                **self._latent_options,
+            )
+            if self.pipe.interrupt:
+                return False
+            levels, base = self.pipe.lctg.level_channels, self.pipe.lctg.base_channels
+            if self._spectrum is None:
+                first = missing.index(0)
+                self._spectrum = out.latents[first, :levels].mean(-1, keepdim=True)
+                self.level = float(out.level[first])
+                self.friction_coefficient = float(out.friction_coefficient[first])
+            for index, latents in zip(missing, out.latents[:, :base], strict=True):
+                shape = latents[:levels] - latents[:levels].mean(-1, keepdim=True)
+                self._takes[index] = torch.cat([shape + self._spectrum, latents[levels:]])
+        unused = [index for index in self._takes if index not in indices]
+        for index in unused[: max(0, len(self._takes) - LARGEST_TAKES)]:
+            del self._takes[index]
+        return True
+
+    def _joined(self, index):
+        """Latents of a window: its take, whose ends fade into its neighbours': (base_channels, frames)."""
+        before, own, after = (self._takes[index + near] for near in (-1, 0, 1))
+        size = self._overlap
+        beginning = _faded(before, own, before[:, -size:], own[:, :size])
+        end = _faded(own, after, own[:, -size:], after[:, :size])
+        return torch.cat([beginning, own[:, size:-size], end], dim=1)
+
+    def _noise(self, index, purpose, samples):
+        """White noise over a window, the same as its neighbours' where they overlap: (samples,)."""
+        spacing = round(samples * (1 - OVERLAP))
+        parts = [torch.randn(spacing, generator=self._random(purpose, place)) for place in (index, index + 1)]
+        return torch.cat(parts)[:samples]
+
+    def _random(self, purpose, index):
+        key = [self.seed, *purpose.encode(), index % 2**32]
+        return torch.Generator().manual_seed(int(np.random.SeedSequence(key).generate_state(1)[0]))
+
+
+def interrupt(pipe):
+    """Interrupts a running pipeline from another thread: diffusers' own way, which otherwise callbacks use."""
+    pipe._interrupt = True
+
+
+def _faded(first, second, end, beginning):
+    """The end of one take fading into the beginning of the next: departures from their mean keep their variance."""
+    mean = 0.5 * (first.mean(-1, keepdim=True) + second.mean(-1, keepdim=True))
+    share = (torch.arange(end.shape[-1], device=end.device) + 0.5) / end.shape[-1]
+    mixed = (1 - share) * (end - mean) + share * (beginning - mean)
+    return mean + mixed / ((1 - share).square() + share.square()).sqrt()
