@@ -39,7 +39,7 @@ def test_windows_are_those_of_this_process(process):
     for profile in (there, here):
         profile.generate(0, 1, prepare=True)
     assert there.level == pytest.approx(here.level) and there.friction_coefficient == here.friction_coefficient
-    assert sorted(there.windows) == [0, 1] and there.windows[0]._made.sum() == here.windows[0]._made.sum()
+    assert sorted(there.windows) == [0, 1] and there.windows[0]._computed.sum() == here.windows[0]._computed.sum()
     np.testing.assert_allclose(_read(there, 0.3, 1.9), _read(here, 0.3, 1.9), rtol=0, atol=1e-6)
 
 

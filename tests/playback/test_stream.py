@@ -173,8 +173,8 @@ def test_bad_settings_are_refused(make_stream, friction, options, message):
 def test_a_number_of_any_kind_is_one(make_stream, number):
     """`friction_coefficient[0]` of a pipeline's output is one of these."""
     stream = make_stream(number)
-    stream.replace(stream._surface[0], number)
-    assert stream._surface[1] == 0.5
+    stream.replace(stream.profile, number)
+    assert stream._next[1] == 0.5
 
 
 def test_bad_calls_are_refused(make_stream, pink_noise):

@@ -1,8 +1,7 @@
 """A texture over position, at several resolutions: what a finger reads at whatever speed it moves.
 
-A texture made at one speed is a profile over position: what repeats every wavelength w over space is felt at the
-frequency v / w by a finger of speed v. That is exact for what is fixed in space, and wrong for what is not (stick-slip,
-the finger's own resonances).
+What repeats every w mm is felt at the frequency v / w by a finger of speed v. That is exact for what is fixed in space,
+and wrong for what is not (stick-slip, the finger's own resonances).
 """
 
 import numpy as np
@@ -11,7 +10,7 @@ from scipy.fft import next_fast_len
 from ..signal import BAND_HZ
 from ..signal.checks import check_number
 
-#: Resolutions of the profile per octave of spatial frequency; between two of them is interpolated.
+#: Resolutions of the profile per octave of spatial frequency; reading interpolates between two of them.
 PER_OCTAVE = 4
 #: Octaves on either side of what the texture holds that are filled: speeds from a quarter to four times its own.
 FILLED_OCTAVES = 2
@@ -37,21 +36,21 @@ class TextureProfile:
     Reading it at a speed limits what is felt to the band of textures, 20-1000 Hz: fast fingers read coarser
     resolutions (no aliasing), and what a slow or a fast finger would feel below the band is left out.
 
-    A texture of 20-1000 Hz at 80 mm/s holds 0.25 to 12.5 cycles/mm: at 40 mm/s none above 500 Hz, at 160 mm/s none
-    below 40 Hz (`coverage`). What is missing is filled with noise, fixed in space like the rest, that continues the
-    slope of the texture's spectrum for two octaves on either side, or left out.
+    A texture of 20-1000 Hz at 80 mm/s holds 0.25 to 12.5 cycles/mm: at 40 mm/s nothing above 500 Hz, at 160 mm/s
+    nothing below 40 Hz (`coverage`). What is missing is filled with noise, fixed in space like the rest, that continues
+    the slope of the texture's spectrum for two octaves on either side; `fill=False` leaves it out.
 
     Args:
         texture (`np.ndarray`): (samples,), N, zero mean, as recorded at `reference_speed`.
         sampling_rate (`float`): Hz.
         reference_speed (`float`): mm/s.
         band (`tuple[float, float]`, *optional*): Hz, what the texture holds and what may be felt.
-        fill (`bool`, *optional*, defaults to `True`): whether what the texture does not hold is filled.
+        fill (`bool`, *optional*, defaults to `True`): whether to fill what the texture does not hold.
         seed (`int`, *optional*, defaults to 0): of the filling.
-        repeats (`bool`, *optional*, defaults to `True`): whether its end is to fade into its beginning; `False` = its
-            ends fade out, and it is read in between alone (`EndlessProfile`).
-        noise (`np.ndarray`, *optional*): white noise of which the filling is made, as long as the texture, in place of
-            a seed; without `repeats` only.
+        repeats (`bool`, *optional*, defaults to `True`): whether its end fades into its beginning; `False` = its ends
+            fade out, and it is read in between alone (`EndlessProfile`).
+        noise (`np.ndarray`, *optional*): (samples,), white noise for the filling, in place of `seed`; without `repeats`
+            only.
 
     Attributes:
         length (`float`): mm after which the profile repeats: the texture's own, less a tenth in which its end fades
@@ -91,38 +90,38 @@ class TextureProfile:
         self._spectrum[0] = 0
         lowest, highest = (edge / reference_speed for edge in band)
         if fill:
-            draw = np.fft.rfft(noise[: len(texture)]) / np.sqrt(len(texture))
-            self._spectrum = _filled(self._spectrum, self._frequencies, (lowest, highest), draw)
+            noise = np.fft.rfft(noise[: len(texture)]) / np.sqrt(len(texture))
+            self._spectrum = _filled(self._spectrum, self._frequencies, (lowest, highest), noise)
             lowest, highest = lowest / 2**FILLED_OCTAVES, min(highest * 2**FILLED_OCTAVES, self._frequencies[-1])
         # the finest resolution lies one above, so that what the texture holds up to its end stays as it is
         count = int(np.ceil(PER_OCTAVE * np.log2(highest / lowest))) + 3
         self.cutoffs = highest * 2.0 ** ((1 - np.arange(count)) / PER_OCTAVE)
-        # resolutions one after the other, finest first, the last one empty; made when they are first read
+        # resolutions one after the other, finest first, the last one empty; computed when they are first read
         lengths = np.ceil(LEAST_SAMPLES_PER_PERIOD * self.cutoffs * self.length).astype(int)
         self._lengths = np.array([next_fast_len(max(16, int(length)), real=True) for length in lengths] + [16])
         self._begins = np.concatenate([[0], np.cumsum(self._lengths + _MARGIN)])
         self._samples = np.zeros(self._begins[-1], dtype=np.float32)
-        self._made = np.zeros(count + 1, dtype=bool)
-        self._made[-1] = True
+        self._computed = np.zeros(count + 1, dtype=bool)
+        self._computed[-1] = True
 
-    def _make(self, level):
+    def _compute(self, level):
         """One resolution, with a sample of its end before it and two of its beginning after it."""
         length, samples = self._lengths[level], 2 * (len(self._frequencies) - 1)
         # beyond the edge there is nothing
         kept = np.searchsorted(self._frequencies[: length // 2 + 1], self.cutoffs[level] * _BEYOND)
         spectrum = self._spectrum[:kept] * _soft_edge(self._frequencies[:kept], self.cutoffs[level])
-        made = np.fft.irfft(spectrum, n=length) * (length / samples)
+        profile = np.fft.irfft(spectrum, n=length) * (length / samples)
         begin = self._begins[level]
-        self._samples[begin : begin + length + _MARGIN] = np.concatenate([made[-1:], made, made[:2]])
-        self._made[level] = True
+        self._samples[begin : begin + length + _MARGIN] = np.concatenate([profile[-1:], profile, profile[:2]])
+        self._computed[level] = True
 
     def prepare(self, slowest, fastest):
-        """Makes the resolutions that fingers of these speeds (mm/s) read; otherwise they are made when first read."""
+        """Computes the resolutions for fingers of these speeds (mm/s); otherwise each is computed when first read."""
         for edge in (self.band[1] * _BEYOND, self.band[0] / _BEYOND):
             rungs = self._rungs(edge / np.array([slowest, fastest], dtype=np.float64))
-            for level in range(int(rungs.min()), min(int(rungs.max()) + 2, len(self._made))):
-                if not self._made[level]:
-                    self._make(level)
+            for level in range(int(rungs.min()), min(int(rungs.max()) + 2, len(self._computed))):
+                if not self._computed[level]:
+                    self._compute(level)
 
     def period(self):
         """One period of the profile, filled, with all its spatial frequencies: (n,) float64, N, `pitch` mm apart."""
@@ -152,21 +151,21 @@ class TextureProfile:
         place = place - np.floor(place)
         place[place >= 1] = 0  # of -1e-17, rounding leaves 1
         # what lies below the highest frequency that is felt, less what lies below the lowest; each is read between two
-        # resolutions. All four at once: a block is short, and calls cost more than numbers
+        # resolutions. All four at once: a block is short, and calls cost more than arithmetic
         rung = self._rungs(np.stack([self.band[1] * _BEYOND / speed, self.band[0] / _BEYOND / speed]))
         lower = rung.astype(int)
         share = rung - lower
-        levels = np.stack([lower, np.minimum(lower + 1, len(self._made) - 1)])
-        if not self._made[levels].all():
-            for level in np.unique(levels[~self._made[levels]]):
-                self._make(level)
+        levels = np.stack([lower, np.minimum(lower + 1, len(self._computed) - 1)])
+        if not self._computed[levels].all():
+            for level in np.unique(levels[~self._computed[levels]]):
+                self._compute(level)
         weights = np.stack([1 - share, share])
         weights[:, 1] *= -1
         return (weights * self._cubic(levels, place)).sum(axis=(0, 1))
 
     def _rungs(self, cutoff):
         """Places of spatial frequencies on the ladder: 0 = the finest resolution."""
-        return np.clip(PER_OCTAVE * np.log2(self.cutoffs[0] / cutoff), 0, len(self._made) - 1)
+        return np.clip(PER_OCTAVE * np.log2(self.cutoffs[0] / cutoff), 0, len(self._computed) - 1)
 
     def _cubic(self, levels, place):
         """Cubic (four-point Lagrange) interpolation in levels (..., n) at places (n,) in [0, 1)."""
@@ -210,17 +209,17 @@ def _soft_edge(frequencies, cutoff):
     return 0.5 - 0.5 * np.sin(np.pi * np.clip(octaves / EDGE_OCTAVES, -0.5, 0.5))
 
 
-def _filled(spectrum, frequencies, held, draw):
+def _filled(spectrum, frequencies, held, noise):
     """A spectrum whose power beyond what is `held` (cycles/mm) continues the slope at either end.
 
-    `draw`: of the same length, complex normal numbers of unit variance that give it its phases.
+    `noise`: of the same length, complex normal numbers of unit variance that give it its phases.
     """
     low, high = held
     power, octave = np.abs(spectrum) ** 2, np.log2(np.maximum(frequencies, frequencies[1]))
     within = (frequencies >= low) & (frequencies <= high)
     if not power[within].any():
         return spectrum
-    made = spectrum * within
+    filled = spectrum * within
     for edge, inner, beyond in (
         (low, low * 2**SLOPE_OCTAVES, (frequencies < low) & (frequencies > low / 2 ** (FILLED_OCTAVES + 1))),
         (high, high / 2**SLOPE_OCTAVES, frequencies > high),
@@ -229,5 +228,5 @@ def _filled(spectrum, frequencies, held, draw):
         near = sorted((edge * (inner / edge) ** (0.25 / SLOPE_OCTAVES), inner))
         chosen = (frequencies >= near[0]) & (frequencies <= near[1]) & (power > 0)
         slope, offset = np.polyfit(octave[chosen], np.log(power[chosen]) + np.euler_gamma, 1)
-        made += beyond * draw * np.exp(0.5 * (slope * octave + offset))
-    return made
+        filled += beyond * noise * np.exp(0.5 * (slope * octave + offset))
+    return filled

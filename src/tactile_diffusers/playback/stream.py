@@ -26,7 +26,7 @@ class TextureStream:
     The texture is a profile over position ([`TextureProfile`]): the same place feels the same in both directions and
     whenever it is passed again, and every frequency follows the speed. Direction turns smoothly through 5 mm/s. The
     profile repeats after `profile.length` mm. On a plane (`dimensions=2`) the surface is alike in all directions: it
-    is made of the profile along three axes 60 degrees apart, weighted by how the finger moves; a stroke between two
+    consists of the profile along three axes 60 degrees apart, weighted by how the finger moves; a stroke between two
     axes reads both, 13 % more slowly.
 
     Reports of the finger (`report`), another profile (`replace`) and blocks (`read`) may come from different threads.
@@ -69,11 +69,12 @@ class TextureStream:
         self.force_exponent = check_number("force_exponent", force_exponent, "powers of normal force")
         self.speed_exponent = check_number("speed_exponent", speed_exponent, "powers of speed")
         self._lock = threading.Lock()
-        self._surface = _checked(profile, friction_coefficient)
-        self._next, self._faded = None, 0
+        # profile and friction coefficient, those that take over, and how many samples they have done so
+        self._surface, self._next, self._faded = _checked(profile, friction_coefficient), None, 0
+        self._fade_samples = round(FADE_SECONDS * sampling_rate)
         # the last force and friction, and what still fades of older ones
-        self._felt, self._left = np.zeros(dimensions + 1), np.zeros((0, dimensions + 1))
-        self._pressed = None
+        self._last, self._fading = np.zeros(dimensions + 1), np.zeros((0, dimensions + 1))
+        self._normal_force = None
 
     @property
     def profile(self):
@@ -109,10 +110,6 @@ class TextureStream:
             if self._next is not None and self._faded > self._fade_samples / 2:
                 self._surface = self._next  # of two surfaces that still fade into each other the stronger one goes on
             self._next, self._faded = surface, 0
-
-    @property
-    def _fade_samples(self):
-        return round(FADE_SECONDS * self.sampling_rate)
 
     def read(self, samples, normal_force=REFERENCE_FORCE):
         """The next block of force on the finger.
@@ -150,14 +147,14 @@ class TextureStream:
         Raises:
             ValueError: as for `read`.
         """
-        made, speed = self._block(samples, normal_force)
-        return made[:, -1], speed
+        block, speed = self._block(samples, normal_force)
+        return block[:, -1], speed
 
     def _block(self, samples, normal_force):
         """Force and, as the last column, friction about its mean: (samples, dimensions + 1); speed (samples,)."""
         check_whole_number("samples", samples)
         with self._lock:
-            normal_force = self._normal_force(normal_force, samples)
+            normal_force = self._smooth_normal_force(normal_force, samples)
             place, velocity = self._finger.advance(samples)
             speed = np.sqrt(np.square(velocity).sum(axis=1))
             friction = self._friction(self._surface, place, velocity, speed, normal_force)
@@ -171,15 +168,15 @@ class TextureStream:
                     self._surface, self._next = self._next, None
             (total, texture), turned = friction, direction_length(speed)
             direction = velocity * (turned / np.maximum(speed, 1e-12))[:, None]
-            made = self._joined(np.column_stack([-direction * total[:, None], turned * texture]))
-        return made.astype(np.float32), speed.astype(np.float32)
+            block = self._fade_landings(np.column_stack([-direction * total[:, None], turned * texture]))
+        return block.astype(np.float32), speed.astype(np.float32)
 
-    def _normal_force(self, given, samples):
+    def _smooth_normal_force(self, value, samples):
         """N, one or (samples,): a number is reached smoothly."""
         try:
-            force = np.asarray(given, dtype=np.float64)
+            force = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise ValueError(f"`normal_force` must be numbers, N, got {given!r}.") from error
+            raise ValueError(f"`normal_force` must be numbers, N, got {value!r}.") from error
         if force.shape not in ((), (samples,)):
             raise ValueError(
                 f"`normal_force` must be one number or one for each sample of the block, ({samples},), N; got the "
@@ -188,25 +185,25 @@ class TextureStream:
         if not np.isfinite(force).all():
             raise ValueError("`normal_force` must be finite; 0 = no contact.")
         force = np.maximum(force, 0)
-        last = force.flat[0] if self._pressed is None else self._pressed
-        self._pressed = float(force.flat[-1])
-        if not force.ndim and last != self._pressed:
+        before = force.flat[0] if self._normal_force is None else self._normal_force
+        self._normal_force = float(force.flat[-1])
+        if not force.ndim and before != self._normal_force:
             share = np.minimum((1 + np.arange(samples)) / min(samples, self._fade_samples), 1)
-            force = last + (self._pressed - last) * share
+            force = before + (self._normal_force - before) * share
         return force
 
-    def _joined(self, force):
+    def _fade_landings(self, force):
         """Where the finger is put down elsewhere, what it felt before fades within 20 ms: no step."""
         begin = 0
         for place in [*self._finger.breaks, len(force)]:
-            part = force[begin : min(place, begin + len(self._left))]
-            part += self._left[: len(part)]
-            self._left, begin = self._left[len(part) :], place
+            part = force[begin : min(place, begin + len(self._fading))]
+            part += self._fading[: len(part)]
+            self._fading, begin = self._fading[len(part) :], place
             if place < len(force):
-                before = force[place - 1] if place else self._felt
+                before = force[place - 1] if place else self._last
                 fade = 0.5 + 0.5 * np.cos(np.pi * np.linspace(0, 1, self._fade_samples, endpoint=False))
-                self._left = (before - force[place]) * fade[:, None]
-        self._felt = force[-1].copy()
+                self._fading = (before - force[place]) * fade[:, None]
+        self._last = force[-1].copy()
         return force
 
     def _friction(self, surface, place, velocity, speed, normal_force):
