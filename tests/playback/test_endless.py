@@ -150,7 +150,7 @@ class TestProfile:
         [
             ({"ratings": [9.0, 0, 0]}, "`ratings`"),
             ({"ratings": [RATINGS, RATINGS]}, "`ratings` must be those of one texture, got 2"),
-            ({"seed": -1}, "`seed` must lie in"),
+            ({"seed": -1}, "`seed` must be a whole number"),
             ({"num_inference_steps": 0}, "`num_inference_steps`"),
             ({"num_latent_inference_steps": 1.5}, "`num_latent_inference_steps`"),
         ],

@@ -99,7 +99,7 @@ def test_an_ended_process_says_so():
 
 
 def test_it_needs_a_core():
-    with pytest.raises(ValueError, match="`threads` must be a whole number >= 1, got 0"):
+    with pytest.raises(ValueError, match="`threads` must be a whole number of at least 1, got 0"):
         GeneratingProcess(None, threads=0)
 
 

@@ -51,7 +51,7 @@ def test_impossible_scenes_are_refused(pipe, given, message):
 def test_a_pipeline_must_know_its_ratings_and_its_speed(make_pipeline):
     with pytest.raises(ValueError, match="no `dale`"):
         TextureScene(GOOD, make_pipeline(dale=False))
-    with pytest.raises(ValueError, match="reference speed"):
+    with pytest.raises(ValueError, match="reference_speed"):
         TextureScene(GOOD, make_pipeline(dale_config={"reference_speed": None}))
 
 

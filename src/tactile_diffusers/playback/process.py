@@ -6,7 +6,7 @@ import threading
 
 import torch
 
-from ..pipelines.inputs import check_positive_integer
+from ..signal.checks import check_whole_number
 from .on_time import on_time
 from .windows import WindowGenerator, interrupt
 
@@ -32,7 +32,7 @@ class GeneratingProcess:
     """
 
     def __init__(self, pipe, threads=1):
-        check_positive_integer("threads", threads)
+        check_whole_number("threads", threads)
         self.pipe, self.lock, self._keys = pipe, threading.RLock(), itertools.count()
         context = multiprocessing.get_context("spawn")  # a fork of a process with threads may stand still
         self._connection, theirs = context.Pipe()

@@ -1,4 +1,4 @@
-"""Many surfaces under one finger, of which only what is touched is modelled: `TextureScene`."""
+"""Many surfaces under one finger, of which only what is touched is decoded: `TextureScene`."""
 
 import hashlib
 import threading
@@ -22,14 +22,14 @@ MARGIN_MM, AHEAD_SECONDS = 10.0, 0.3
 
 class TextureScene:
     r"""
-    Surfaces given by ratings, as textures for `TextureStream`, each made when it is needed and not before.
+    Surfaces described by ratings, as textures for `TextureStream`, each decoded when it is needed and not before.
 
-    At the first need DALE makes the latents of all surfaces, in one batch (patches longer than the profile of one
+    DALE generates the latents of all surfaces at the first need, in one batch (patches longer than the profile of one
     segment, 120 mm with the bundled checkpoint: one batch for each length). LCTG decodes a surface when its profile is
-    first asked for, as long as the longest stroke within its patch and at least one segment; `cache_size` profiles are
-    kept, those asked for last. What a surface is depends on `seed`, its name, ratings and patch alone: the same profile
-    whatever is touched in which order, after it was dropped from the cache, and from a file. Bit for bit within a
-    process; among other surfaces, or in another process, sums are rounded otherwise, 100 dB below the texture.
+    first asked for, as long as the longest stroke within its patch and at least one segment; the `cache_size` profiles
+    asked for last are kept. A surface depends on `seed`, its name, ratings and patch alone: it is the same whatever is
+    touched before, after it was dropped from the cache, and from a file. Bit for bit within a process; among other
+    surfaces, or in another process, sums are rounded differently, 100 dB below the texture.
 
     All calls may come from different threads. `profile` of a surface in the cache does not wait for one that is being
     decoded, so that `prepare` can run in a thread of its own. The pipeline must not be used otherwise meanwhile.
@@ -75,7 +75,7 @@ class TextureScene:
         decoding_steps, self._latent_steps = pipe.resolve_steps(num_inference_steps)
         config = pipe.dale.config
         if config.reference_speed is None:
-            raise ValueError("`pipe` does not know its reference speed (config of `dale`): it cannot be laid in space.")
+            raise ValueError("The `dale` of `pipe` has no `reference_speed` in its config, which a scene needs.")
         names, ratings = _parse_surfaces(surfaces, config, rating_scale)
         state = SceneState(
             names=names,
@@ -111,29 +111,12 @@ class TextureScene:
     def _begin(self, state, pipe, cache_size):
         check_whole_number("cache_size", cache_size)
         self._state, self._pipe, self.cache_size = state, pipe, int(cache_size)
+        self.names, self.ratings = state.names, state.ratings
+        self.patches, self.dimensions = dict(state.patches.boxes), state.patches.dimensions
+        self.reference_speed = state.reference_speed
         self._profiles = OrderedDict()
-        # one for what takes long, models have state; one for the moments in which the cache is looked at
+        # one for the models, which have state; one for the moments in which the cache is looked at
         self._working, self._looking = threading.Lock(), threading.Lock()
-
-    @property
-    def names(self):
-        return self._state.names
-
-    @property
-    def ratings(self):
-        return self._state.ratings
-
-    @property
-    def patches(self):
-        return dict(self._state.patches.boxes)
-
-    @property
-    def dimensions(self):
-        return self._state.patches.dimensions
-
-    @property
-    def reference_speed(self):
-        return self._state.reference_speed
 
     @property
     def decoded(self):
@@ -212,7 +195,7 @@ class TextureScene:
         if found is not None:
             return found
         with self._working:
-            found = self._cached(name)  # another thread may have made it meanwhile
+            found = self._cached(name)  # another thread may have decoded it meanwhile
             if found is None:
                 found = self._decode(index)
                 with self._looking:
@@ -238,9 +221,9 @@ class TextureScene:
         return float(self._state.friction_coefficient[index])
 
     def _index(self, name):
-        if name not in self._state.names:
-            raise ValueError(f"`name` must be one of the scene's {list(self._state.names)[:20]}, got {name!r}.")
-        return self._state.names.index(name)
+        if name not in self.names:
+            raise ValueError(f"`name` must be one of the scene's {list(self.names)[:20]}, got {name!r}.")
+        return self.names.index(name)
 
     def _cached(self, name):
         with self._looking:
@@ -262,7 +245,7 @@ class TextureScene:
         latents, level, friction = [None] * len(durations), *np.empty((2, len(durations)), dtype=np.float32)
         for duration in dict.fromkeys(durations):
             rows = [row for row, other in enumerate(durations) if other == duration]
-            made = self._pipe(
+            out = self._pipe(
                 state.ratings[rows],
                 num_inference_steps=state.num_inference_steps,
                 num_latent_inference_steps=self._latent_steps,
@@ -271,9 +254,9 @@ class TextureScene:
                 generator=[self._generator(state.names[row], "dale") for row in rows],
                 output_type="latent",
             )
-            # half precision, as in a file, so that a scene from there is the same: what it takes away lies 70 dB below
-            base = made.latents[:, : self._pipe.lctg.base_channels].half().cpu().numpy()
-            level[rows], friction[rows] = made.level.cpu().numpy(), made.friction_coefficient.cpu().numpy()
+            # half precision, as in a file, so that a scene from there is the same: its rounding lies 70 dB below
+            base = out.latents[:, : self._pipe.lctg.base_channels].half().cpu().numpy()
+            level[rows], friction[rows] = out.level.cpu().numpy(), out.friction_coefficient.cpu().numpy()
             for row, values in zip(rows, base, strict=True):
                 latents[row] = values
         state.latents, state.level, state.friction_coefficient = latents, level, friction
@@ -285,7 +268,7 @@ class TextureScene:
         return seconds if seconds > self._pipe.dale.config.latent_frames * lctg.latent_hop / rate else None
 
     def _decode(self, index):
-        """LCTG for one surface, alone, so that no other surface changes how it is rounded."""
+        """Profile of one surface, decoded alone, so that no other surface changes its rounding."""
         self._generate()
         state, name = self._state, self._state.names[index]
         out = self._pipe.decode(

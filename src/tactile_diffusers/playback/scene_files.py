@@ -1,8 +1,8 @@
 """The file of a scene: ratings, seed and latents, a few kilobytes for each surface.
 
 A safetensors file with, for n surfaces, `ratings` (n, axes) float32, z-scores, NaN = not specified; `latents`
-(channels, frames of all surfaces) float16, LCTG's base layer, surface by surface; `frames` (n,) int32, how many are
-whose; `level` and `friction_coefficient` (n,) float32; and `weights`, the mean magnitude of each of LCTG's parameters.
+(channels, frames of all surfaces) float16, LCTG's base layer, surface by surface; `frames` (n,) int32, of each;
+`level` and `friction_coefficient` (n,) float32; and `weights`, the mean magnitude of each of LCTG's parameters.
 The metadata are `format`, `version` and `scene`, a JSON object: `_KEYS`, `patches`, and `decoder`, the settings of the
 pipeline on which decoded latents depend.
 """
@@ -10,7 +10,6 @@ pipeline on which decoded latents depend.
 import inspect
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import safetensors
@@ -18,23 +17,20 @@ import torch
 from safetensors.numpy import save_file
 
 from ..io.files import atomic_path
+from ..io.reading import reading
 from ..pipelines.inputs import check_steps
-from ..signal.checks import check_seed
+from ..signal.checks import check_number, check_seed
 from .patches import LONGEST_MM, Patches
 
 FORMAT, VERSION = "tactile-scene", "1"
 #: Largest relative difference of the mean magnitude of a parameter: bfloat16 makes 5e-4, training on makes more.
 SAME_WEIGHTS = 0.01
-_DAMAGE = (
-    *(safetensors.SafetensorError, OSError),
-    *(ValueError, KeyError, TypeError, OverflowError, RecursionError),  # of JSON, or of what is not as expected
-)
 _KEYS = ("names", "rating_axes", "seed", "num_inference_steps", "guidance_scale", "reference_speed")
 
 
 @dataclass
 class SceneState:
-    """All that a scene is made of; the last three are `None` until DALE has run."""
+    """The contents of a scene; the last three are `None` until DALE has run."""
 
     names: tuple[str, ...]
     ratings: np.ndarray  # (n, axes) float32
@@ -50,7 +46,7 @@ class SceneState:
 
 
 def write_scene(path, state, pipe):
-    """Writes a scene whose latents are made, in one step.
+    """Writes a scene whose latents are there, in one step.
 
     Raises:
         FileNotFoundError: if the folder does not exist.
@@ -80,17 +76,9 @@ def read_scene(path, pipe):
         FileNotFoundError: if there is no file.
         ValueError: if the file is damaged or no scene, or belongs to another checkpoint.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"There is no file {path}.")
-    try:
+    with reading(path, "a scene", "Copy it again, or write it again with `TextureScene.save`."):
         content, tensors = _contents(path)
         state = _state(content, tensors, pipe)
-    except _DAMAGE as error:
-        reason = f"{error} is missing" if isinstance(error, KeyError) else str(error) or type(error).__name__
-        raise ValueError(
-            f"{path} cannot be read as a scene ({reason}). Copy it again, or write it again with `TextureScene.save`."
-        ) from error
     difference = _difference(content["decoder"], tensors["weights"], state, pipe)
     if difference:
         raise ValueError(
@@ -132,9 +120,9 @@ def _state(content, tensors, pipe):
         raise ValueError(f"names are {names!r}")
     check_seed(content["seed"])
     check_steps("num_inference_steps", content["num_inference_steps"])
-    speed = content["reference_speed"]
-    if not (isinstance(speed, float) and 0 < speed < float("inf")) or frames.min() < 1:
-        raise ValueError(f"reference_speed is {speed} mm/s and the smallest number of frames {frames.min()}")
+    speed = check_number("reference_speed", content["reference_speed"], "mm/s", above=0)
+    if frames.min() < 1:
+        raise ValueError(f"the smallest number of frames is {frames.min()}")
     samples = int(frames.max()) * pipe.lctg.config.latent_hop
     if samples / pipe.feature_extractor.sampling_rate * speed > 2 * LONGEST_MM:
         raise ValueError(f"a texture of {frames.max()} frames is longer than any patch")
@@ -171,9 +159,9 @@ def _difference(decoder, weights, state, pipe):
 def _decoder_settings(pipe):
     """All settings on which decoded latents depend, as JSON gives them back."""
     extractor = pipe.feature_extractor
-    heard = [name for name in inspect.signature(type(extractor).__init__).parameters if hasattr(extractor, name)]
+    names = [name for name in inspect.signature(type(extractor).__init__).parameters if hasattr(extractor, name)]
     settings = {f"lctg.{name}": value for name, value in pipe.lctg.config.items() if not name.startswith("_")}
-    settings |= {f"feature_extractor.{name}": getattr(extractor, name) for name in heard}
+    settings |= {f"feature_extractor.{name}": getattr(extractor, name) for name in names}
     return json.loads(json.dumps(settings))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from ..pipelines.inputs import parse_ratings
+from ..signal.checks import check_seed
 from .profile import TextureProfile
 
 #: Share of a window that overlaps the next one, where the latents of both become one.
@@ -45,8 +46,6 @@ class WindowGenerator:
         speed = None if pipe.dale is None else pipe.dale.config.reference_speed
         if speed is None:
             raise ValueError("`pipe` has no `dale`, or its config has no `reference_speed`, which a surface needs.")
-        if not 0 <= int(seed) < 2**32:
-            raise ValueError(f"`seed` must lie in [0, 2^32), got {seed}.")
         latent_options = dict(options)
         self._steps, latent_options["num_latent_inference_steps"] = pipe.resolve_steps(
             latent_options.pop("num_inference_steps", None), options.get("num_latent_inference_steps")
@@ -54,7 +53,7 @@ class WindowGenerator:
         ratings = parse_ratings(ratings, pipe.dale.config, latent_options.pop("rating_scale", "z"))
         if len(ratings) != 1:
             raise ValueError(f"`ratings` must be those of one texture, got {len(ratings)}.")
-        self.pipe, self.ratings, self.seed, self.fill = pipe, ratings, int(seed), fill
+        self.pipe, self.ratings, self.seed, self.fill = pipe, ratings, check_seed(seed), fill
         self._latent_options = latent_options
         self.lock = _LOCKS.setdefault(pipe, threading.RLock())
         frames = pipe.dale.config.latent_frames
