@@ -154,7 +154,7 @@ def _drop(part, name):
         (_set("content", "names", ["a"]), "ratings is float32"),
         (_set("content", "seed", "0"), "`seed`"),
         (_set("content", "num_inference_steps", 10**9), "at most 100000"),
-        (_set("content", "reference_speed", None), "reference_speed is None"),
+        (_set("content", "reference_speed", None), "`reference_speed` must be a finite number"),
         (_set("content", "reference_speed", 1e9), "longer than any patch"),
         (_set("content", "patches", {"denim": [0, 0, 1]}), "patches"),
         (_set("content", "patches", [1]), "patches"),
