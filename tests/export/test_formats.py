@@ -1,183 +1,171 @@
-"""What is written can be read again, and says the same."""
+"""Every format of the table: what is written can be read again, with all that belongs to it."""
 
 import json
-from pathlib import Path
+import math
 
 import h5py
 import numpy as np
 import pytest
-import soundfile
-from matplotlib.figure import Figure
 from PIL import Image
 
-from tactile_diffusers.export import FORMATS, read_wav, write_figure, write_npz, write_wav
-from tactile_diffusers.io.files import atomic_path
+from tactile_diffusers.export import FORMATS, read_hdf5, read_npz, read_wav, write_hdf5, write_npz, write_wav
+from tactile_diffusers.export.round_trip import round_trip, round_trip_markdown
+from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES
 
-RATE = 10000
-COMMON = {"sampling_rate": RATE, "friction_coefficient": 0.62, "ratings": [1.5, float("nan"), -1.0]}
+COMMON = {
+    "sampling_rate": DEVICE_RATE,
+    "friction_coefficient": 0.62,
+    "reference_speed": 80.5,
+    "ratings": [1.5, float("nan"), -1.0],
+    "seed": 7,
+    "checkpoint": "virtual-surfaces",
+}
+UNKNOWN = {**COMMON, "friction_coefficient": float("nan"), "reference_speed": float("nan"), "checkpoint": None}
+#: Pixels so fine that they hold 1 kHz at 80.5 mm/s (0.9 of their Nyquist frequency).
+FINE = {"pixel_pitch": 0.03}
 
 
 @pytest.fixture
-def texture():
-    return 0.009 * np.random.default_rng(0).normal(size=4000)
+def texture(pink_noise):
+    return pink_noise(SEGMENT_SAMPLES, DEVICE_RATE)[0].astype(np.float32)
 
 
-def test_npz_round_trip(tmp_path, texture):
-    write_npz(tmp_path / "a.npz", texture, seed=7, reference_speed=82.5, **COMMON)
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
-        assert set(file) == {
-            "texture",
-            "sampling_rate",
-            "friction_coefficient",
-            "ratings",
-            "seed",
-            "reference_speed",
-            "checkpoint",
-            "units",
-        }
-        assert file["checkpoint"] == ""
-        assert file["texture"].dtype == np.float32
-        np.testing.assert_array_equal(file["texture"], texture.astype(np.float32))
-        np.testing.assert_array_equal(file["ratings"], np.float32([1.5, np.nan, -1.0]))
-        assert (file["sampling_rate"], file["seed"], file["reference_speed"]) == (RATE, 7, 82.5)
-        assert file["friction_coefficient"] == np.float32(0.62)
+def _write(folder, name, texture, common=COMMON):
+    form = FORMATS[name]
+    path = folder / f"a{form.suffix}"
+    form.write(path, texture, **common, **{key: value for key, value in FINE.items() if key in form.options})
+    return path
 
 
-def test_npz_keeps_what_is_unknown_and_large_seeds(tmp_path, texture):
-    unknown = {**COMMON, "friction_coefficient": float("nan"), "ratings": [None, 0.5, None]}
-    write_npz(tmp_path / "a.npz", texture, seed=2**64 - 1, reference_speed=float("nan"), **unknown)
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
-        assert np.isnan(file["friction_coefficient"]) and np.isnan(file["reference_speed"])
-        np.testing.assert_array_equal(file["ratings"], [np.nan, 0.5, np.nan])
-        assert int(file["seed"]) == 2**64 - 1
+def test_no_two_formats_share_a_suffix():
+    assert len({form.suffix for form in FORMATS.values()}) == len(FORMATS)
+    assert {form.kind for form in FORMATS.values()} == {"lossless", "lossy", "preview"}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_all_that_belongs_to_a_texture_comes_back(tmp_path, texture, name):
+    read, metadata = FORMATS[name].read(_write(tmp_path, name, texture))
+    assert read.shape == texture.shape and read.dtype == np.float32
+    for key, value in COMMON.items():
+        if isinstance(value, int | str):
+            assert metadata[key] == value and type(metadata[key]) is type(value)
+        else:
+            np.testing.assert_allclose(metadata[key], value, rtol=1e-6)  # npz holds float32
+    if not FORMATS[name].spatial:
+        _, metadata = FORMATS[name].read(_write(tmp_path, name, texture, {**UNKNOWN, "seed": 2**64 - 1}))
+        assert math.isnan(metadata["friction_coefficient"]) and math.isnan(metadata["reference_speed"])
+        assert metadata["checkpoint"] is None and metadata["seed"] == 2**64 - 1
 
 
 @pytest.mark.parametrize(
-    ("subtype", "tolerance"),
-    [("PCM_16", 1.01 * 2**-16), ("FLOAT", 2**-23)],  # half a count, or float32, of full scale
+    ("name", "snr_db", "band_db"),
+    [
+        ("npz", np.inf, 0),
+        ("hdf5", np.inf, 0),
+        ("wav", 140, 1e-5),  # float32: 24 bits
+        ("wav16", 80, 0.01),  # 16 bits: 98 dB below the peak, which is some 12 dB above the RMS
+        ("png", 30, 0.3),  # 8 bits: 48 dB less of the same; thin bands stand less above the noise
+        ("hjif", 80, 0.01),  # 5 decimals: 111 dB below the peak; key frames and cubic: 90 dB
+        ("hjif-friction", 60, 0.05),  # 5 decimals of the mean friction, which is much larger than the texture
+        ("hjif-texture", 80, 0.01),
+    ],
 )
-def test_wav_times_scale_gives_newtons(tmp_path, texture, subtype, tolerance):
-    write_wav(tmp_path / "a.wav", texture, seed=7, subtype=subtype, **COMMON)
-    read, metadata = read_wav(tmp_path / "a.wav")
-    scale = metadata["newtons_per_full_scale"]
-    assert read.dtype == np.float32
-    np.testing.assert_allclose(read, texture, rtol=0, atol=tolerance * scale)
-    # any other reader arrives at the same
-    samples, rate = soundfile.read(tmp_path / "a.wav")
-    assert rate == RATE and soundfile.info(tmp_path / "a.wav").subtype == subtype
-    assert 0.9999 < np.abs(samples).max() <= 1
-    np.testing.assert_allclose(samples * scale, texture, rtol=0, atol=tolerance * scale)
-    assert (metadata["unit"], metadata["sampling_rate"], metadata["seed"]) == ("N", RATE, 7)
-    assert metadata["friction_coefficient"] == 0.62
-    np.testing.assert_array_equal(metadata["ratings"], [1.5, np.nan, -1.0])
+def test_newtons_come_back(tmp_path, texture, name, snr_db, band_db):
+    row = round_trip(_write(tmp_path, name, texture), name, texture, DEVICE_RATE)
+    assert row["snr_db"] >= snr_db and row["nine_band_error_db"] <= band_db and row["bands"] == 9
 
 
-def test_sidecar_is_standard_json(tmp_path, texture):
-    write_wav(tmp_path / "a.wav", texture, seed=7, **{**COMMON, "friction_coefficient": float("nan")})
-
-    def refuse(constant):
-        raise AssertionError(f"{constant} is no JSON")
-
-    sidecar = json.loads((tmp_path / "a.wav.json").read_text(encoding="utf-8"), parse_constant=refuse)
-    assert sidecar["ratings"] == [1.5, None, -1.0] and sidecar["friction_coefficient"] is None
-    assert np.isnan(read_wav(tmp_path / "a.wav")[1]["friction_coefficient"])
+@pytest.mark.parametrize("name", FORMATS)
+def test_silence_and_other_rates_survive(tmp_path, name):
+    read, _ = FORMATS[name].read(_write(tmp_path, name, np.zeros(4801), {**COMMON, "sampling_rate": 48000}))
+    assert read.shape == (4801,) and np.abs(read).max() < 1e-6
 
 
-def test_silence_and_full_scale_peaks_survive_a_wav(tmp_path):
-    for texture in (np.zeros(100), np.array([-0.03, 0.03] * 50), np.full(100, -5.0)):
-        write_wav(tmp_path / "a.wav", texture, seed=0, **COMMON)
-        read, metadata = read_wav(tmp_path / "a.wav")
-        np.testing.assert_allclose(read, texture, rtol=1e-6, atol=metadata["newtons_per_full_scale"] / 2**16)
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_failed_write_leaves_what_was_there(tmp_path, texture, name):
+    path = _write(tmp_path, name, texture)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="`seed` must be a whole number"):
+        _write(tmp_path, name, texture, {**COMMON, "seed": 0.5})
+    assert path.read_bytes() == before and not list(tmp_path.glob(".*"))
 
 
-def test_wav_without_its_sidecar_is_refused(tmp_path, texture):
-    with pytest.raises(FileNotFoundError, match="does not exist"):
-        read_wav(tmp_path / "a.wav")
-    write_wav(tmp_path / "a.wav", texture, seed=0, **COMMON)
-    sidecar = tmp_path / "a.wav.json"
-    metadata = json.loads(sidecar.read_text())
-    sidecar.write_text(json.dumps({**metadata, "sampling_rate": 8000}))
-    with pytest.raises(ValueError, match="10000 Hz, but its sidecar says 8000 Hz"):
-        read_wav(tmp_path / "a.wav")
-    del metadata["newtons_per_full_scale"]
-    sidecar.write_text(json.dumps(metadata))
-    with pytest.raises(ValueError, match="lacks newtons_per_full_scale"):
-        read_wav(tmp_path / "a.wav")
-    sidecar.unlink()
-    with pytest.raises(FileNotFoundError, match=r"a\.wav\.json, which holds the scale"):
-        read_wav(tmp_path / "a.wav")
+@pytest.mark.parametrize("name", FORMATS)
+def test_other_files_are_refused(tmp_path, name):
+    path = tmp_path / f"a{FORMATS[name].suffix}"
+    with pytest.raises(FileNotFoundError, match=f"a{FORMATS[name].suffix}"):
+        FORMATS[name].read(path)
+    if not name.startswith("wav"):  # without its sidecar it is missing too: test_wav.py
+        for contents in (b"", b"{}", b"nothing of the sort"):
+            path.write_bytes(contents)
+            with pytest.raises(ValueError, match=f"a{FORMATS[name].suffix}"):
+                FORMATS[name].read(path)
 
 
-def test_figure_is_a_png_of_the_size_of_a_page(tmp_path, texture):
-    for name, signal in (("noise", texture), ("silence", np.zeros(1000))):
-        write_figure(tmp_path / f"{name}.png", signal, **COMMON)
-        header = (tmp_path / f"{name}.png").read_bytes()[:24]
-        assert header.startswith(b"\x89PNG")
-        assert int.from_bytes(header[16:20]) > 1000 and int.from_bytes(header[20:24]) > 600
+@pytest.mark.parametrize("name", [name for name, form in FORMATS.items() if form.spatial])
+def test_position_needs_a_speed(tmp_path, texture, name):
+    with pytest.raises(ValueError, match=r"`reference_speed` is unknown \(NaN\).*choose a format over time"):
+        _write(tmp_path, name, texture, UNKNOWN)
+    assert not list(tmp_path.iterdir())
 
 
-def test_figure_of_a_reconstruction_shows_the_original(tmp_path, texture, monkeypatch):
-    drawn = []
-    save = lambda figure, path, **_: drawn.append(figure) or Path(path).write_bytes(b"png")  # noqa: E731
-    monkeypatch.setattr(Figure, "savefig", save)
-    write_figure(tmp_path / "a.png", 0.5 * texture, **COMMON | {"ratings": [float("nan")] * 3}, original=texture)
-    waveform, spectrum, *_ = drawn[0].axes
-    for panel in (waveform, spectrum):
-        assert panel.lines[0].get_label() == "original" and len(panel.lines) == 2
-    np.testing.assert_allclose(waveform.lines[0].get_ydata(), 1e3 * texture)
-    assert drawn[0].get_suptitle().startswith("reconstruction, RMS ") and "specified" not in drawn[0].get_suptitle()
-
-
-def test_figure_of_a_few_samples_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="too short to draw"):
-        write_figure(tmp_path / "a.png", np.zeros(100), **COMMON)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_existing_file_survives_a_failed_write(tmp_path):
-    path = tmp_path / "a.txt"
-    path.write_text("old")
-    with pytest.raises(RuntimeError), atomic_path(path) as temporary:
-        temporary.write_text("half")
-        raise RuntimeError
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-    with atomic_path(path) as temporary:
-        temporary.write_text("new")
-        assert path.read_text() == "old"
-    assert path.read_text() == "new"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_wav_files_that_belong_together_share_a_scale(tmp_path, texture):
-    """Players that ignore sidecars then keep the levels; what would be clipped is refused."""
-    full_scale = 2 * np.abs(texture).max()
-    for name, gain in (("loud", 1.0), ("quiet", 0.5)):
-        write_wav(tmp_path / f"{name}.wav", gain * texture, seed=0, full_scale=full_scale, **COMMON)
-    loud, quiet = (soundfile.read(tmp_path / f"{name}.wav")[0] for name in ("loud", "quiet"))
-    np.testing.assert_allclose(quiet, 0.5 * loud, atol=2**-15)  # half a count of 16 bits each
-    np.testing.assert_allclose(read_wav(tmp_path / "quiet.wav")[0], 0.5 * texture, atol=1.01 * 2**-16 * full_scale)
-    with pytest.raises(ValueError, match="would be clipped"):
-        write_wav(tmp_path / "a.wav", 3 * texture, seed=0, full_scale=full_scale, **COMMON)
-    with pytest.raises(ValueError, match="`full_scale` must be above zero"):
-        write_wav(tmp_path / "a.wav", texture, seed=0, full_scale=0.0, **COMMON)
-    assert not (tmp_path / "a.wav").exists()
-
-
-def test_files_explain_themselves(tmp_path, pink_noise):
-    """A program without this package finds what the numbers mean."""
-    texture = pink_noise(4000, RATE)[0]
-    common = {"sampling_rate": RATE, "friction_coefficient": 0.5, "reference_speed": 80.0, "seed": 0}
-    for name in ("npz", "hdf5", "wav", "png"):
-        form = FORMATS[name]
-        options = {"pixel_pitch": 0.03} if name == "png" else {}
-        form.write(tmp_path / f"a{form.suffix}", texture, **common, ratings=[0.0] * 3, **options)
+def test_old_files_are_read(tmp_path, texture):
+    """Before checkpoints were stored, an npz lacked them, and a sidecar the speed too."""
+    write_npz(tmp_path / "a.npz", texture, **COMMON)
     with np.load(tmp_path / "a.npz") as file:
-        found = [json.loads(str(file["units"]))]
+        np.savez(tmp_path / "old.npz", **{key: file[key] for key in file if key != "checkpoint"})
+    assert read_npz(tmp_path / "old.npz")[1]["checkpoint"] is None
+    write_wav(tmp_path / "a.wav", texture, **COMMON)
+    sidecar = json.loads((tmp_path / "a.wav.json").read_text())
+    del sidecar["checkpoint"], sidecar["reference_speed"]
+    (tmp_path / "a.wav.json").write_text(json.dumps(sidecar))
+    metadata = read_wav(tmp_path / "a.wav")[1]
+    assert metadata["checkpoint"] is None and math.isnan(metadata["reference_speed"])
+
+
+def test_npz_needs_no_pickle_and_nothing_may_be_missing(tmp_path, texture):
+    write_npz(tmp_path / "a.npz", texture, **COMMON | {"ratings": [None, 0.5, None]})
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
+        assert set(file) == {*COMMON, "texture", "units"}
+        np.testing.assert_array_equal(file["ratings"], np.float32([np.nan, 0.5, np.nan]))
+        np.savez(tmp_path / "b.npz", **{key: file[key] for key in file if key != "texture"})
+        np.savez(tmp_path / "c.npz", texture=file["texture"])
+    with pytest.raises(ValueError, match="lacks texture"):
+        read_npz(tmp_path / "b.npz")
+    with pytest.raises(ValueError, match="lacks sampling_rate, friction_coefficient, ratings, seed"):
+        read_npz(tmp_path / "c.npz")
+
+
+def test_hdf5_says_what_it_holds(tmp_path, texture):
+    write_hdf5(tmp_path / "a.h5", texture, **COMMON)
     with h5py.File(tmp_path / "a.h5") as file:
-        found.append(json.loads(file.attrs["units"]))
-    found.append(json.loads((tmp_path / "a.wav.json").read_text())["units"])
-    with Image.open(tmp_path / "a.friction.png") as picture:
+        assert (file.attrs["format"], file.attrs["version"]) == ("tactile-texture", 1)
+        assert (file["texture"].attrs["rate"], file["texture"].attrs["unit"]) == (DEVICE_RATE, "N")
+        assert file.attrs["rating_axes"] == "roughness, bumpiness, slipperiness"
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["textures"] = texture
+    with pytest.raises(ValueError, match="not a file of format tactile-texture.*give the folder"):
+        read_hdf5(tmp_path / "b.h5")
+
+
+def test_files_explain_themselves(tmp_path, texture):
+    """A program without this package finds what the numbers mean."""
+    paths = {name: _write(tmp_path, name, texture) for name in ("npz", "hdf5", "wav", "png")}
+    with np.load(paths["npz"]) as npz, h5py.File(paths["hdf5"]) as hdf5, Image.open(paths["png"]) as picture:
+        found = [json.loads(str(npz["units"])), json.loads(hdf5.attrs["units"])]
         found.append(json.loads(picture.text["tactile_diffusers"])["units"])
+    found.append(json.loads((tmp_path / "a.wav.json").read_text())["units"])
     for units in found:
         assert units["reference_speed"].startswith("mm/s") and "0.5 N" in units["texture"]
+
+
+def test_table_has_a_line_for_each_format(tmp_path, texture):
+    rows = [
+        {"format": name, **round_trip(_write(tmp_path, name, texture), name, texture, DEVICE_RATE)} for name in FORMATS
+    ]
+    lines = round_trip_markdown(rows).splitlines()
+    assert [line.split("`")[1] for line in lines[2:]] == list(FORMATS)
+    assert lines[2].count("exact") == 2 and "nan" not in "".join(lines)
+    short = texture[:300]  # no bands of 11 Hz
+    row = {"format": "npz", **round_trip(_write(tmp_path, "npz", short), "npz", short, DEVICE_RATE)}
+    assert math.isnan(row["nine_band_error_db"]) and "| – |" in round_trip_markdown([row])

@@ -76,16 +76,6 @@ def test_the_ends_of_a_coarse_map_are_like_the_rest(tmp_path, texture, pitch):
     assert inner.max() - inner.min() > 200
 
 
-@pytest.mark.parametrize(
-    ("pitch", "message"),
-    ((5.0, "leaves nothing of a texture, .* it must be below 1.8 mm"), (1e-4, "makes a picture of .* columns")),
-)
-def test_pitches_that_no_display_has(tmp_path, texture, pitch, message):
-    with pytest.raises(ValueError, match=message):
-        write_png(tmp_path / "a.png", texture, **COMMON, pixel_pitch=pitch)
-    assert not list(tmp_path.iterdir())
-
-
 def test_fine_pixels_and_silence_do_not_warn(tmp_path, texture):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -104,11 +94,12 @@ def test_unknown_friction_is_a_map_about_zero(tmp_path, texture):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"pixel_pitch": 0.0}, "`pixel_pitch` must be above zero, got 0.0"),
-        ({"pixel_pitch": float("nan")}, "`pixel_pitch` must be above zero, got nan"),
-        ({"normal_force": -0.5}, "`normal_force` must be above zero"),
-        ({"height": 0}, "`height` must be a whole number of rows, at least 1, got 0"),
-        ({"height": 2.5}, "`height` must be a whole number"),
+        ({"pixel_pitch": float("nan")}, "`pixel_pitch` must be a finite number above 0 in mm, got nan"),
+        ({"pixel_pitch": 5.0}, "leaves nothing of a texture, .* it must be below 1.8 mm"),  # no display has these
+        ({"pixel_pitch": 1e-4}, "makes a picture of .* columns"),
+        ({"normal_force": -0.5}, "`normal_force` must be a finite number above 0 in N"),
+        ({"height": 0}, "`height` must be a whole number of at least 1, got 0"),
+        ({"height": 100_000}, "`height` of 100000 rows makes a picture of .* pixels; at most 67108864"),
     ],
 )
 def test_bad_options_are_refused(tmp_path, texture, change, message):
@@ -121,9 +112,3 @@ def test_another_picture_is_refused(tmp_path):
     Image.new("L", (10, 10)).save(tmp_path / "a.png")
     with pytest.raises(ValueError, match="a friction map that this package wrote"):
         read_png(tmp_path / "a.png")
-
-
-def test_no_picture_is_written_that_would_not_be_read(tmp_path, texture):
-    with pytest.raises(ValueError, match="`height` of 100000 rows makes a picture of .* pixels; at most 67108864"):
-        write_png(tmp_path / "a.png", texture, **COMMON, height=100_000)
-    assert not list(tmp_path.iterdir())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.export import read_ahap, read_haptic, write_ahap, write_haptic
-from tactile_diffusers.export.envelopes import envelopes
+from tactile_diffusers.export.previews import envelopes
 from tactile_diffusers.signal import DEVICE_RATE, rms
 
 COMMON = {

@@ -6,10 +6,8 @@ import math
 import numpy as np
 
 from ..io.files import write_text
-from ..io.reading import read_json, reading
-from .checks import check_file
-from .envelopes import LOSSY, envelopes, from_unit, play, to_unit
-from .metadata import METADATA_KEY, check_arguments, check_read, check_span, metadata_from_json, metadata_to_json
+from .metadata import METADATA_KEY
+from .previews import DECIMALS, LOSSY, from_unit, preview, read_preview, to_unit
 
 #: Hz at sharpness 0 and 1, as the MPEG reference encoder reads AHAP (`AhapEncoder.cpp`); Apple gives none.
 FREQUENCY_HZ = (65.0, 300.0)
@@ -17,11 +15,10 @@ FREQUENCY_HZ = (65.0, 300.0)
 LONGEST_EVENT = 30.0
 #: ... and a curve has 16 points at most (the SDK of `.haptic` keeps to that, `ahap.rs`).
 MOST_POINTS = 16
-DECIMALS = 5
 _INTENSITY, _SHARPNESS = "HapticIntensityControl", "HapticSharpnessControl"
 
 
-def write_ahap(path, texture, *, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint=None):
+def write_ahap(path, texture, **about):
     """Writes a lossy preview: continuous events whose intensity and sharpness follow the texture every 20 ms.
 
     The intensity curve is the square root of the amplitude of a sine of the texture's power, because phones play
@@ -32,25 +29,25 @@ def write_ahap(path, texture, *, sampling_rate, friction_coefficient, reference_
 
     Args:
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`.
+        texture (`np.ndarray`): (samples,), N.
+        **about: as for `write_haptic`.
 
     Raises:
         ValueError: on a bad argument, before anything is written.
     """
-    texture, metadata = check_arguments(
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
-    )
-    times, amplitude, frequency = envelopes(texture, sampling_rate)
-    scale = float(amplitude.max()) or 1.0  # silence: any scale will do
-    metadata |= {"newtons_per_full_scale": scale, "samples": len(texture)}
+    times, amplitude, frequency, stored = preview(texture, **about)
     pattern = [
-        *_curves(_INTENSITY, times, np.sqrt(amplitude / scale)),
+        *_curves(_INTENSITY, times, np.sqrt(amplitude)),
         *_curves(_SHARPNESS, times, to_unit(frequency, FREQUENCY_HZ)),
         *_events(float(times[-1])),
     ]
-    description = {"Description": LOSSY, METADATA_KEY: metadata_to_json(metadata)}
-    contents = {"Version": 1.0, "Metadata": description, "Pattern": pattern}
+    contents = {"Version": 1.0, "Metadata": {"Description": LOSSY, METADATA_KEY: stored}, "Pattern": pattern}
     write_text(path, json.dumps(contents, indent=1, allow_nan=False) + "\n")
+
+
+def read_ahap(path):
+    """Reads what `write_ahap` wrote and plays it, as `read_haptic` does, with the same result and errors."""
+    return read_preview(path, "an AHAP file", _parse)
 
 
 def _curves(parameter, times, values):
@@ -74,46 +71,18 @@ def _events(duration):
         {"ParameterID": "HapticIntensity", "ParameterValue": 1.0},
         {"ParameterID": "HapticSharpness", "ParameterValue": 0.0},
     ]
-    starts = LONGEST_EVENT * np.arange(math.ceil(duration / LONGEST_EVENT))
-    return [
-        {
-            "Event": {
-                "Time": start,
-                "EventType": "HapticContinuous",
-                "EventDuration": round(min(LONGEST_EVENT, duration - start), DECIMALS),
-                "EventParameters": parameters,
-            }
-        }
-        for start in starts.tolist()
-    ]
+    events = []
+    for start in (LONGEST_EVENT * np.arange(math.ceil(duration / LONGEST_EVENT))).tolist():
+        length = round(min(LONGEST_EVENT, duration - start), DECIMALS)
+        event = {"Time": start, "EventType": "HapticContinuous", "EventDuration": length, "EventParameters": parameters}
+        events.append({"Event": event})
+    return events
 
 
-def read_ahap(path):
-    """Reads what `write_ahap` wrote and plays it: a sine of changing amplitude and frequency.
-
-    Args:
-        path (`str` or `Path`): the file.
-
-    Returns:
-        `tuple[np.ndarray, dict]`: the preview (samples,) float32 in N at the sampling rate of the texture, and what
-        belongs to it as in `read_npz`; also `newtons_per_full_scale` and `samples`.
-
-    Raises:
-        FileNotFoundError: if there is no file.
-        ValueError: if this package did not write it.
-    """
-    path = check_file(path)
-    with reading(path, "an AHAP file that this package wrote", "Write the texture again."):
-        contents = read_json(path, "JSON")
-        found = contents["Metadata"][METADATA_KEY]
-        times, intensity = _joined(contents["Pattern"], _INTENSITY)
-        _, sharpness = _joined(contents["Pattern"], _SHARPNESS)
-        metadata = metadata_from_json(found, path, ("newtons_per_full_scale", "samples"))
-        check_span(times[-1], metadata)
-        amplitude = np.square(intensity) * metadata["newtons_per_full_scale"]
-        frequency = from_unit(sharpness, FREQUENCY_HZ)
-        texture = play(times, amplitude, frequency, metadata["sampling_rate"], metadata["samples"])
-        return check_read(texture, metadata)
+def _parse(contents):
+    times, intensity = _joined(contents["Pattern"], _INTENSITY)
+    _, sharpness = _joined(contents["Pattern"], _SHARPNESS)
+    return contents["Metadata"][METADATA_KEY], times, np.square(intensity), from_unit(sharpness, FREQUENCY_HZ)
 
 
 def _joined(pattern, parameter):

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..io.files import atomic_path
 from ..signal import BAND_HZ, RATING_AXES, power_spectral_density, rms
-from .checks import check_positive_or_unknown, check_ratings, check_texture
+from .metadata import check_positive_or_unknown, check_ratings, check_texture
 
 SPECTRUM_HZ = (10.0, 5000.0)
 SPECTROGRAM_TOP_HZ = 1200.0
@@ -23,8 +23,8 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings,
         sampling_rate (`int`): Hz.
         friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
         ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
-        original (`np.ndarray`, *optional*): (samples,), N, what `texture` is a reconstruction of: waveform and spectrum
-            show it, and the title tells no ratings.
+        original (`np.ndarray`, *optional*): (samples,), N, the recording of which `texture` is a reconstruction:
+            waveform and spectrum show it, and the title has no ratings.
 
     Raises:
         ValueError: on a bad argument, before anything is written.
@@ -77,19 +77,16 @@ def draw_waveform(panel, texture, sampling_rate):
 
 
 def _draw_spectrum(panel, texture, sampling_rate, original=None):
-    frequencies, density = power_spectral_density(texture, sampling_rate)
     top = min(SPECTRUM_HZ[1], sampling_rate / 2)
-    shown = (frequencies >= SPECTRUM_HZ[0]) & (frequencies <= top)
-    density_db = 10 * np.log10(np.maximum(density[shown], np.finfo(np.float64).tiny))
-    highest = density_db.max()
     panel.axvspan(*BAND_HZ, alpha=0.12, linewidth=0, label=f"{BAND_HZ[0]:g}–{BAND_HZ[1]:g} Hz")
-    if original is not None:
-        known, reference = power_spectral_density(original, sampling_rate)
-        inside = (known >= SPECTRUM_HZ[0]) & (known <= top)
-        reference_db = 10 * np.log10(np.maximum(reference[inside], np.finfo(np.float64).tiny))
-        highest = max(highest, reference_db.max())
-        panel.semilogx(known[inside], reference_db, linewidth=2, **_ORIGINAL)
-    panel.semilogx(frequencies[shown], density_db, linewidth=1)
+    highest = -np.inf
+    for samples, style in ((original, {"linewidth": 2, **_ORIGINAL}), (texture, {"linewidth": 1})):
+        if samples is not None:
+            frequencies, density = power_spectral_density(samples, sampling_rate)
+            shown = (frequencies >= SPECTRUM_HZ[0]) & (frequencies <= top)
+            density_db = _decibels(density[shown])
+            highest = max(highest, density_db.max())
+            panel.semilogx(frequencies[shown], density_db, **style)
     panel.set(
         xlim=(SPECTRUM_HZ[0], top),
         ylim=(highest - 1.5 * DYNAMIC_RANGE_DB, highest + 5),
@@ -104,6 +101,10 @@ def _draw_spectrum(panel, texture, sampling_rate, original=None):
     panel.legend(loc="lower left", fontsize=9)
 
 
+def _decibels(density):
+    return 10 * np.log10(np.maximum(density, np.finfo(np.float64).tiny))
+
+
 def draw_spectrogram(panel, texture, sampling_rate):
     """Draws the power spectral density over time, with its colour bar; `texture` is (samples,) in N."""
     from scipy.signal import spectrogram
@@ -115,7 +116,7 @@ def draw_spectrogram(panel, texture, sampling_rate):
         texture, fs=sampling_rate, nperseg=window, noverlap=window - hop, nfft=4 * window, window="hann"
     )
     shown = frequencies <= SPECTROGRAM_TOP_HZ
-    density_db = 10 * np.log10(np.maximum(density[shown], np.finfo(np.float64).tiny))
+    density_db = _decibels(density[shown])
     highest = density_db.max()
     half_hop = hop / sampling_rate / 2
     image = panel.imshow(

@@ -1,4 +1,4 @@
-"""The table of formats: what the command writes and the documentation lists."""
+"""The table of formats, for the command and the documentation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ class Format:
 
     Attributes:
         suffix (`str`): of its files; no two formats share one.
-        write, read (`Callable`): `write(path, texture, *, sampling_rate, friction_coefficient, reference_speed,
-            ratings, seed, checkpoint)` and `read(path)`, which gives the texture and a dict of the rest.
+        write, read (`Callable`): `write(path, texture, **about)`, with what `write_npz` takes, and `read(path)`, which
+            returns the texture and a dict of the rest.
         kind (`str`): `"lossless"` (to float32 rounding), `"lossy"` (newtons come back, rounded or low-passed) or
             `"preview"` (amplitude and frequency alone).
         description (`str`): one line.

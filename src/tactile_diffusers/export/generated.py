@@ -1,7 +1,7 @@
 """Many generated textures in one folder: shards in HDF5, a manifest, and a reader that sees them as one array.
 
-`manifest.json` holds `settings` (all that decides what the textures are), `about` (where they come from, in words) and
-`shards`, a list of {"file", "first", "count"}. A shard holds, row by row, `textures` (count, samples) float32 in N,
+`manifest.json` holds `settings` (all that the textures depend on), `about` (where they come from) and `shards`, a list
+of {"file", "first", "count"}. A shard holds, row by row, `textures` (count, samples) float32 in N,
 `level` and `friction_coefficient` (count,) float32, `ratings` (count, axes) float32 z-scores, NaN = not specified, and
 `seed` (count,) int64; its attributes repeat the settings. A shard is whole or absent.
 """
@@ -22,7 +22,7 @@ UNITS = {"textures": "N", "level": "natural log of the RMS in N", "friction_coef
 
 
 def plan_shards(num_textures, textures_per_shard):
-    """Shards of a data set, whatever makes them: a list of {"file", "first", "count"}; the last may be smaller."""
+    """Shards of a data set: a list of {"file", "first", "count"}; the last may be smaller."""
     firsts = range(0, num_textures, textures_per_shard)
     return [
         {"file": f"textures-{number:05d}.h5", "first": first, "count": min(textures_per_shard, num_textures - first)}
@@ -31,15 +31,15 @@ def plan_shards(num_textures, textures_per_shard):
 
 
 def open_folder(folder, settings, about):
-    """Makes the folder of a data set, or checks that the one there has the same settings, and cleans it.
+    """Creates the folder of a data set, or checks that the one there has the same settings, and cleans it.
 
     Args:
-        folder (`str` or `Path`): made if absent; no other call may be writing to it.
+        folder (`str` or `Path`): created if absent; no other call may be writing to it.
         settings (`dict`): JSON values, with `num_textures` and `textures_per_shard`.
         about (`dict`): JSON values that need not agree.
 
     Returns:
-        `list[dict]`: the shards that are still to be made.
+        `list[dict]`: the shards that are still missing.
 
     Raises:
         ValueError: if the folder holds something else, or textures of other settings.
@@ -54,15 +54,12 @@ def open_folder(folder, settings, about):
         write_text(folder / MANIFEST, json.dumps(manifest, indent=1) + "\n")
     manifest = _read_manifest(folder)
     stored = manifest["settings"]
-    differences = [
-        f"{name} {stored.get(name)}, not {settings.get(name)}"
-        for name in {**stored, **settings}
-        if stored.get(name) != settings.get(name)
-    ]
-    if differences:
+    names = [name for name in {**stored, **settings} if stored.get(name) != settings.get(name)]
+    if names:
+        differences = "; ".join(f"{name} {stored.get(name)}, not {settings.get(name)}" for name in names)
         raise ValueError(
-            f"The folder {folder} holds textures of other settings ({'; '.join(differences)}). Finish them with those "
-            "settings, or give another folder."
+            f"The folder {folder} holds textures of other settings ({differences}). Finish them with those settings, "
+            "or give another folder."
         )
     for left_behind in folder.glob(".*.tmp"):  # by a process that was killed
         left_behind.unlink(missing_ok=True)
@@ -79,7 +76,7 @@ def _read_manifest(folder):
             raise ValueError(f"{path} has format {manifest['format']} {manifest['version']}, not {FORMAT} {VERSION}.")
         settings = manifest["settings"]
         num_textures, num_shards = settings["num_textures"], len(manifest["shards"])
-        # counted before they are planned: the numbers may be absurd
+        # counted before they are planned: a damaged file may hold any number
         if num_shards != -(-num_textures // settings["textures_per_shard"]) or manifest["shards"] != plan_shards(
             num_textures, settings["textures_per_shard"]
         ):
@@ -90,7 +87,7 @@ def _read_manifest(folder):
 
 
 def _is_whole(path, count):
-    """Whether a shard is done. A file that a power cut truncated is not."""
+    """Whether a shard is done: not if a power cut truncated it."""
     try:
         with reading(path, "a shard"), open_whole(path) as file:
             return len(file["textures"]) == count
@@ -131,14 +128,14 @@ def read_generated(folder):
     """Opens a folder that `examples/generate_dataset.py` wrote.
 
     Args:
-        folder (`str` or `Path`).
+        folder (`str` or `Path`): with its manifest.
 
     Returns:
         [`GeneratedTextures`]
 
     Raises:
         FileNotFoundError: if there is no manifest.
-        ValueError: if the manifest is none, or shards are missing.
+        ValueError: if the manifest is damaged, or shards are missing.
     """
     return GeneratedTextures(folder)
 

@@ -7,12 +7,12 @@ import numpy as np
 from ..io.hdf5 import check_sizes, open_whole, whole_file
 from ..io.reading import reading
 from ..signal import RATING_AXES
-from .metadata import UNITS, check_arguments, check_read, metadata_from_json
+from .metadata import UNITS, check_read, describe_texture, metadata_from_json
 
 FORMAT, VERSION = "tactile-texture", 1
 
 
-def write_hdf5(path, texture, *, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint=None):
+def write_hdf5(path, texture, **about):
     """Writes one texture to an HDF5 file.
 
     The file holds the dataset `texture` (samples,) float32 with the attributes `rate` (Hz) and `unit` ("N"). Attributes
@@ -21,15 +21,13 @@ def write_hdf5(path, texture, *, sampling_rate, friction_coefficient, reference_
 
     Args:
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`.
+        texture, **about: as for `write_npz`.
 
     Raises:
         FileNotFoundError: if the folder does not exist.
         ValueError: on a bad argument, before anything is written.
     """
-    texture, metadata = check_arguments(
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
-    )
+    texture, metadata = describe_texture(texture, **about)
     rate = metadata.pop("sampling_rate")
     with whole_file(path) as file:
         file.attrs.update({"format": FORMAT, "version": VERSION, "rating_axes": ", ".join(RATING_AXES)})

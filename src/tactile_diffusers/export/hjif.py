@@ -13,12 +13,12 @@ import numpy as np
 from ..io.files import write_text
 from ..io.reading import read_json, reading
 from ..signal import BAND_HZ, REFERENCE_FORCE, resample
-from .checks import check_above_zero, check_file
+from ..signal.checks import check_number
 from .metadata import (
-    check_arguments,
     check_known_speed,
     check_read,
     check_span,
+    describe_texture,
     mean_friction,
     metadata_from_json,
     metadata_to_json,
@@ -34,19 +34,7 @@ _MILLI, _MICRO = -3, -6
 _UM_PER_MM = 1000
 
 
-def write_hjif(
-    path,
-    texture,
-    *,
-    sampling_rate,
-    friction_coefficient,
-    reference_speed,
-    ratings,
-    seed,
-    checkpoint=None,
-    modality="Force",
-    normal_force=REFERENCE_FORCE,
-):
+def write_hjif(path, texture, *, modality="Force", normal_force=REFERENCE_FORCE, **about):
     """Writes one texture as a haptic experience of one perception.
 
     Key frames lie in [-1, 1]; times the channel's `gain` they are newtons (Force, Vibrotactile Texture), or the
@@ -57,7 +45,7 @@ def write_hjif(
 
     Args:
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`.
+        texture, **about: as for `write_npz`.
         modality (`str`, *optional*, defaults to `"Force"`): `"Force"`, over time, or `"Friction"` or `"Vibrotactile
             Texture"`, over position; these need a reference speed of at least 8 mm/s.
         normal_force (`float`, *optional*, defaults to 0.5): N at which the texture was recorded; for Friction.
@@ -65,15 +53,13 @@ def write_hjif(
     Raises:
         ValueError: on a bad argument, before anything is written.
     """
-    texture, metadata = check_arguments(
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
-    )
+    texture, metadata = describe_texture(texture, **about)
     if modality not in TEMPORAL + SPATIAL:
         raise ValueError(f"`modality` must be one of {', '.join(TEMPORAL + SPATIAL)}, got {modality!r}.")
-    normal_force = check_above_zero("normal_force", normal_force)
+    normal_force = check_number("normal_force", normal_force, "N", above=0)
     timescale, step = (KEY_FRAME_RATE, 1) if modality in TEMPORAL else _micrometres(check_known_speed(metadata))
 
-    values = resample(texture, sampling_rate, timescale / step, method="fourier")
+    values = resample(texture, metadata["sampling_rate"], timescale / step, method="fourier")
     if modality == "Friction":
         values = mean_friction(metadata) + values / normal_force
         metadata["normal_force"] = normal_force
@@ -157,7 +143,6 @@ def read_hjif(path):
         FileNotFoundError: if there is no file.
         ValueError: if this package did not write it.
     """
-    path = check_file(path)
     with reading(path, "a .hjif file that this package wrote", "Write the texture again."):
         experience = read_json(path, "JSON")
         found = json.loads(experience["description"])
@@ -168,7 +153,7 @@ def read_hjif(path):
         rate = experience["timescale"] / (frames[1]["relative_position"] if len(frames) > 1 else 1)
         modality = perception["perception_modality"]
         metadata = metadata_from_json(found, path, ("samples", *(("normal_force",) if modality == "Friction" else ())))
-        check_span(len(frames) / check_above_zero("timescale", rate), metadata)
+        check_span(len(frames) / check_number("timescale", rate, "Hz", above=0), metadata)
         if modality == "Friction":
             values = (values - mean_friction(metadata)) * metadata["normal_force"]
         metadata |= {"modality": modality, "gain": channel["gain"], "key_frame_rate": rate}

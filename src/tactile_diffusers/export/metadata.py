@@ -1,14 +1,13 @@
-"""What belongs to a texture, the same in every format: checked before it is written, and as JSON there and back."""
+"""What is stored with a texture in every format: checked before it is written, and as JSON there and back."""
 
 import math
 
 import numpy as np
 
 from ..signal import BAND_HZ, RATING_AXES, REFERENCE_FORCE
-from ..signal.checks import check_seed, check_whole_number
-from .checks import check_positive_or_unknown, check_ratings, check_texture
+from ..signal.checks import check_number, check_samples, check_seed, check_whole_number
 
-#: Key under which a file of another's format holds what belongs to the texture, as JSON.
+#: Key under which a file of another's format holds what is stored with the texture, as JSON.
 METADATA_KEY = "tactile_diffusers"
 #: What the numbers in a file mean, for programs and people without this package; written beside them under `units`.
 UNITS = {
@@ -19,22 +18,19 @@ UNITS = {
     "reference_speed": "mm/s: the finger's, at which the texture is felt in this time",
     "ratings": f"z-scores in the order {', '.join(RATING_AXES)}; larger = rougher, bumpier, more slippery",
 }
+_NAMES = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
 #: What old files may lack, and what it is then.
 _OPTIONAL = {"reference_speed": None, "checkpoint": None}
 _NULL_IS_NAN = ("friction_coefficient", "reference_speed")
 
 
-def check_arguments(texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint):
-    """The arguments that every writer takes, once they are known to be writable.
+def describe_texture(
+    texture, *, sampling_rate, friction_coefficient, ratings, seed, reference_speed=math.nan, checkpoint=None
+):
+    """A texture and what is stored with it, checked: the arguments that every writer takes.
 
     Args:
-        texture (`np.ndarray`): (samples,), N.
-        sampling_rate (`int`): Hz.
-        friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
-        reference_speed (`float`): finger speed for which the texture was made, mm/s; NaN = unknown.
-        ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
-        seed (`int`): the seed of the generator that drew the texture.
-        checkpoint (`str`, *optional*): name of the checkpoint that made it; `None` = unknown.
+        texture, sampling_rate, friction_coefficient, ratings, seed, reference_speed, checkpoint: as for `write_npz`.
 
     Returns:
         `tuple[np.ndarray, dict]`: the texture (samples,) float64, and the rest under the names of the arguments, as
@@ -56,17 +52,61 @@ def check_arguments(texture, sampling_rate, friction_coefficient, reference_spee
     }
 
 
+def check_texture(texture, sampling_rate):
+    """The samples of one texture, (samples,) float64.
+
+    Raises:
+        ValueError: if `texture` is not one row of finite numbers, or `sampling_rate` no whole number of Hz above 0.
+    """
+    texture = check_samples("texture", texture)
+    if check_number("sampling_rate", sampling_rate, "Hz", above=0) % 1:
+        raise ValueError(f"`sampling_rate` must be a whole number of Hz, got {sampling_rate}.")
+    return texture
+
+
+def check_ratings(ratings):
+    """Ratings (3,) as float64 in the order of `RATING_AXES`, NaN = not specified.
+
+    Raises:
+        ValueError: if there is not one value for each axis, or one is infinite.
+    """
+    try:
+        found = np.array([math.nan if value is None else float(value) for value in ratings])
+    except (TypeError, ValueError, OverflowError):
+        found = np.empty(0)
+    if len(found) != len(RATING_AXES) or np.isinf(found).any():
+        raise ValueError(
+            f"`ratings` must be {len(RATING_AXES)} numbers, {', '.join(RATING_AXES)}, got {ratings!r}. "
+            "Give NaN for an axis that is not specified."
+        )
+    return found
+
+
+def check_positive_or_unknown(name, value):
+    """A float above zero, or NaN for a quantity that was not measured.
+
+    Raises:
+        ValueError: if `value` is infinite, zero or negative; the message calls it `name`.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.inf
+    if not (math.isnan(number) or 0 < number < math.inf):
+        raise ValueError(f"`{name}` must be above zero, or NaN if unknown, got {value!r}.")
+    return number
+
+
 def check_read(texture, metadata):
-    """The same demands on what was read: a damaged file may say anything.
+    """The same checks of what was read: a damaged file may hold anything.
 
     Returns:
         `tuple[np.ndarray, dict]`: the texture as float32, and `metadata` with its numbers in the types of the writers.
 
     Raises:
-        ValueError: as `check_arguments`.
+        ValueError: as `describe_texture`.
     """
-    names = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
-    texture, checked = check_arguments(texture, **{name: metadata[name] for name in names})
+    texture, checked = describe_texture(texture, **{name: metadata[name] for name in _NAMES})
     with np.errstate(over="ignore"):
         texture = texture.astype(np.float32)
     if not np.isfinite(texture).all():
@@ -75,10 +115,10 @@ def check_read(texture, metadata):
 
 
 def check_span(seconds, metadata):
-    """Refuses `samples` of a lossy format that do not fit what the file holds: a header that claims any number.
+    """Refuses a number of samples that does not fit the contents of a lossy format: a header may claim anything.
 
     Args:
-        seconds (`float`): what the file holds, at the reference speed if it is over position.
+        seconds (`float`): of the contents, at the reference speed if they are over position.
         metadata (`dict`): with `samples` and `sampling_rate`.
 
     Raises:
@@ -91,7 +131,7 @@ def check_span(seconds, metadata):
 
 
 def check_known_speed(metadata):
-    """The reference speed, mm/s, of what is to be written over position.
+    """The reference speed, mm/s, for a format over position.
 
     Raises:
         ValueError: if it is unknown.
@@ -114,24 +154,24 @@ def metadata_to_json(metadata):
     return {**{name: _null_if_nan(value) for name, value in metadata.items()}, "units": UNITS}
 
 
-def metadata_from_json(found, where, needed=()):
-    """What `metadata_to_json` gave, with NaN for null and for what old files lack.
+def metadata_from_json(stored, path, needed=()):
+    """The inverse of `metadata_to_json`, with NaN for null and for what old files lack.
 
     Args:
-        found (`dict`): as read.
-        where (`str` or `Path`): what the message calls it.
+        stored (`dict`): as read.
+        path (`str` or `Path`): for messages.
         needed (`Sequence[str]`): keys beyond those of every texture.
 
     Raises:
         ValueError: if a key is missing.
     """
-    if not isinstance(found, dict):
-        raise ValueError(f"{where} holds no description of a texture. Only files that this package wrote can be read.")
+    if not isinstance(stored, dict):
+        raise ValueError(f"{path} holds no description of a texture. Only files that this package wrote can be read.")
     always = ("sampling_rate", "friction_coefficient", "ratings", "seed", *needed)
-    missing = [name for name in always if name not in found]
+    missing = [name for name in always if name not in stored]
     if missing:
-        raise ValueError(f"{where} lacks {', '.join(missing)}. Write the texture again.")
-    metadata = {**_OPTIONAL, **found}
+        raise ValueError(f"{path} lacks {', '.join(missing)}. Write the texture again.")
+    metadata = {**_OPTIONAL, **stored}
     metadata.pop("units", None)
     metadata.update({name: _nan_if_null(metadata[name]) for name in _NULL_IS_NAN})
     metadata["ratings"] = [_nan_if_null(value) for value in metadata["ratings"]]

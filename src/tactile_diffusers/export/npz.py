@@ -6,11 +6,10 @@ import numpy as np
 
 from ..io.files import atomic_path
 from ..io.reading import check_archive, reading
-from .checks import check_file
-from .metadata import UNITS, check_arguments, check_read, metadata_from_json
+from .metadata import UNITS, check_read, describe_texture, metadata_from_json
 
 
-def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, seed, reference_speed, checkpoint=None):
+def write_npz(path, texture, **about):
     """Writes one texture to a compressed `.npz` file.
 
     The file holds `texture` (samples,) float32 in N, `sampling_rate` int64 in Hz, `friction_coefficient` float32,
@@ -20,22 +19,22 @@ def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, se
     Args:
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
         texture (`np.ndarray`): (samples,), N.
-        sampling_rate (`int`): Hz.
-        friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
-        ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
-        seed (`int`): the seed of the generator that drew the texture.
-        reference_speed (`float`): finger speed for which the texture was made, mm/s; NaN = unknown.
-        checkpoint (`str`, *optional*): name of the checkpoint that made it; `None` = unknown.
+        **about: what is stored with the texture, in this and every other format:
+            sampling_rate (`int`): Hz.
+            friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
+            ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
+            seed (`int`): of the generator that drew the noise.
+            reference_speed (`float`, *optional*): finger speed at which the texture is felt in this time, mm/s; NaN,
+                the default, = unknown.
+            checkpoint (`str`, *optional*): name of the checkpoint that generated it; `None` = unknown.
 
     Raises:
         ValueError: on a bad argument, before anything is written.
     """
-    texture, metadata = check_arguments(
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
-    )
+    texture, metadata = describe_texture(texture, **about)
     arrays = {
         "texture": texture.astype(np.float32),
-        "sampling_rate": np.int64(sampling_rate),
+        "sampling_rate": np.int64(metadata["sampling_rate"]),
         "friction_coefficient": np.float32(metadata["friction_coefficient"]),
         "ratings": np.float32(metadata["ratings"]),
         "seed": np.asarray(metadata["seed"]),
@@ -48,7 +47,7 @@ def write_npz(path, texture, *, sampling_rate, friction_coefficient, ratings, se
 
 
 def read_npz(path):
-    """Reads what `write_npz` wrote, now or before it knew of checkpoints.
+    """Reads what `write_npz` wrote, now or before it stored checkpoints.
 
     Args:
         path (`str` or `Path`): the file.
@@ -61,7 +60,6 @@ def read_npz(path):
         FileNotFoundError: if there is no file.
         ValueError: if it is no archive of a texture.
     """
-    path = check_file(path)
     with reading(path, "a NumPy archive of a texture", "Write the texture again."):
         check_archive(path)
         with np.load(path, allow_pickle=False) as file:

@@ -9,14 +9,14 @@ import numpy as np
 from ..io.files import atomic_path
 from ..io.reading import MOST_UNPACKED, check_size, reading
 from ..signal import BAND_HZ, REFERENCE_FORCE, resample, rms
+from ..signal.checks import check_number, check_whole_number
 from ..signal.resampling import KEPT_SHARE, low_pass_for, num_samples
-from .checks import check_above_zero, check_file
 from .metadata import (
     METADATA_KEY,
-    check_arguments,
     check_known_speed,
     check_read,
     check_span,
+    describe_texture,
     mean_friction,
     metadata_from_json,
     metadata_to_json,
@@ -32,20 +32,7 @@ WIDEST = 2**16
 _MM_PER_INCH = 25.4
 
 
-def write_png(
-    path,
-    texture,
-    *,
-    sampling_rate,
-    friction_coefficient,
-    reference_speed,
-    ratings,
-    seed,
-    checkpoint=None,
-    pixel_pitch=PIXEL_PITCH,
-    height=HEIGHT,
-    normal_force=REFERENCE_FORCE,
-):
+def write_png(path, texture, *, pixel_pitch=PIXEL_PITCH, height=HEIGHT, normal_force=REFERENCE_FORCE, **about):
     """Writes one texture as a friction map: grey = friction coefficient, columns = position, rows all alike.
 
     The coefficient at a position is `friction_coefficient` + texture / `normal_force`; 0 is the lowest of the map and
@@ -59,8 +46,7 @@ def write_png(
 
     Args:
         path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint: as in `write_npz`;
-            the reference speed must be known.
+        texture, **about: as for `write_npz`; the reference speed must be known.
         pixel_pitch (`float`, *optional*, defaults to 0.15): mm between pixels of the display, its width / its pixels; a
             map made for another pitch is another texture.
         height (`int`, *optional*, defaults to 64): rows.
@@ -73,24 +59,20 @@ def write_png(
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    texture, metadata = check_arguments(
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
-    )
+    texture, metadata = describe_texture(texture, **about)
     speed = check_known_speed(metadata)
-    pixel_pitch = check_above_zero("pixel_pitch", pixel_pitch)
-    normal_force = check_above_zero("normal_force", normal_force)
-    if int(height) != height or height < 1:
-        raise ValueError(f"`height` must be a whole number of rows, at least 1, got {height}.")
-
-    columns = _check_width(len(texture), sampling_rate, speed, pixel_pitch)
+    pixel_pitch = check_number("pixel_pitch", pixel_pitch, "mm", above=0)
+    normal_force = check_number("normal_force", normal_force, "N", above=0)
+    height, rate = check_whole_number("height", height), metadata["sampling_rate"]
+    columns = _check_width(len(texture), rate, speed, pixel_pitch)
     if columns * height > MOST_UNPACKED:  # its reader takes no larger ones: rows that are all alike take no room
         raise ValueError(
-            f"`height` of {height} rows makes a picture of {columns * int(height):.3g} pixels; at most "
-            f"{MOST_UNPACKED} are written. Give fewer rows, which are all alike, or a shorter texture."
+            f"`height` of {height} rows makes a picture of {columns * height:.3g} pixels; at most {MOST_UNPACKED} are "
+            "written. Give fewer rows, which are all alike, or a shorter texture."
         )
     held = highest_frequency(speed, pixel_pitch)
-    coarse = texture if held >= BAND_HZ[1] else low_pass_for(texture, sampling_rate, speed / pixel_pitch)
-    pixels = resample(coarse, sampling_rate, speed / pixel_pitch, method="fourier")
+    coarse = texture if held >= BAND_HZ[1] else low_pass_for(texture, rate, speed / pixel_pitch)
+    pixels = resample(coarse, rate, speed / pixel_pitch, method="fourier")
     _warn_of_loss(texture, pixels, speed, pixel_pitch)
     friction = mean_friction(metadata) + pixels / normal_force
     lowest = float(friction.min())
@@ -102,7 +84,7 @@ def write_png(
     chunks = PngInfo()
     chunks.add_text(METADATA_KEY, json.dumps(metadata_to_json(metadata), allow_nan=False))
     with atomic_path(path) as temporary:
-        picture = Image.fromarray(np.tile(row, (int(height), 1)))
+        picture = Image.fromarray(np.tile(row, (height, 1)))
         picture.save(temporary, format="PNG", pnginfo=chunks, dpi=(_MM_PER_INCH / pixel_pitch,) * 2, optimize=True)
 
 
@@ -157,7 +139,6 @@ def read_png(path):
     """
     from PIL import Image
 
-    path = check_file(path)
     with reading(path, "a friction map that this package wrote", "Write the texture again."):
         with Image.open(path, formats=["PNG"]) as picture:
             if (picture.mode, picture.info.get(METADATA_KEY) is None) != ("L", False):
@@ -167,7 +148,7 @@ def read_png(path):
         needed = ("friction_at_zero", "friction_per_count", "normal_force", "pixel_pitch", "samples", "reference_speed")
         metadata = metadata_from_json(json.loads(text), path, needed)
         friction = metadata["friction_at_zero"] + row * metadata["friction_per_count"]
-        speed, pitch = check_known_speed(metadata), check_above_zero("pixel_pitch", metadata["pixel_pitch"])
+        speed, pitch = check_known_speed(metadata), check_number("pixel_pitch", metadata["pixel_pitch"], "mm", above=0)
         check_span(len(row) * pitch / speed, metadata)
         metadata["highest_frequency"] = highest_frequency(speed, pitch)
         newtons = (friction - mean_friction(metadata)) * metadata["normal_force"]

@@ -1,7 +1,6 @@
 """WAV files with a JSON sidecar that turns their numbers back into newtons."""
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +8,8 @@ import numpy as np
 from ..data.wav_header import check_wav
 from ..io.files import atomic_path
 from ..io.reading import read_json, reading
-from .checks import check_above_zero, check_file
-from .metadata import check_arguments, check_read, metadata_from_json, metadata_to_json
+from ..signal.checks import check_number
+from .metadata import check_read, describe_texture, metadata_from_json, metadata_to_json
 
 #: Counts of full scale in a 16-bit file; the largest positive count is one less.
 FULL_SCALE_COUNTS = 2**15
@@ -23,19 +22,7 @@ def sidecar_path(path):
     return Path(f"{path}.json")
 
 
-def write_wav(
-    path,
-    texture,
-    *,
-    sampling_rate,
-    friction_coefficient,
-    ratings,
-    seed,
-    reference_speed=math.nan,
-    checkpoint=None,
-    subtype="PCM_16",
-    full_scale=None,
-):
+def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, **about):
     """Writes one texture to a mono WAV file, by default so that its peak is full scale, and the scale to the sidecar.
 
     Any reader that gives samples in [-1, 1] gives newtons when these are multiplied by the sidecar's
@@ -45,13 +32,7 @@ def write_wav(
 
     Args:
         path (`str` or `Path`): the WAV file; its folder must exist. Existing files are replaced as a whole.
-        texture (`np.ndarray`): (samples,), N.
-        sampling_rate (`int`): Hz.
-        friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
-        ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
-        seed (`int`): the seed of the generator that drew the texture.
-        reference_speed (`float`, *optional*): finger speed for which the texture was made, mm/s; NaN = unknown.
-        checkpoint (`str`, *optional*): name of the checkpoint that made it; `None` = unknown.
+        texture, **about: as for `write_npz`.
         subtype (`str`, *optional*, defaults to `"PCM_16"`): `"PCM_16"` or `"FLOAT"`, soundfile's names.
         full_scale (`float`, *optional*): N that are full scale, one for files that belong together; by default the
             texture's peak.
@@ -61,15 +42,13 @@ def write_wav(
     """
     import soundfile
 
-    texture, metadata = check_arguments(
-        texture, sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint
-    )
+    texture, metadata = describe_texture(texture, **about)
     if subtype not in ("PCM_16", "FLOAT"):
         raise ValueError(f'`subtype` must be "PCM_16" or "FLOAT", got {subtype!r}.')
     peak = np.abs(texture).max()
     if full_scale is None:
         full_scale = peak or 1.0  # silence: any scale will do
-    check_above_zero("full_scale", full_scale)
+    check_number("full_scale", full_scale, "N", above=0)
     if not peak <= full_scale * (1 + _ROUNDING):
         raise ValueError(
             f"`texture` peaks at {peak:g} N, above `full_scale` of {full_scale:g} N, and would be clipped. Attenuate "
@@ -83,7 +62,7 @@ def write_wav(
     else:
         samples = (texture / scale).astype(np.float32)
     with atomic_path(sidecar_path(path)) as temporary_json, atomic_path(path) as temporary_wav:
-        soundfile.write(temporary_wav, samples, int(sampling_rate), subtype=subtype, format="WAV")
+        soundfile.write(temporary_wav, samples, metadata["sampling_rate"], subtype=subtype, format="WAV")
         temporary_json.write_text(json.dumps(sidecar, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
 
@@ -102,17 +81,16 @@ def read_wav(path):
     """
     import soundfile
 
-    path = check_file(path)
-    if not sidecar_path(path).is_file():
-        raise FileNotFoundError(f"{sidecar_path(path)}, which holds the scale of {path} in newtons, does not exist.")
     side = sidecar_path(path)
+    if not side.is_file():
+        raise FileNotFoundError(f"{side}, which holds the scale of {path} in newtons, does not exist.")
     with reading(side, "a JSON file that belongs to a WAV file", "Write the texture again."):
         sidecar = read_json(side, "JSON")
         metadata = metadata_from_json(sidecar, side, ("newtons_per_full_scale",))
-        scale = check_above_zero("newtons_per_full_scale", metadata["newtons_per_full_scale"])
+        scale = check_number("newtons_per_full_scale", metadata["newtons_per_full_scale"], "N", above=0)
         metadata = check_read(np.zeros(1), metadata)[1]
     with reading(path, "a WAV file", "Write the texture again."):
-        with path.open("rb") as file:
+        with open(path, "rb") as file:
             check_wav(file)
         samples, sampling_rate = soundfile.read(path, dtype="float64")
         if sampling_rate != metadata["sampling_rate"]:
