@@ -109,19 +109,14 @@ def test_low_coherence_is_refused_and_the_band_named(recording, excitation):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"command": np.zeros(0)}, "`command` must have the shape"),
         ({"measured": np.zeros(60000)[:-1]}, "`command` and `measured` must be of one length, got 60000 and 59999"),
         ({"measured": np.r_[np.zeros(59999), np.nan]}, "`measured` must be finite, got nan at sample 59999"),
-        ({"sampling_rate": -1}, "`sampling_rate` must be a finite number above 2000 in Hz, got -1"),
         ({"sampling_rate": 1000}, "`sampling_rate` must be.*above 2000"),
         ({"sampling_rate": 100_000}, "`command` of 0.6 s is too short: record at least 2.1 s"),
-        ({"speed": 0.0}, "`speed` must be a finite number above 0 in mm/s"),
-        ({"speed": 0.08}, "`speed` must be that of a sliding finger, 1 to 3000 mm/s, got 0.08. Multiply m/s by 1000"),
-        ({"speed": 80_000.0}, "sliding finger"),
+        ({"speed": 0.08}, "`speed` must be .* of at least 1 and of at most 3000 in mm/s, as of a sliding finger"),
         ({"normal_force": -0.5}, "`normal_force` must be.*got -0.5"),
         ({"kind": "magnetic"}, "`kind` must be one of"),
         ({"kind": "ultrasonic"}, "`lookup` is missing"),
-        ({"min_coherence": float("nan")}, "`min_coherence` must be"),
         ({"command": np.full(60000, 100.0)}, "`command` does not modulate friction"),
         ({"command": np.where(np.arange(60000) % 7 < 3, -100.0, 100.0)}, "does not modulate.*two levels of the same"),
     ],
@@ -131,19 +126,23 @@ def test_bad_arguments(recording, change, message):
         fit_drive_profile(**{**recording(), **change})
 
 
-def test_bad_recordings(recording):
+@pytest.mark.parametrize(
+    ("measured", "change", "message"),
+    [
+        (lambda force: -force, {}, "`measured` falls where the friction of an electroadhesion display rises"),
+        (lambda force: force - force.mean(), {}, "`offset`"),
+        (lambda force: 1000 * force, {}, "`measured` of 369.2 N on average.*no finger's.*Divide mN by 1000"),
+        (lambda force: 50 * force, {}, "friction coefficient of 36.9,.*`measured` is probably in mN"),
+        (lambda force: force, {"normal_force": 50.0}, "coefficient of 0.00738.*`normal_force` is probably in mN"),
+    ],
+)
+def test_bad_recordings(recording, measured, change, message):
     arguments = recording()
-    with pytest.raises(ValueError, match="`measured` falls where the friction of an electroadhesion display rises"):
-        fit_drive_profile(**{**arguments, "measured": -arguments["measured"]})
-    with pytest.raises(ValueError, match="`offset`"):  # without its mean
-        fit_drive_profile(**{**arguments, "measured": arguments["measured"] - arguments["measured"].mean()})
-    milli = 1000 * arguments["measured"]
-    with pytest.raises(ValueError, match="`measured` of 369.2 N on average.*no finger's.*Divide mN by 1000"):
-        fit_drive_profile(**{**arguments, "measured": milli})
-    with pytest.raises(ValueError, match="friction coefficient of 36.9,.*`measured` is probably in mN"):
-        fit_drive_profile(**{**arguments, "measured": milli / 20})
-    with pytest.raises(ValueError, match="coefficient of 0.00738.*`normal_force` is probably in mN"):
-        fit_drive_profile(**{**arguments, "normal_force": 50.0})
+    with pytest.raises(ValueError, match=message):
+        fit_drive_profile(**{**arguments, "measured": measured(arguments["measured"]), **change})
+
+
+def test_a_corner_below_the_band_and_percent_are_refused(recording):
     with pytest.raises(ValueError, match="corner at or below 20 Hz"):
         fit_drive_profile(**recording(cutoff=4.0))
     ultrasonic = recording("ultrasonic")

@@ -38,6 +38,7 @@ forces = st.tuples(st.integers(1, 400), st.integers(0, 99), st.floats(-6, 1)).ma
 )
 
 
+@pytest.mark.filterwarnings("ignore:The display cannot make this force")
 @settings.get_profile("many")
 @given(profile=displays(), force=forces, seed=st.integers(0, 99), fastest=st.sampled_from([0.0, 5.0, 15.0, 300.0]))
 def test_blocks_do_not_matter_and_the_drive_stays_in_range(profile, force, seed, fastest):

@@ -18,7 +18,7 @@ _TABLE_POINTS = 4097
 
 
 def check_kind(kind):
-    """Raises ValueError if `kind` is not one of `DRIVE_UNITS`."""
+    """Raises a ValueError unless `kind` is one of `DRIVE_UNITS`."""
     if not isinstance(kind, str) or kind not in DRIVE_UNITS:
         raise ValueError(f"`kind` must be one of {', '.join(DRIVE_UNITS)}, got {kind!r}.")
 
@@ -40,7 +40,7 @@ def check_lookup(kind, lookup):
     if len(lookup) < 3 or lookup[0] != (0.0, 0.0):
         raise ValueError(
             f"`lookup` must start at (0, 0) and have at least 3 rows, got {len(lookup)} from {lookup[0]}. "
-            "Without drive friction is not reduced: subtract what was measured there."
+            "Without drive friction is not reduced: subtract the reduction measured there."
         )
     if lookup[-1][0] > 1:
         raise ValueError(
@@ -64,6 +64,6 @@ def friction_change(kind, lookup, drive):
 
 
 def inverse_table(lookup):
-    """Friction reduction and the amplitude that makes it, both increasing, for `np.interp`."""
+    """Friction reductions and their amplitudes, both increasing, for `np.interp`."""
     amplitudes = np.linspace(0.0, lookup[-1][0], _TABLE_POINTS)
     return PchipInterpolator(*np.transpose(lookup))(amplitudes), amplitudes

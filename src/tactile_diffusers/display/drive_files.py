@@ -3,15 +3,12 @@
 A profile is a JSON object with `format` "tactile-drive-profile", `version` 1, `units`, and the arguments of
 `DriveProfile`; `lookup` is the name of a CSV file beside it with the columns amplitude,friction_reduction, or null.
 
-A calibration is a JSON object with `format` "tactile-drive-calibration", `version` 1, `units`, `kind`,
-`sampling_rate`, `normal_force`, `speed`, `recording` and `lookup`. `recording` names a CSV file beside it with the
-columns drive,lateral_force: what was commanded, and the force along the sliding direction with its mean, sample by
-sample while the finger slides. `lookup` is as in a profile.
+A calibration is described at `read_drive_calibration`. The columns of its recording are the commanded drive and the
+force along the sliding direction with its mean, sample by sample while the finger slides.
 
-`units` must say what the numbers are in: N, mm/s, Hz, and V or 1 (relative amplitude) for the drive.
+`units` names the units of the numbers: N, mm/s, Hz, and V or 1 (relative amplitude) for the drive.
 """
 
-import csv
 import json
 from pathlib import Path
 
@@ -57,10 +54,12 @@ def read_profile(path):
 
 
 def read_drive_calibration(path):
-    """Reads a calibration recording: `fit_drive_profile(**read_drive_calibration(path))` makes the profile.
+    """Reads a calibration recording: `fit_drive_profile(**read_drive_calibration(path))` fits the profile.
 
     Args:
-        path (`str` or `Path`): the JSON file; the format is described above.
+        path (`str` or `Path`): the JSON file, with `format` "tactile-drive-calibration", `version` 1, `units`, `kind`,
+            `sampling_rate`, `normal_force`, `speed`, `recording` (the name of a CSV file beside it with the columns
+            drive,lateral_force) and `lookup` (as in a profile).
 
     Returns:
         `dict`: `command` and `measured`, (samples,) float64 in V or relative amplitude and N, and `sampling_rate`,
@@ -85,9 +84,6 @@ def _json(content):
 
 def _read_json(path, form, keys):
     """The values of `keys`, once format, version and units are known to be right."""
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"`path` {path} does not exist.")
     content = read_json(path, "JSON")
     if content.get("format") != form or content.get("version") != VERSION:
         raise ValueError(f'{path} must be a JSON object with "format": "{form}" and "version": {VERSION}.')
@@ -121,26 +117,15 @@ def _beside(path, key, name):
 
 def _read_table(path, columns):
     """Numbers of a CSV file with exactly these columns: (rows, columns) float64. Blank lines are skipped."""
-    with (
-        reading(path, "CSV in UTF-8", "Export it as text again."),
-        path.open(encoding="utf-8-sig", newline="") as file,
-    ):
-        lines = csv.reader(file)
-        rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
-    header = tuple(name.strip() for name in rows[0][1]) if rows else ()
-    if header != columns:
-        raise ValueError(
-            f"{path} must start with the columns {','.join(columns)}, got {','.join(header) or 'an empty file'}."
-        )
-    if len(rows) < 2:
-        raise ValueError(f"{path} has no rows below its header. Write it again.")
-    values = np.empty((len(rows) - 1, len(columns)))
-    for index, (line, row) in enumerate(rows[1:]):
-        try:
-            values[index] = [float(cell) for _, cell in zip(columns, row, strict=True)]
-        except ValueError as error:
+    with reading(path, "CSV in UTF-8", "Write it again, with decimal points."):
+        header, *rows = path.read_text(encoding="utf-8-sig").splitlines() or [""]
+        if tuple(name.strip() for name in header.split(",")) != columns:
             raise ValueError(
-                f"{path}, line {line}: expected {len(columns)} numbers, got {','.join(row)!r}. "
-                "Write it again, with decimal points."
-            ) from error
+                f"{path} must start with the columns {','.join(columns)}, got {header or 'an empty file'}."
+            )
+        if not any(rows):
+            raise ValueError(f"{path} has no rows below its header. Write it again.")
+        values = np.loadtxt(rows, delimiter=",", ndmin=2)
+        if values.shape[1] != len(columns):
+            raise ValueError(f"its rows have {values.shape[1]} numbers, not {len(columns)}")
     return values

@@ -15,7 +15,7 @@ from .drive_profile import DriveProfile
 #: Hann windows of 0.2 s, half overlapping: bins of 5 Hz, as in `signal.power_spectral_density`, and far longer than
 #: the response of any low-pass with its corner in the band.
 WINDOW_SECONDS = 0.2
-#: A shorter recording has fewer than 20 windows: too few to tell coherence from chance, which gives 1 / windows.
+#: A shorter recording has fewer than 20 windows: too few to distinguish coherence from chance, which gives 1 / windows.
 SHORTEST_SECONDS = 2.1
 #: Friction coefficients of fingers lie within 0.05 (on a film of air) and 3 (soft and moist on glass, lightly pressed):
 #: beyond these wide limits a unit is wrong.
@@ -89,13 +89,9 @@ def fit_drive_profile(
     check_kind(kind)
     lookup = check_lookup(kind, lookup)
     rate = check_number("sampling_rate", sampling_rate, "Hz", above=2 * BAND_HZ[1])
-    speed = check_number("speed", speed, "mm/s", above=0)
+    slowest, fastest = SLIDING_SPEEDS
+    speed = check_number("speed", speed, "mm/s, as of a sliding finger", at_least=slowest, at_most=fastest)
     min_coherence = check_number("min_coherence", min_coherence, "1", at_least=0)
-    if not SLIDING_SPEEDS[0] <= speed <= SLIDING_SPEEDS[1]:
-        raise ValueError(
-            f"`speed` must be that of a sliding finger, {SLIDING_SPEEDS[0]:g} to {SLIDING_SPEEDS[1]:g} mm/s, got "
-            f"{speed:g}. Multiply m/s by 1000."
-        )
     normal_force = check_number("normal_force", normal_force, "N", above=0)
     command, measured = _check_recording(command, measured, rate, kind, lookup)
 
@@ -223,6 +219,6 @@ def _fit_low_pass(frequencies, response, coherence, rate):
     if cutoff < 1.05 * lowest:
         raise ValueError(
             f"`measured` falls off over the whole band: the low-pass has its corner at or below {lowest:g} Hz, and its "
-            "gain cannot be told. Check the sensor's own filter, or record at a higher speed."
+            "gain cannot be estimated. Check the sensor's own filter, or record at a higher speed."
         )
     return gain, cutoff, float(np.sqrt(np.mean((model(fit.x) - measured) ** 2)) * 20 / math.log(10))

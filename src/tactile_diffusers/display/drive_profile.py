@@ -1,4 +1,4 @@
-"""What is known of one friction display under one finger, and how it turns newtons into drive."""
+"""The calibration of a friction display under one finger, and the drive that it gives for a force."""
 
 import math
 from dataclasses import dataclass
@@ -25,31 +25,10 @@ class DriveProfile:
     depends on finger speed and differs much between people. Nothing of this has a default: measure it, for instance
     with `fit_drive_profile`. It holds at the normal force and the speeds of the measurement. For corners at several
     speeds fit each and join them: `dataclasses.replace(slow, cutoffs=slow.cutoffs + fast.cutoffs)`.
+    examples/README.md has an example from the sweep to volts under a moving finger.
 
     The drive is the amplitude that was commanded in the calibration: if the device modulates a carrier, calibrate with
     that carrier.
-
-    From a sweep to volts under a moving finger (here the finger and the display are a formula):
-
-    ```python
-    import numpy as np
-    from scipy.signal import lfilter
-    from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
-    from tactile_diffusers.display import DriveProfile, fit_drive_profile
-    from tactile_diffusers.playback import TextureProfile, TextureStream
-
-    volts = np.random.default_rng(0).choice([60.0, 160.0], 200_000)  # sent at 10 kHz, under a finger that slides
-    measured = 0.3 + 1e-5 * lfilter([0.17], [1, -0.83], volts**2)  # N, lateral, mean included: take your sensor's
-    fit = fit_drive_profile(volts, measured, 10_000, kind="electroadhesion", normal_force=0.5, speed=80.0)
-    fit.profile.save("display.json")
-    display = DriveProfile.load("display.json").stream()
-    out = TactileTexturePipeline.from_pretrained(bundled_checkpoint())([[0.5, 0.0, -1.0]])
-    profile = TextureProfile(out.textures[0], out.sampling_rate, out.reference_speed)
-    stream = TextureStream(profile, out.friction_coefficient[0], sensor_rate=125)
-    for number in range(125):
-        stream.report(number / 125, 40 * np.sin(np.pi * number / 125))  # s, mm
-        drive = display.push(*stream.read_friction(80, normal_force=0.5))  # (80,) V; `display.report`: what clipped
-    ```
 
     Args:
         kind (`str`): `"electroadhesion"` (drive in V) or `"ultrasonic"` (relative amplitude, 0-1).
@@ -171,12 +150,12 @@ class DriveProfile:
     def drive(self, force, speed, *, sampling_rate=DEVICE_RATE, bias=None):
         """Converts a whole texture to drive.
 
-        A display only adds friction (electroadhesion) or only takes it away (ultrasonic), and a texture swings both
-        ways: it is drawn about a mean change of friction, the bias. By default that is the middle of `force_range`:
-        it leaves the same room to both sides, the most that there is, and needs no look at the texture to come, so
-        that streams and files agree. The finger feels the bias as friction; to play a texture with its own friction
-        coefficient, give `bias = friction_coefficient * normal_force - profile.offset` where the display reaches it.
-        Force is neither scaled nor filtered otherwise: multiply it before, if `report.fitting_scale` says so.
+        A display only adds friction (electroadhesion) or only reduces it (ultrasonic), and a texture swings both ways.
+        So the display plays it about a mean change of friction, the bias: by default the middle of `force_range`, which
+        leaves the same room to both sides. The finger feels the bias as friction. To play a texture with its own
+        friction coefficient, set `bias = friction_coefficient * normal_force - profile.offset`, if that is within
+        `force_range`. Force is neither scaled nor filtered otherwise: multiply it before, if `report.fitting_scale`
+        says so.
 
         Args:
             force (`np.ndarray`): (samples,) lateral force about its mean, N; positive = more friction.

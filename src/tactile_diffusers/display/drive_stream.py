@@ -1,4 +1,4 @@
-"""The running conversion from newtons to drive: limited inverse of the low-pass, bias, clipping, static curve."""
+"""From newtons to drive, block by block: limited inverse of the low-pass, bias, clipping, static curve."""
 
 import math
 import warnings
@@ -12,7 +12,7 @@ from ..signal.checks import check_number, check_samples
 #: Up to this finger speed (mm/s) nothing is inverted, above the second all is, with a smooth step in between. A finger
 #: that hardly moves sticks and slips; 20 mm/s is the slowest at which the low-pass was measured (arXiv 2505.11162).
 INVERSE_FROM, INVERSE_FULL = 10.0, 20.0
-#: Share of samples that may clip without a word, and least time, s, that it is a share of: a few peaks do no harm.
+#: Share of samples that may clip without a warning, and least time, s, that it is a share of: a few peaks do no harm.
 CLIPPED_SHARE, CLIPPED_OF_SECONDS = 0.01, 0.1
 _DAMPING = math.sqrt(2)  # Butterworth: as flat as a second order gets
 
@@ -45,7 +45,7 @@ def inverse_coefficients(profile, speed, sampling_rate):
 
 @dataclass(frozen=True)
 class ClippingReport:
-    """What the display could not make of the force it was given.
+    """How much of a force was beyond the display's range.
 
     Args:
         samples (`int`): samples converted.
@@ -76,11 +76,11 @@ class ClippingReport:
 
 
 class DriveStream:
-    """Converts force to drive block by block; blocks of any size give what the whole gives. Made by `profile.stream`.
+    """Converts force to drive block by block; the size of the blocks does not matter. See `DriveProfile.stream`.
 
-    Causal: a sample of drive depends on the force up to the same sample. The force at the finger lags the force asked
-    for by the sample for which a drive is held, and by what is left of the low-pass: for frequencies well below its
-    corner f_2, sqrt(2) / (2 pi f_2), a quarter of the lag of the display alone at the default limit.
+    It is causal: a sample of drive depends on the force up to the same sample. The force at the finger lags behind by
+    the sample for which a drive is held, and by what is left of the low-pass: for frequencies well below its corner
+    f_2, sqrt(2) / (2 pi f_2), a quarter of the lag of the display alone at the default limit.
 
     Args:
         profile (`DriveProfile`): the display.
@@ -95,7 +95,7 @@ class DriveStream:
         self.reset()
 
     def reset(self):
-        """Forgets the past: as if the force had been zero up to now, and nothing been clipped."""
+        """Starts anew: as if the force had been zero up to now, and nothing been clipped."""
         self._state = (0.0, 0.0, 0.0)
         self._speed = None
         self._samples = self._clipped = 0
@@ -105,7 +105,7 @@ class DriveStream:
     def push(self, force, speed):
         """Converts the next block: `push(*stream.read_friction(samples))` for one of a [`TextureStream`].
 
-        A UserWarning comes, once, when more than 1 % of the samples so far were clipped.
+        Warns once when more than 1 % of the samples so far were clipped.
 
         Args:
             force (`np.ndarray`): (samples,) lateral force about its mean, N; positive = more friction.
