@@ -6,19 +6,19 @@ from scipy import signal
 from ..signal.checks import check_number, check_whole_number
 from .reports import ReportWatch, check_clock, check_reports
 
-#: Low-pass of the path, Hz. Of a sensor of 125 Hz and 0.1 mm it leaves jitter that puts 20 dB less energy into the
-#: force than the texture has (`benchmark.py --suite stream`); a higher one is quicker and coarser.
+#: Low-pass of the path, Hz. The jitter that it leaves of a sensor of 125 Hz and 0.1 mm puts 20 dB less energy into the
+#: force than the texture has (examples/benchmarks/stream.py); a higher one is quicker and coarser.
 CUTOFF_HZ = 8.0
 _ORDER = 4
 #: Low-pass of the velocity at which the path is led ahead, as a share of the cutoff: at half of it the jitter of a
 #: stroke is 4 dB less than with the path's own velocity, and its place off by 2 mm, not 1, where 80 mm of it turn.
 _LEAD_SHARE = 0.5
-#: Time beyond a sensor's period in which the newest report is expected, s: blocks of up to 50 samples at 10 kHz, whose
-#: last sample lies that far beyond what has been reported, then do not depend on their length.
+#: Time beyond a sensor's period in which the newest report is expected, s: blocks of up to 50 samples at 10 kHz then
+#: give the same path whatever their length.
 _MARGIN = 0.005
 #: Faster than this between two reports, mm/s, no finger slides: it was lifted and put down elsewhere.
 FASTEST = 3000.0
-#: As long without a report, s, a finger rests or is lifted; where it is then seen, its path begins anew.
+#: After this time without a report, s, the path begins anew where the finger is seen next: it rested or was lifted.
 LIFTED_SECONDS = 0.1
 
 
@@ -30,13 +30,12 @@ class FingerPath:
     Before the first report, and when reports stop, the finger rests where it was last seen. After more than 0.1 s
     without a report, or a jump at more than 3 m/s, the path begins anew, at rest, where the finger is then seen.
 
-    Times are on the clock of the blocks, which only reading moves. The first report does not set it: one that came
-    late would make everything after it late by as much.
+    Times are on the clock of the blocks, which only reading moves, not the first report.
 
     Args:
         sampling_rate (`float`): of the blocks, Hz.
-        sensor_rate (`float`): of the reports, Hz; what is slower is taken for a resting finger in between. Reports
-            that come four times as fast or slowly for a second make a UserWarning.
+        sensor_rate (`float`): of the reports, Hz; between slower ones the finger is taken to rest. A rate four times
+            off for a second gives a UserWarning.
         cutoff (`float`, *optional*, defaults to 8.0): Hz. Lower = less jitter, later; see `CUTOFF_HZ`.
         dimensions (`int`, *optional*, defaults to 1): coordinates of a position, 1 or 2.
 
@@ -62,7 +61,7 @@ class FingerPath:
         low = cutoff / 100
         phase = np.angle(signal.sosfreqz(smooth, worN=[low], fs=sampling_rate)[1][0])
         self.latency = self._wait - phase / (2 * np.pi * low)
-        # 1 + latency x low-passed velocity, as one more section: a block is short, and calls cost more than numbers
+        # 1 + latency x low-passed velocity, as one more section: a block is short, and calls cost more than arithmetic
         b, a = signal.butter(1, _LEAD_SHARE * cutoff, fs=sampling_rate)
         lead = np.append(a, 0) + self.latency * sampling_rate * np.convolve(b, [1, -1])
         self._sections = np.concatenate([smooth, [[*lead, *a, 0]]])
@@ -75,7 +74,7 @@ class FingerPath:
 
     @property
     def time(self):
-        """Time of the next sample of a block, s: samples made so far / `sampling_rate`."""
+        """Time of the next sample of a block, s: samples so far / `sampling_rate`."""
         return self._samples / self.sampling_rate
 
     def report(self, time, position):
@@ -131,7 +130,7 @@ class FingerPath:
         wanted = (self._samples + np.arange(samples)) / self.sampling_rate - self._wait
         self._samples += samples
         if not len(self._times):
-            return np.zeros((samples, self.dimensions)), np.zeros((samples, self.dimensions))
+            return tuple(np.zeros((2, samples, self.dimensions)))
         line = np.stack([np.interp(wanted, self._times, axis) for axis in self._places.T], axis=1)
         landed = [when for when in self._landings if when <= wanted[-1]]
         self._landings = self._landings[len(landed) :]
@@ -142,11 +141,10 @@ class FingerPath:
                 self._state = None
             if end > begin:
                 parts.append(self._smooth(line[begin:end]))
-        made = parts[0] if len(parts) == 1 else tuple(map(np.concatenate, zip(*parts, strict=True)))
         # one report before what is still wanted is needed for the line
         old = max(0, np.searchsorted(self._times, wanted[-1], side="right") - 1)
         self._times, self._places = self._times[old:], self._places[old:]
-        return made
+        return parts[0] if len(parts) == 1 else tuple(map(np.concatenate, zip(*parts, strict=True)))
 
     def _smooth(self, line):
         """Place and velocity along a line without breaks."""

@@ -1,4 +1,4 @@
-"""Python's own delays, for programs that deliver blocks on time: `on_time`."""
+"""Fewer delays by Python itself, for programs that deliver blocks on time: `on_time`."""
 
 import gc
 import sys
@@ -12,14 +12,14 @@ SWITCH_SECONDS = 5e-4
 
 @contextmanager
 def on_time():
-    """Within it, Python disturbs a stream that reads short blocks while another thread generates as little as it can.
+    """Lets a stream read short blocks on time while another thread generates. Enter it when the models are loaded.
 
     - Threads take turns every 0.5 ms, not every 5.
-    - The garbage collector leaves alone what is there already: looking through all objects of the libraries holds every
-      thread up for 0.1 to 0.2 s.
+    - The garbage collector ignores the objects that exist already: looking through all objects of the libraries stops
+      every thread for 0.1 to 0.2 s.
     - PyTorch leaves one core to the stream.
 
-    All of this is the whole process's, and as it was afterwards. Enter it when models are loaded.
+    These are settings of the whole process. They are restored at the end.
     """
     interval, threads = sys.getswitchinterval(), torch.get_num_threads()
     gc.collect()

@@ -1,10 +1,12 @@
-"""Where the surfaces of a scene lie: rectangles on a screen, or intervals on a line."""
+"""Places of the surfaces of a scene: rectangles on a screen, or intervals on a line."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-#: The longest patch, mm: whoever gives more means another unit.
+from ..signal.checks import check_number
+
+#: The longest patch, mm: a longer one is probably in another unit.
 LONGEST_MM = 10_000.0
 
 
@@ -54,9 +56,8 @@ class Patches:
         """Names of the patches that a finger on a straight way comes within `margin` mm of, in this order."""
         place = self._vector("position", position)
         velocity = self._vector("velocity", np.zeros(self.dimensions) if velocity is None else velocity)
-        for name, value in (("margin", margin), ("seconds", seconds)):
-            if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"`{name}` must be a finite number of at least 0, got {value}.")
+        margin = check_number("margin", margin, "mm", at_least=0)
+        seconds = check_number("seconds", seconds, "s", at_least=0)
         # the way through a box, axis by axis, as rays are cut with boxes; a resting axis is in it always or never
         slow = np.where(np.abs(velocity) < 1e-9, 1e-9, velocity)
         ends = (self._low - margin - place) / slow, (self._high + margin - place) / slow
