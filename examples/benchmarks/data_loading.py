@@ -1,13 +1,24 @@
-"""`benchmark.py --suite data`: cost of preparing data, and speed of the loader against training."""
+"""What does preparing data cost, and does the loader keep up with training?
+
+`python examples/benchmarks/data_loading.py --output report`
+"""
 
 import json
+import sys
 import tempfile
 import time
 from pathlib import Path
 
-from child import run_child
+import numpy as np
+import torch
+from benchmarking import finish, make_parser, parse, run_child
 
-from tactile_diffusers.evaluation.result_files import machine, write_results
+from tactile_diffusers.cli.program import existing_file, load_pipeline
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.evaluation.result_files import machine
+from tactile_diffusers.evaluation.tables import markdown_table
+from tactile_diffusers.training.batches import EndlessBatches
+from tactile_diffusers.virtual import generate_recordings
 
 #: Segments of the paper's collection, which preparation is extrapolated to.
 PAPER_SEGMENTS = 22_000
@@ -29,47 +40,30 @@ print(json.dumps({"seconds": time.perf_counter() - begin, "segments": sum(report
 """
 
 
-def run(arguments, pipe):
-    """Measures, writes data.json and data.md, and returns the Markdown.
-
-    Args:
-        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "recordings" and "data" (`Path` or `None`:
-            recordings.h5 to prepare and a prepared data set to load; by default virtual ones, made for this), "quiet",
-            "readme" and "readme_name".
-        pipe (`TactileTexturePipeline`): whose training is compared; its weights change.
-
-    Returns:
-        `str`
-    """
+def main(argv=None):
+    """Measures and writes data.json and data.md."""
+    parser = make_parser("data_loading.py", "Cost of preparing data, and speed of the loader against training.")
+    add = parser.add_argument
+    add("--recordings", type=existing_file, metavar="R.h5", help="to prepare; default: virtual ones")
+    add("--data", type=existing_file, metavar="PREPARED.h5", help="to load; default: what was prepared here")
+    arguments = parse(parser, argv)
+    pipe = load_pipeline(arguments.checkpoint)
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "prepared.h5"
-        preparation = prepare(_recordings(arguments, folder), made)
-        loading, consumption = feed(arguments.data or made, pipe)
-    report = {
-        "machine": machine(),
-        "preparation": preparation,
-        "loading": loading,
-        "training": consumption,
-    }
-    text = markdown(report)
-    write_results(arguments.output, "data", report, text, indent=1)
-    return text
-
-
-def _recordings(arguments, folder):
-    from tactile_diffusers.virtual import generate_recordings
-
-    if arguments.recordings is not None:
-        return arguments.recordings
-    generate_recordings(Path(folder) / "recordings.h5", SURFACES, SECONDS, quiet=arguments.quiet)
-    return Path(folder) / "recordings.h5"
+        recordings, prepared = arguments.recordings, Path(folder) / "prepared.h5"
+        if recordings is None:
+            recordings = Path(folder) / "recordings.h5"
+            generate_recordings(recordings, SURFACES, SECONDS, quiet=arguments.quiet)
+        preparation = prepare(recordings, prepared)
+        loading, training = feed(arguments.data or prepared, pipe)
+    report = {"machine": machine(), "preparation": preparation, "loading": loading, "training": training}
+    return finish(arguments, "data", report, markdown(report))
 
 
 def prepare(recordings, prepared):
     """Seconds and peak memory of `prepare_recordings` in a process of its own: a dict.
 
     Time is proportional to the recorded seconds and memory to the longest recording, so that 22,000 segments at 10 kHz
-    follow. Peak memory is told on Linux only.
+    follow. Peak memory is known on Linux only.
     """
     printed, peak = run_child(_PREPARE, str(recordings), str(prepared))
     facts = json.loads(printed.splitlines()[-1])
@@ -85,8 +79,6 @@ def feed(prepared, pipe):
     Returns:
         `tuple[dict, dict]`: rows of tables, loading by rate and way, and training by model.
     """
-    from tactile_diffusers.data import PreparedDataset
-
     extractor, loading = pipe.feature_extractor, {}
     for rate in (None, extractor.sampling_rate):
         begin = time.perf_counter()
@@ -114,18 +106,11 @@ def speed(work):
 
 def _memory(data):
     """Bytes of the arrays that a view holds, the mapped file apart."""
-    import numpy as np
-
     arrays = [value for value in vars(data).values() if isinstance(value, np.ndarray)]
     return sum(array.nbytes for array in arrays if not isinstance(array, np.memmap))
 
 
 def _loading_speeds(data, extractor):
-    import numpy as np
-    import torch
-
-    from tactile_diffusers.training.batches import EndlessBatches
-
     def features(items):
         textures = torch.stack([item["texture"] for item in items])
         waveform, _ = extractor.normalize(textures, data.sampling_rate)
@@ -151,8 +136,6 @@ def _loading_speeds(data, extractor):
 
 def _training_steps(data, pipe):
     """Functions that each do one update of a model, as the training scripts do, and return the size of its batch."""
-    import torch
-
     extractor = pipe.feature_extractor
     rows = [i % len(data) for i in range(BATCH["LCTG"])]
     waveform, _ = extractor.normalize(torch.from_numpy(data.textures(rows)), data.sampling_rate)
@@ -168,8 +151,6 @@ def _training_steps(data, pipe):
 
 def _update(model, shape, condition):
     """Forward, backward and AdamW on noise of `shape`, under what `condition` returns."""
-    import torch
-
     optimizer = torch.optim.AdamW(model.train().requires_grad_(True).parameters(), lr=1e-5)
     timesteps = torch.linspace(0, 999, shape[0])
 
@@ -185,8 +166,6 @@ def _update(model, shape, condition):
 
 def markdown(report):
     """The report's tables."""
-    from tactile_diffusers.evaluation.tables import markdown_table
-
     about = (
         f"{report['machine']}. Preparation: one process. Loading: random order, batches of {BATCH['LCTG']}; features "
         "as in examples/train_lctg.py. Training: updates of the pipeline's models."
@@ -195,3 +174,7 @@ def markdown(report):
     parts += ["#### Loading", markdown_table(report["loading"], 1)]
     parts += ["#### Loading against training", markdown_table(report["training"], 1)]
     return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

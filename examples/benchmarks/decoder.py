@@ -1,17 +1,26 @@
-"""`benchmark.py --suite decoder`: what few steps of LCTG cost in accuracy, distilled or not."""
+"""What do few steps of LCTG cost in accuracy, distilled or not?
+
+`python examples/benchmarks/decoder.py --data prepared.h5 --output report`
+"""
+
+import argparse
+import sys
+from pathlib import Path
 
 import numpy as np
 import torch
+from benchmarking import finish, make_parser, parse
 from tqdm.auto import tqdm
 
 from tactile_diffusers.checkpoints import DISTILLED
+from tactile_diffusers.cli.program import existing_file, load_pipeline, refuse
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.held_out import check_fit
 from tactile_diffusers.evaluation.metrics.reference import Reference
-from tactile_diffusers.evaluation.result_files import machine, write_results
+from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.models.lctg import LCTGModel, same_encoder
-from tactile_diffusers.pipelines import TactileTexturePipeline
+from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
 from tactile_diffusers.schedulers import VDDIMScheduler
 from tactile_diffusers.signal import nine_band_error_db, resample
 
@@ -20,23 +29,21 @@ STEPS = (1, 2, 3, 5, 10)
 BATCH = 32
 
 
-def run(arguments, pipe):
-    """Measures, writes decoder.json and decoder.md, and returns the Markdown.
-
-    Args:
-        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "data" (`Path`, prepared), "decoders"
-            (`list[str]` of NAME=FOLDER, output folders of `distill_lctg.py`), "seed", "quiet".
-        pipe (`TactileTexturePipeline`): with a DALE.
-
-    Returns:
-        `str`
-
-    Raises:
-        ValueError: if a decoder does not belong to the checkpoint.
-    """
+def main(argv=None):
+    """Measures and writes decoder.json and decoder.md."""
+    parser = make_parser("decoder.py", "Accuracy of few steps of LCTG, by its own decoder and by distilled ones.")
+    add = parser.add_argument
+    add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
+    add("--decoders", type=_named, nargs="+", default=[], metavar="NAME=FOLDER", help="output folders of "
+        "examples/distill_lctg.py; default: what the checkpoint brings")  # fmt: skip
+    arguments = parse(parser, argv)
+    pipe = load_pipeline(arguments.checkpoint)
     train, held_out = (PreparedDataset(arguments.data, split) for split in ("train", "test"))
-    check_fit(pipe, held_out)
-    decoders = {"as trained": (pipe, STEPS), **_distilled(arguments, pipe)}
+    try:
+        check_fit(pipe, held_out)
+        decoders = {"as trained": (pipe, STEPS), **_distilled(arguments, pipe)}
+    except ValueError as error:
+        return refuse("decoder.py", error)
     chosen = train.non_overlapping(1, arguments.seed)
     reference = Reference(train.textures(chosen), train.sampling_rate, train.surface_ids[chosen])
     given = _Given(pipe, held_out, reference, arguments.seed)
@@ -47,24 +54,39 @@ def run(arguments, pipe):
     text = (
         f"{title('Few steps', 4)}{len(given.real)} segments of {len(set(given.surfaces))} test surfaces of "
         f"`{arguments.data.name}`, one each; KTD over that of real segments. Reconstructed: with the detail layer; "
-        "from the base layer: told of a recording only what DALE would make; generated: from ratings, DALE in its "
+        "from the base layer: decoded from what DALE would generate alone; generated: from ratings, DALE in its "
         f"default steps.\n\n{markdown_table(rows, 2)}\n"
     )
-    write_results(arguments.output, "decoder", {"machine": machine(), "rows": rows}, text)
-    return text
+    return finish(arguments, "decoder", {"machine": machine(), "rows": rows}, text)
+
+
+def _named(word):
+    name, _, folder = word.partition("=")
+    if not name or not (Path(folder) / DISTILLED).is_dir():
+        raise argparse.ArgumentTypeError(f"must be NAME=FOLDER with {folder or 'FOLDER'}/{DISTILLED}, got {word}")
+    return name, folder
 
 
 def _distilled(arguments, pipe):
-    """Pipelines with the decoders that were asked for, or with the checkpoint's own: name -> (pipeline, steps)."""
-    folders = dict(word.split("=", 1) for word in arguments.decoders)
-    made = {}
-    for name, folder in (folders or {"distilled": arguments.checkpoint}).items():
+    """Pipelines with the decoders that were asked for, or with the checkpoint's own: name -> (pipeline, steps).
+
+    Raises:
+        ValueError: if a decoder does not belong to the checkpoint.
+    """
+    if not arguments.decoders:
+        pipes = {
+            name: load_pipeline(arguments.checkpoint, decoder=name) for name in find_decoders(arguments.checkpoint)
+        }
+        return {name: (one, range(1, one.lctg.config.distilled_steps + 1)) for name, one in pipes.items()}
+    found = {}
+    for name, folder in arguments.decoders:
         lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED)
         if not same_encoder(lctg, pipe.lctg):
             raise ValueError(f"--decoders {name}={folder}: its encoder is not the checkpoint's; it fits another one.")
-        own = {"scheduler": VDDIMScheduler.from_pretrained(folder, subfolder="scheduler")} if folders else {}
-        made[name] = TactileTexturePipeline.from_pipe(pipe, lctg=lctg, **own), range(1, lctg.config.distilled_steps + 1)
-    return made
+        scheduler = VDDIMScheduler.from_pretrained(folder, subfolder="scheduler")
+        one = TactileTexturePipeline.from_pipe(pipe, lctg=lctg, scheduler=scheduler)
+        found[name] = one, range(1, lctg.config.distilled_steps + 1)
+    return found
 
 
 class _Given:
@@ -103,3 +125,7 @@ class _Given:
             distance = self.reference.distances(self.reference.embed(textures), self.surfaces)["ktd"]["mean"]
             row[f"{name}: KTD"] = distance - self.floor
         return row
+
+
+if __name__ == "__main__":
+    sys.exit(main())

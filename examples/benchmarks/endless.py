@@ -1,13 +1,23 @@
-"""Part of `benchmark.py --suite stream`: textures without end, generated while they are played."""
+"""Are textures without end seamless and in time, generated while they are played?
+
+`python examples/benchmarks/endless.py --output report`
+"""
 
 import multiprocessing
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
+from benchmarking import finish, make_parser, parse
+from stream import BLOCK, SENSOR_HZ, largest_step, motion
 from tqdm.auto import tqdm
 
-from tactile_diffusers.playback import EndlessProfile, EndlessStream
+from tactile_diffusers.cli.program import load_pipeline, positive_number
+from tactile_diffusers.evaluation.result_files import machine
+from tactile_diffusers.evaluation.tables import markdown_table, title
+from tactile_diffusers.pipelines import find_decoders
+from tactile_diffusers.playback import EndlessProfile, EndlessStream, GeneratingProcess, on_time
 from tactile_diffusers.playback.endless import HANDOVER
 from tactile_diffusers.playback.stream import FADE_SECONDS
 from tactile_diffusers.playback.windows import OVERLAP
@@ -20,6 +30,72 @@ CHANGE_SECONDS = 2.0
 WINDOWS = 24
 #: Starts and changes that are timed.
 TIMES = 9
+#: Share of the minutes for which the columns beside a process of its own are timed.
+COMPARED = 0.2
+
+
+def main(argv=None):
+    """Measures and writes endless.json and endless.md."""
+    parser = make_parser("endless.py", "Textures without end, generated while they are played.")
+    parser.add_argument("--minutes", type=positive_number, default=10.0, help="of random motion; default: 10")
+    arguments = parse(parser, argv)
+    checkpoint, quiet = arguments.checkpoint, arguments.quiet
+    pipe = load_pipeline(checkpoint)
+    pipes = {"own decoder": pipe} | {
+        name: load_pipeline(checkpoint, decoder=name) for name in find_decoders(checkpoint)
+    }
+    report = {
+        "machine": machine(),
+        "minutes": arguments.minutes,
+        "joints": joints(pipe, quiet),
+        "starts": all_starts(pipes),
+        "real time": real_time(list(pipes.values())[-1], arguments.minutes, arguments.seed, quiet),
+    }
+    return finish(arguments, "endless", report, markdown(report))
+
+
+def all_starts(pipes):
+    """Times to the first sample and to other ratings, with each decoder, and the last one in a process of its own."""
+    with on_time():
+        found = {name: starts(one) for name, one in pipes.items()}
+        with GeneratingProcess(list(pipes.values())[-1]) as process:
+            found[f"{list(pipes)[-1]}, in a process"] = starts(process)
+    return found
+
+
+def real_time(pipe, minutes, seed, quiet):
+    """Random motion, generating in a thread or in a process; and how late the machine alone wakes a program."""
+    place = motion(minutes, seed)
+    with on_time():
+        found = {"in a thread": clock(pipe, place, SENSOR_HZ, BLOCK, minutes * COMPARED, quiet)}
+        with GeneratingProcess(pipe) as process:
+            found["in a process"] = clock(process, place, SENSOR_HZ, BLOCK, minutes, quiet)
+    found["waking, of the machine"] = wakes(BLOCK, minutes * COMPARED, quiet)
+    fastest = float(np.abs(np.diff(place)).max() * SENSOR_HZ)
+    own = 1e3 * max(largest_step(one, fastest) for one in profiles(pipe))
+    for name in ("in a thread", "in a process"):
+        found[name]["profiles' own mN"] = own
+    return found
+
+
+def markdown(report):
+    """The tables."""
+    names = dict.fromkeys(name for row in report["real time"].values() for name in row)
+    rows = {name: {column: row.get(name) for column, row in report["real time"].items()} for name in names}
+    parts = [
+        f"{title('Without end', 4)}Windows of fresh takes are generated in a thread while they are played. Where two "
+        f"meet, against the middle of windows; {report['machine']}:",
+        markdown_table({"joints": report["joints"]}),
+        f"{title('Starting and changing', 4)}From ratings to the first sample, and from new ratings until they alone "
+        "are felt, on a warm pipeline:",
+        markdown_table(report["starts"], 1),
+        f"{title('In real time', 4)}Under random motion, ratings changed every {CHANGE_SECONDS:g} s, blocks of {BLOCK} "
+        f"samples, generated on one core by a `GeneratingProcess` ({report['minutes']:g} minutes) or by a thread "
+        f"({report['minutes'] * COMPARED:g}); an underrun is a block that comes more than one block late. The last "
+        "column is how late this machine wakes a program that does nothing else, while another one computes:",
+        markdown_table(rows, 3) + "\n",
+    ]
+    return "\n\n".join(parts)
 
 
 def joints(pipe, quiet):
@@ -174,3 +250,7 @@ def _resident_mib():
     if not status.is_file():
         return float("nan")
     return int(status.read_text().split("VmRSS:")[1].split()[0]) / 2**10
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,4 +1,7 @@
-"""`benchmark.py --suite dataset`: many textures, by one process and by one for each core."""
+"""How fast are many textures generated, by one process and by one per core?
+
+`python examples/benchmarks/many_textures.py --output report`
+"""
 
 import os
 import subprocess
@@ -7,59 +10,48 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from benchmarking import finish, make_parser, parse
 
-from tactile_diffusers.evaluation.result_files import machine, write_results
+from tactile_diffusers.cli.program import count
+from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
 
 #: Textures of a shard here: enough shards to see whether time grows in proportion.
 SHARD = 64
-_CODE = "import sys; from tactile_diffusers.cli.generate_dataset import main; sys.exit(main(sys.argv[1:]))"
+_SCRIPT = Path(__file__).parents[1] / "generate_dataset.py"
 
 
-def run(arguments, pipe):
-    """Measures, writes dataset.json and dataset.md, and returns the Markdown.
-
-    Args:
-        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "textures" (`int`), "checkpoint", "quiet".
-        pipe (`TactileTexturePipeline`): not used; every run loads its own.
-
-    Returns:
-        `str`
-    """
-    counts = sorted({1, os.cpu_count() or 1})
-    where = machine(f"{os.cpu_count()} cores")
-    rows = {f"{count} process(es)": measure(arguments, count) for count in counts}
+def main(argv=None):
+    """Measures and writes dataset.json and dataset.md."""
+    parser = make_parser("many_textures.py", "Speed of generate_dataset.py in one process and in one per core.")
+    parser.add_argument("--textures", type=count, default=2000, metavar="N", help="that are generated; default: 2000")
+    arguments = parse(parser, argv)
+    cores = os.cpu_count() or 1
+    if arguments.textures < 3 * cores * SHARD:
+        parser.error(f"argument --textures: must be at least {3 * cores * SHARD} here, got {arguments.textures}")
+    where = machine(f"{cores} cores")
+    rows = {f"{number} process(es)": measure(arguments, number) for number in sorted({1, cores})}
     text = (
-        f"{title('Many textures', 4)}{arguments.textures} textures of one segment, 5 + 5 steps, batches of 32, by "
+        f"{title('Many textures', 4)}{arguments.textures} textures of one segment, default steps, batches of 32, by "
         f"`generate_dataset.py`. {where}. Departure: of the time at which a process finishes its shards from a "
         f"straight line, largest, as a share of the whole time.\n\n{markdown_table(rows, 3)}\n"
     )
-    write_results(arguments.output, "dataset", {"machine": where, "rows": rows}, text)
-    return text
+    return finish(arguments, "dataset", {"machine": where, "rows": rows}, text)
 
 
 def measure(arguments, processes):
-    """Generates a data set in fresh processes.
-
-    Returns:
-        `dict`: seconds without starting, textures a second, hours for 100,000, departure from proportion.
+    """Generates a data set in fresh processes; see `growth` for what is returned.
 
     Raises:
         RuntimeError: if generating fails, with the end of what it wrote.
     """
-    with tempfile.TemporaryDirectory(dir=arguments.output.parent) as folder:
-        words = ["--num_textures", arguments.textures, "--output", folder, "--textures_per_shard", SHARD]
-        words += ["--checkpoint", arguments.checkpoint]
-        words += ["--quiet"] if arguments.quiet else []
-        launch = [sys.executable, "-m", "torch.distributed.run", "--no_python", "--nproc_per_node", processes]
-        done = subprocess.run(
-            [str(word) for word in (*launch, sys.executable, "-c", _CODE, *words)],
-            stderr=subprocess.PIPE if arguments.quiet else None,
-            stdout=subprocess.DEVNULL,
-            text=True,
-        )
+    with tempfile.TemporaryDirectory() as folder:
+        words = [sys.executable, "-m", "torch.distributed.run", "--nproc_per_node", processes, _SCRIPT]
+        words += ["--num_textures", arguments.textures, "--output", folder, "--textures_per_shard", SHARD]
+        words += ["--checkpoint", arguments.checkpoint, "--quiet"]
+        done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
         if done.returncode:
-            raise RuntimeError(f"generate_dataset.py failed with {done.returncode}: {(done.stderr or '')[-1000:]}")
+            raise RuntimeError(f"generate_dataset.py failed with {done.returncode}: {done.stderr[-1000:]}")
         finished = np.array([path.stat().st_mtime for path in sorted(Path(folder).glob("*.h5"))])
     return growth(finished, arguments.textures, processes)
 
@@ -67,10 +59,8 @@ def measure(arguments, processes):
 def growth(finished, textures, processes):
     """Figures from the times at which shards were finished, in the order of their numbers.
 
-    Process p makes shards p, p + processes, ...; from its first shard to its last one nothing is started or loaded.
+    Process p generates shards p, p + processes, ...; from its first shard to its last one nothing is started or loaded.
     """
-    if len(finished) < 3 * processes:
-        raise ValueError(f"{textures} textures are {len(finished)} shards: too few for {processes} processes.")
     rates, departures = [], []
     for process in range(processes):
         times = finished[process::processes][: textures // SHARD // processes]  # the last shard may be a short one
@@ -84,3 +74,7 @@ def growth(finished, textures, processes):
         "hours for 100,000": 1e5 / rate / 3600,
         "departure from proportion": float(max(departures)),
     }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -5,11 +5,10 @@ import math
 import sys
 import types
 from dataclasses import dataclass
-from importlib import metadata
 
 import torch
 
-from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES
+from tactile_diffusers.signal import SEGMENT_SAMPLES
 
 INSTALL = "pip install audio-diffusion-pytorch==0.1.3"
 #: Of "at equal size": the parameters of a model that is cut differ from ours by no more than this share.
@@ -35,7 +34,7 @@ class Peer:
 
     Attributes:
         module (`torch.nn.Module`): all that is run to generate.
-        generate (`Callable`): (count, steps, seconds) -> (count, 1, samples); `seconds` of `None` = one segment.
+        generate (`Callable`): (count, steps) -> (count, 1, samples) of one segment.
     """
 
     module: torch.nn.Module
@@ -76,19 +75,6 @@ def fit(build, parameters, halvings=14):
     return best
 
 
-def audio_diffusion_version():
-    """Installed version of audio-diffusion-pytorch.
-
-    Raises:
-        ImportError: if it, or what it needs, is not installed; says what to install.
-    """
-    try:
-        _import_audio_diffusion()
-        return metadata.version("audio-diffusion-pytorch")
-    except ImportError as error:  # metadata's PackageNotFoundError is one, too
-        raise ImportError(f"not installed ({error}): {INSTALL}") from error
-
-
 def _import_audio_diffusion():
     """The package; where torchaudio's libraries do not fit this torch, an empty module stands in for it.
 
@@ -124,10 +110,9 @@ def audio_diffusion(parameters=None):
     networks = _audio_diffusion_networks(package, factor).eval()
     latent_network, decoder = networks
 
-    def generate(count, steps, seconds=None):
-        samples = SEGMENT_SAMPLES if seconds is None else seconds * DEVICE_RATE
+    def generate(count, steps):
         shortest = math.prod(_LATENT_FACTORS)
-        frames = math.ceil(samples / _HOP / shortest - 1e-6) * shortest
+        frames = math.ceil(SEGMENT_SAMPLES / _HOP / shortest - 1e-6) * shortest
         tokens = torch.randn(count, _TOKENS, _TOKEN_WIDTH)
         latents = latent_network.sample(torch.randn(count, _LATENT_CHANNELS, frames), embedding=tokens, num_steps=steps)
         context = [None] * (len(_CHANNELS) - 1) + [latents]
@@ -184,9 +169,7 @@ def unet_1d(parameters=None):
     network, scheduler = _unet_1d(factor).eval(), IPNDMScheduler()
 
     @torch.no_grad()
-    def generate(count, steps, seconds=None):
-        if seconds is not None:
-            raise ValueError(f"`seconds` must be None (one segment), got {seconds}: attention over time is quadratic.")
+    def generate(count, steps):
         scheduler.set_timesteps(steps)
         waveform = torch.randn(count, 1, SEGMENT_SAMPLES)
         for t in scheduler.timesteps:

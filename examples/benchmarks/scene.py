@@ -1,15 +1,23 @@
-"""`benchmark.py --suite scene`: many surfaces of which few are touched, against decoding all."""
+"""What do many surfaces cost of which few are touched? Against decoding all of them.
+
+`python examples/benchmarks/scene.py --output report`
+"""
 
 import json
 import statistics
+import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-from child import run_child
+import torch
+from benchmarking import finish, make_parser, parse, run_child
 
-from tactile_diffusers.evaluation.result_files import machine, write_results
+from tactile_diffusers.cli.program import count, load_pipeline
+from tactile_diffusers.evaluation.result_files import machine
+from tactile_diffusers.evaluation.tables import markdown_table, title
+from tactile_diffusers.playback import TextureProfile, TextureScene
 
 TOUCHED = 3
 #: Surfaces that go through both stages at once where all are decoded: larger batches are no faster on a CPU.
@@ -24,54 +32,43 @@ COLUMNS = {name: (name, 2) for name in ("latents s", "first profile s", "all wan
 _CHILD = "import sys; from scene import child; child(*sys.argv[1:])"
 
 
-def run(arguments, pipe):
-    """Measures, writes scene.json and scene.md, and returns the Markdown.
-
-    Args:
-        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "surfaces" (`int`), "repeats", "seed", "threads",
-            "checkpoint" (`str`).
-        pipe (`TactileTexturePipeline`): makes the scene that is written to a file.
-
-    Returns:
-        `str`
-    """
-    import torch
-
-    threads = torch.get_num_threads()
+def main(argv=None):
+    """Measures and writes scene.json and scene.md."""
+    parser = make_parser("scene.py", "What many surfaces cost of which few are touched.")
+    parser.add_argument("--surfaces", type=count, default=100, metavar="N", help="in the scene; default: 100")
+    parser.add_argument("--repeats", type=count, default=5, metavar="N", help="the median counts; default: 5")
+    arguments = parse(parser, argv)
+    pipe, number = load_pipeline(arguments.checkpoint), arguments.surfaces
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.safetensors"
         report = {
             "machine": machine(),
-            "surfaces": arguments.surfaces,
-            "touched": min(TOUCHED, arguments.surfaces),
+            "surfaces": number,
+            "touched": min(TOUCHED, number),
             "repeats": arguments.repeats,
-            "file": file_size(pipe, arguments.surfaces, arguments.seed, path),
+            "file": file_size(pipe, number, arguments.seed, path),
         }
-        settings = (arguments.checkpoint, str(arguments.surfaces), str(arguments.seed), str(threads), str(path))
-        report["cases"] = measure(arguments.repeats, settings)
+        settings = (arguments.checkpoint, number, arguments.seed, torch.get_num_threads(), path)
+        report["cases"] = measure(arguments.repeats, [str(value) for value in settings])
     loaded = report["cases"]["pipeline alone"]["peak MiB"]
     for row in report["cases"].values():
         row["above the pipeline MiB"] = None if loaded is None else row["peak MiB"] - loaded
-    text = markdown(report)
-    write_results(arguments.output, "scene", report, text)
-    return text
+    return finish(arguments, "scene", report, markdown(report))
 
 
-def draw_surfaces(count, seed):
+def draw_surfaces(number, seed):
     """Names and ratings."""
-    ratings = np.random.default_rng(seed).uniform(-LARGEST_RATING, LARGEST_RATING, (count, 3))
-    return {f"surface {number}": row for number, row in enumerate(ratings)}
+    ratings = np.random.default_rng(seed).uniform(-LARGEST_RATING, LARGEST_RATING, (number, 3))
+    return {f"surface {index}": row for index, row in enumerate(ratings)}
 
 
-def file_size(pipe, count, seed, path):
+def file_size(pipe, number, seed, path):
     """Writes a scene; what it takes on disk, and how long it takes to write and to read, latents apart.
 
     Returns:
         `dict[str, float]`
     """
-    from tactile_diffusers.playback import TextureScene
-
-    scene = TextureScene(draw_surfaces(count, seed), pipe, seed=seed)
+    scene = TextureScene(draw_surfaces(number, seed), pipe, seed=seed)
     scene.friction_coefficient(scene.names[0])  # runs DALE
     begin = time.perf_counter()
     scene.save(path)
@@ -81,7 +78,7 @@ def file_size(pipe, count, seed, path):
     size = path.stat().st_size
     return {
         "kB": size / 1e3,
-        "kB per surface": size / 1e3 / count,
+        "kB per surface": size / 1e3 / number,
         "written in ms": 1e3 * (written - begin),
         "read in ms": 1e3 * (read - written),
     }
@@ -110,17 +107,11 @@ def _median(rows, name):
     return None if rows[0][name] is None else statistics.median(row[name] for row in rows)
 
 
-def child(case, checkpoint, count, seed, threads, path):
+def child(case, checkpoint, number, seed, threads, path):
     """Loads the pipeline, does what the case says, and prints the times since then as JSON. All arguments are text."""
-    import torch
-
-    from tactile_diffusers import TactileTexturePipeline
-    from tactile_diffusers.playback import TextureScene
-
     torch.set_num_threads(int(threads))
-    pipe = TactileTexturePipeline.from_pretrained(checkpoint)
-    pipe.set_progress_bar_config(disable=True)
-    surfaces, touched = draw_surfaces(int(count), int(seed)), min(TOUCHED, int(count))
+    pipe, surfaces = load_pipeline(checkpoint), draw_surfaces(int(number), int(seed))
+    touched = min(TOUCHED, len(surfaces))
     begin, worked, times = time.perf_counter(), time.process_time(), {}
     if case == "all decoded":
         kept = []
@@ -143,10 +134,6 @@ def child(case, checkpoint, count, seed, threads, path):
 
 def _decode_all(pipe, surfaces, seed):
     """Yields the profiles of each batch."""
-    import torch
-
-    from tactile_diffusers.playback import TextureProfile
-
     ratings = np.stack(list(surfaces.values()))
     for start in range(0, len(ratings), BATCH):
         out = pipe(ratings[start : start + BATCH], generator=torch.Generator("cpu").manual_seed(seed + start))
@@ -155,13 +142,11 @@ def _decode_all(pipe, surfaces, seed):
 
 def markdown(report):
     """The two tables."""
-    from tactile_diffusers.evaluation.tables import markdown_table, title
-
-    count, touched = report["surfaces"], report["touched"]
+    number, touched = report["surfaces"], report["touched"]
     names = {"scene": f"scene, {touched} touched", "scene from a file": f"scene from a file, {touched} touched"}
     cases = {names.get(case, case): row for case, row in report["cases"].items()}
     about = (
-        f"{count} surfaces of which {touched} are touched, against decoding all in batches of {BATCH}. Seconds in a "
+        f"{number} surfaces of which {touched} are touched, against decoding all in batches of {BATCH}. Seconds in a "
         "fresh process, from the loaded pipeline to the latents of all, to the first profile, and to all that are "
         "wanted; processor time for all, which other work on the machine does not lengthen. "
         f"{report['machine']}; medians of {report['repeats']}."
@@ -170,7 +155,11 @@ def markdown(report):
         [
             title("What a scene costs", 4) + about,
             markdown_table(cases, labels=COLUMNS),
-            f"The file of the {count} surfaces",
+            f"The file of the {number} surfaces",
             markdown_table({"file": report["file"]}) + "\n",
         ]
     )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

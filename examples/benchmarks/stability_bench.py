@@ -1,4 +1,4 @@
-"""Suite stability: a line of its table, and what all of its cases share."""
+"""Part of stability.py: a line of its table, and what all of its cases share."""
 
 import copy
 import math

@@ -1,4 +1,4 @@
-"""Suite stability: what numbers go in: precision, ratings, guidance, steps, levels, lengths, recordings."""
+"""Part of stability.py: cases of what goes in: precision, ratings, guidance, steps, levels, lengths, recordings."""
 
 import itertools
 import math

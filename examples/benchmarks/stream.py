@@ -1,18 +1,21 @@
-"""`benchmark.py --suite stream`: playback against fresh recordings, coarse sensors and the clock."""
+"""Is playback right at other speeds, with coarse sensors, and on time?
 
+`python examples/benchmarks/stream.py --output report`
+"""
+
+import sys
 import time
 
-import endless as benchmark_endless
 import numpy as np
+import torch
+from benchmarking import finish, make_parser, parse
 from scipy import signal
 from tqdm.auto import tqdm
 
-from tactile_diffusers.checkpoints import bundled_checkpoint
-from tactile_diffusers.evaluation.result_files import machine, write_results
+from tactile_diffusers.cli.program import count, load_pipeline, positive_number
+from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
-from tactile_diffusers.models.lctg import LCTGModel, same_encoder
-from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
-from tactile_diffusers.playback import FingerPath, GeneratingProcess, TextureProfile, TextureStream, on_time
+from tactile_diffusers.playback import FingerPath, TextureProfile, TextureStream, on_time
 from tactile_diffusers.playback.force_laws import SPEED_EXPONENT
 from tactile_diffusers.signal import DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES, band_levels_db, band_pass
 from tactile_diffusers.virtual.exploration import VELOCITY_RATE, Exploration, steady_exploration, wandering
@@ -32,44 +35,32 @@ SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1)
 #: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
 HAND_HZ = 15.0
 BLOCK = 32
-#: Share of the minutes for which the other columns beside a process of its own are timed.
-COMPARED = 0.2
 #: Reports of the sensor in the timed runs.
 SENSOR_HZ = 125.0
 #: Random motion: it strokes to and fro at most about this often, over about twice this far.
 STROKES_HZ, STROKES_MM = 1.0, 30.0
 
 
-def run(arguments, pipe):
-    """Measures, writes stream.json and stream.md, and returns the Markdown.
-
-    Args:
-        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "surfaces" (`int`), "minutes" (`float`) of random
-            motion, "seed", "quiet".
-        pipe (`TactileTexturePipeline`): makes the textures that are played in the last two tables.
-
-    Returns:
-        `str`
-    """
-    import torch
-
-    out = pipe([[1.5, 0.0, -1.0], [-1.0, 1.0, 0.0]], generator=torch.Generator().manual_seed(arguments.seed))
+def main(argv=None):
+    """Measures and writes stream.json and stream.md."""
+    parser = make_parser("stream.py", "Playback against fresh recordings, with coarse sensors, and its time.")
+    parser.add_argument("--surfaces", type=count, default=60, metavar="N", help="virtual ones; default: 60")
+    parser.add_argument("--minutes", type=positive_number, default=10.0, help="of random motion; default: 10")
+    arguments = parse(parser, argv)
+    pipe, quiet = load_pipeline(arguments.checkpoint), arguments.quiet
+    generator = torch.Generator().manual_seed(arguments.seed)
+    out = pipe([[1.5, 0.0, -1.0], [-1.0, 1.0, 0.0]], generator=generator)
     profiles = [TextureProfile(texture, out.sampling_rate, out.reference_speed) for texture in out.textures]
     report = {
         "machine": machine(),
         "surfaces": arguments.surfaces,
         "minutes": arguments.minutes,
-        "recordings": fresh_recordings(arguments.surfaces, arguments.quiet),
-        "whose speed": whose_speed(arguments.surfaces, arguments.quiet),
+        "recordings": fresh_recordings(arguments.surfaces, quiet),
+        "whose speed": whose_speed(arguments.surfaces, quiet),
         "sensors": {f"{rate:g} Hz, {step:g} mm": sensor(profiles, rate, step) for rate, step in SENSORS},
-        "clock": clock(profiles, arguments.minutes, arguments.seed, arguments.quiet),
-        "joints": benchmark_endless.joints(pipe, arguments.quiet),
-        "starts": starts(pipe),
-        "endless": endless(pipe, arguments.minutes, arguments.seed, arguments.quiet),
+        "clock": clock(profiles, arguments.minutes, arguments.seed, quiet),
     }
-    text = markdown(report)
-    write_results(arguments.output, "stream", report, text)
-    return text
+    return finish(arguments, "stream", report, markdown(report))
 
 
 def fresh_recordings(surfaces, quiet):
@@ -214,7 +205,7 @@ def clock(profiles, minutes, seed, quiet):
             steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
             last, finite = force[-1], finite and bool(np.isfinite(force).all())
     fastest = float(np.abs(np.diff(place)).max() * rate)
-    own = max(_largest_step(profile, fastest) for profile in profiles)
+    own = max(largest_step(profile, fastest) for profile in profiles)
     return {
         "median ms": 1e3 * float(np.median(times)),
         "99.9th percentile ms": 1e3 * float(np.percentile(times, 99.9)),
@@ -235,53 +226,7 @@ def motion(minutes, seed):
     return np.round(STROKES_MM * moved / moved.std(), 1)
 
 
-def with_distilled(pipe):
-    """The pipelines to play from, by name: as given, and with the distilled decoder of the bundled checkpoint.
-
-    What is distilled from another checkpoint's decoder would not fit: only the bundled encoder's latents do.
-    """
-    found, folder = {"as it is": pipe}, find_decoders(bundled_checkpoint()).get("distilled")
-    if folder is not None:
-        lctg = LCTGModel.from_pretrained(str(folder))
-        if same_encoder(lctg, pipe.lctg):
-            found["distilled decoder"] = TactileTexturePipeline.from_pipe(pipe, lctg=lctg)
-    return found
-
-
-def starts(pipe):
-    """Times to the first sample and to other ratings, with each decoder, and the last one in a process of its own."""
-    pipes = with_distilled(pipe)
-    with on_time():
-        found = {name: benchmark_endless.starts(one) for name, one in pipes.items()}
-        with GeneratingProcess(list(pipes.values())[-1]) as process:
-            found[f"{list(pipes)[-1]}, in a process"] = benchmark_endless.starts(process)
-    return found
-
-
-def endless(pipe, minutes, seed, quiet):
-    """Real time, with the quickest decoder that there is, generating in a thread, in a process; and the machine alone.
-
-    The largest step of the profiles stands beside.
-    """
-    pipe, place = list(with_distilled(pipe).values())[-1], motion(minutes, seed)
-    with on_time():
-        found = {"in a thread": benchmark_endless.clock(pipe, place, SENSOR_HZ, BLOCK, minutes * COMPARED, quiet)}
-        with GeneratingProcess(pipe) as process:
-            found["in a process"] = benchmark_endless.clock(process, place, SENSOR_HZ, BLOCK, minutes, quiet)
-    found["waking, of the machine"] = benchmark_endless.wakes(BLOCK, minutes * COMPARED, quiet)
-    fastest = float(np.abs(np.diff(place)).max() * SENSOR_HZ)
-    own = 1e3 * max(_largest_step(one, fastest) for one in benchmark_endless.profiles(pipe))
-    for name in ("in a thread", "in a process"):
-        found[name]["profiles' own mN"] = own
-    return found
-
-
-def _transposed(rows):
-    names = dict.fromkeys(name for row in rows.values() for name in row)
-    return {name: {column: row.get(name) for column, row in rows.items()} for name in names}
-
-
-def _largest_step(profile, fastest):
+def largest_step(profile, fastest):
     """Of the force, at the fastest speed, with the law of speed: N."""
     position = fastest * np.arange(int(profile.length / fastest * DEVICE_RATE)) / DEVICE_RATE
     read = profile.read(position, np.full(len(position), fastest))
@@ -289,7 +234,7 @@ def _largest_step(profile, fastest):
 
 
 def markdown(report):
-    """The three tables."""
+    """The tables."""
     columns = [f"{speed:g} mm/s" for speed in SPEEDS]
     parts = [
         f"{title('Playback in space', 4)}Nine-band error, dB, of what a finger of another speed is given against fresh "
@@ -319,19 +264,8 @@ def markdown(report):
         "second; without mean friction, so that steps are the texture's.\n\n"
         + markdown_table({"stream": report["clock"]}, 3)
     )
-    parts.append(
-        f"{title('Without end', 4)}Windows of fresh takes are generated in a thread while they are played. Where two "
-        "meet, against the middle of windows:\n\n" + markdown_table({"joints": report["joints"]})
-    )
-    parts.append(
-        f"{title('Starting and changing', 4)}From ratings to the first sample, and from new ratings until they alone "
-        "are felt, on a warm pipeline:\n\n" + markdown_table(report["starts"], 1)
-    )
-    parts.append(
-        f"{title('In real time', 4)}Under random motion, ratings changed every {benchmark_endless.CHANGE_SECONDS:g} s, "
-        f"blocks of {BLOCK} samples, generated on one core by a `GeneratingProcess` ({report['minutes']:g} minutes) or "
-        f"by a thread ({report['minutes'] * COMPARED:g}); an underrun is a block that comes more than one block late. "
-        "The last column is how late this machine wakes a program that does nothing else, while another one "
-        "computes:\n\n" + markdown_table(_transposed(report["endless"]), 3)
-    )
     return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,4 +1,7 @@
-"""`benchmark.py --suite training`: time and memory of README's way from recordings to a checkpoint."""
+"""How long does it take from recordings to a checkpoint, and how much memory?
+
+`python examples/benchmarks/training_time.py --output report`
+"""
 
 import shlex
 import subprocess
@@ -7,13 +10,17 @@ import tempfile
 import time
 from pathlib import Path
 
-from ablate_training import LAUNCHER
+from benchmarking import finish
 
-from tactile_diffusers.evaluation.result_files import machine, write_results
+from tactile_diffusers.cli.program import Parser, add_output_argument, count
+from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.training.record import read_losses
 
-#: README's commands, word for word; `accelerate launch` or `python` before them, and the folders, are the suite's.
+SCRIPTS = Path(__file__).resolve().parents[1]
+LAUNCHER = [sys.executable, "-m", "accelerate.commands.launch", "--cpu", "--num_processes", "1", "--num_machines", "1"]
+LAUNCHER += ["--mixed_precision", "no", "--dynamo_backend", "no"]
+#: The commands of examples/README.md, word for word, after `python` or `accelerate launch`.
 PREPARE = (
     "prepare_data.py --source virtual --surfaces 600 --seconds 40 --workers 2 --output recordings.h5 "
     "--prepared prepared.h5"
@@ -27,44 +34,31 @@ DALE = (
 STEPS, WARM = 200, 50
 
 
-def run(arguments, pipe):
-    """Measures, writes training.json and training.md, and returns the Markdown.
-
-    Args:
-        arguments (`argparse.Namespace`): "output" (`Path`, a folder), "scripts" (`Path`, the folder of the training
-            scripts), "surfaces" (`int`, that are prepared and trained on; the rest is reckoned in proportion).
-        pipe: not used.
-
-    Returns:
-        `str`
-
-    Raises:
-        ValueError: if the training scripts are not where `scripts` says.
-        RuntimeError: if one of the commands fails, with the end of what it wrote.
-    """
-    if not (arguments.scripts / "train_lctg.py").is_file():
-        raise ValueError(
-            f"{arguments.scripts} has no train_lctg.py: run examples/benchmarks/benchmark.py of a clone, where it lies."
-        )
+def main(argv=None):
+    """Measures and writes training.json and training.md."""
+    parser = Parser(prog="training_time.py", description="Time and memory from recordings to a checkpoint.")
+    add_output_argument(parser, "folder of the results, as JSON and Markdown")
+    parser.add_argument("--surfaces", type=count, default=60, metavar="N", help="that are prepared and trained on; the "
+        "rest is reckoned in proportion; default: 60")  # fmt: skip
+    arguments = parser.parse_args(argv)
     where = machine("2 cores")
-    with tempfile.TemporaryDirectory(dir=arguments.output.parent) as folder:
+    with tempfile.TemporaryDirectory() as folder:
         rows = {
-            "prepare_data.py": preparation(arguments.scripts, Path(folder), arguments.surfaces),
-            "train_lctg.py": training(arguments.scripts, Path(folder), LCTG),
-            "train_dale.py": training(arguments.scripts, Path(folder), DALE),
+            "prepare_data.py": preparation(SCRIPTS, Path(folder), arguments.surfaces),
+            "train_lctg.py": training(SCRIPTS, Path(folder), LCTG),
+            "train_dale.py": training(SCRIPTS, Path(folder), DALE),
         }
     rows["together"] = {
         "minutes": sum(row["minutes"] for row in rows.values()),
         "peak MiB": max(row["peak MiB"] for row in rows.values()),
     }
     text = (
-        f"{title('Time and memory of training', 4)}README's three commands, {where}. Measured: "
+        f"{title('Time and memory of training', 4)}The three commands of examples/README.md, {where}. Measured: "
         f"{arguments.surfaces} of 600 surfaces prepared, {STEPS} of 4000 steps of each training, the rest in "
         "proportion to surfaces and steps; what comes before and after the steps counts once. Memory: largest sum over "
         f"a command's processes.\n\n{markdown_table(rows, 2)}\n"
     )
-    write_results(arguments.output, "training", {"machine": where, "rows": rows}, text)
-    return text
+    return finish(arguments, "training", {"machine": where, "rows": rows}, text)
 
 
 def preparation(scripts, folder, surfaces):
@@ -150,3 +144,7 @@ def memory(pid):
         return float("nan")
     below = (memory(child) for child in children)
     return held + sum(value for value in below if value == value)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

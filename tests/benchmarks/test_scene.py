@@ -1,13 +1,12 @@
-"""`benchmark.py --suite scene`: every figure is there and belongs to what it says; how large it is, no test tells."""
+"""The benchmark of a scene: every figure is there and belongs to what it says; how large it is, no test tells."""
 
 import contextlib
 import io
 import json
 
-import benchmark
 import pytest
 import scene as benchmark_scene
-from child import run_child
+from benchmarking import run_child
 
 
 @pytest.fixture
@@ -24,13 +23,13 @@ def _in_this_process(code, *arguments):
 
 @pytest.fixture
 def command(checkpoint, tmp_path):
-    words = f"--suite scene --checkpoint {checkpoint} --surfaces 5 --repeats 1 --output {tmp_path / 'out'}"
+    words = f"--checkpoint {checkpoint} --surfaces 5 --repeats 1 --output {tmp_path / 'out'}"
     return words.split()
 
 
 def test_the_suite_writes_its_tables(command, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(benchmark_scene, "run_child", _in_this_process)
-    assert benchmark.main(command) == 0
+    assert benchmark_scene.main(command) == 0
     report = json.loads((tmp_path / "out" / "scene.json").read_text())
     assert (report["surfaces"], report["touched"]) == (5, 3) and set(report["cases"]) == set(benchmark_scene.CASES)
     for case in ("scene", "scene from a file"):
@@ -44,7 +43,7 @@ def test_the_suite_writes_its_tables(command, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_memory_is_that_of_fresh_processes(command, tmp_path):
-    assert benchmark.main(command) == 0
+    assert benchmark_scene.main(command) == 0
     cases = json.loads((tmp_path / "out" / "scene.json").read_text())["cases"]
     if cases["pipeline alone"]["peak MiB"] is not None:
         assert all(row["peak MiB"] > 50 for row in cases.values())
@@ -55,9 +54,3 @@ def test_what_fails_in_a_child_is_told():
     assert run_child("import sys; print(sys.argv[1])", "word")[0] == "word"
     with pytest.raises(RuntimeError, match="no such thing"):
         run_child("raise ValueError('no such thing')")
-
-
-def test_each_suite_has_its_own_number_of_surfaces(tmp_path):
-    words = ["--output", str(tmp_path), "--suite"]
-    assert benchmark.parse_arguments([*words, "scene"]).surfaces == 100
-    assert benchmark.parse_arguments([*words, "stream"]).surfaces == 60

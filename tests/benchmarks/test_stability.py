@@ -1,10 +1,9 @@
-"""`benchmark.py --suite stability`: each case is there, and what misses its bound, or breaks, is told."""
+"""The benchmark of hard cases: each is there, and what misses its bound, or breaks, is reported."""
 
 import json
 import math
 import platform
 
-import benchmark
 import numpy as np
 import pytest
 import stability
@@ -35,7 +34,7 @@ def bench(pipe):
 @pytest.fixture
 def command(pipe, tmp_path):
     pipe.save_pretrained(str(tmp_path / "pipeline"))
-    words = f"--suite stability --quick --quiet --checkpoint {tmp_path / 'pipeline'} --output {tmp_path / 'out'}"
+    words = f"--quick --quiet --checkpoint {tmp_path / 'pipeline'} --output {tmp_path / 'out'}"
     return words.split()
 
 
@@ -112,7 +111,7 @@ def _planted(bench):
 
 def test_the_command_tells_what_fails(command, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(stability, "CASES", {"planted": _planted, "after": lambda bench: [Row("x", "y", 0, 0, "")]})
-    assert benchmark.main(command) == 1
+    assert stability.main(command) == 1
     text = (tmp_path / "out" / "stability.md").read_text()
     lines = [line for line in text.splitlines() if line.startswith("| planted") or line.startswith("| after")]
     assert ["**FAIL**" in line for line in lines] == ["pass" not in line for line in lines] == [0, 1, 1, 1, 0]
@@ -124,4 +123,4 @@ def test_the_command_tells_what_fails(command, tmp_path, monkeypatch, capsys):
 
 def test_the_command_passes_where_all_bounds_hold(command, monkeypatch):
     monkeypatch.setattr(stability, "CASES", {"planted": lambda bench: [Row("good", "error", 0.5, 1.0, "dB")]})
-    assert benchmark.main(command) == 0
+    assert stability.main(command) == 0

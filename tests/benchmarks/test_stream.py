@@ -1,8 +1,7 @@
-"""`benchmark.py --suite stream`: what it measures is real, and it refuses what is impossible."""
+"""The benchmarks of playback: what they measure is real, and they refuse what is impossible."""
 
 import json
 
-import benchmark
 import endless as benchmark_endless
 import pytest
 import stream as benchmark_stream
@@ -19,9 +18,9 @@ def small(monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_suite_writes_its_tables(small, tmp_path, capsys):
-    words = f"--suite stream --surfaces 2 --minutes 0.02 --quiet --output {tmp_path}"
-    assert benchmark.main(words.split()) == 0
+def test_playback_in_space(small, tmp_path, capsys):
+    words = f"--surfaces 2 --minutes 0.02 --quiet --output {tmp_path}"
+    assert benchmark_stream.main(words.split()) == 0
     report = json.loads((tmp_path / "stream.json").read_text())
     classes = [rows for group, rows in report["recordings"].items() if group.startswith("with")]
     assert sum(rows["surfaces"] for rows in classes) == 2
@@ -32,20 +31,27 @@ def test_the_suite_writes_its_tables(small, tmp_path, capsys):
     fine, coarse = report["sensors"]["125 Hz, 0.1 mm"], report["sensors"]["125 Hz, 1 mm"]
     assert fine["spurious dB"] < -15 and coarse["spurious dB"] > fine["spurious dB"] + 6
     assert report["clock"]["finite"] and report["clock"]["median ms"] > 0
+    assert (tmp_path / "stream.md").read_text().strip() == capsys.readouterr().out.strip()
+
+
+@pytest.mark.slow
+def test_textures_without_end(small, tmp_path, capsys):
+    assert benchmark_endless.main(f"--minutes 0.02 --quiet --output {tmp_path}".split()) == 0
+    report = json.loads((tmp_path / "endless.json").read_text())
     # neighbours are decoded from the same latents and noise where they meet
     assert report["joints"]["correlation of two windows"] > 0.95
     for row in report["starts"].values():
         assert 0 < row["first sample ms"] and 20 < row["change felt ms"] <= row["slowest change ms"]
     assert len(report["starts"]) == 3
     for way in ("in a thread", "in a process"):
-        endless = report["endless"][way]
+        endless = report["real time"][way]
         assert endless["finite"] and endless["median ms"] > 0 and endless["largest step mN"] > 0
-    assert report["endless"]["waking, of the machine"]["largest ms"] > 0
-    assert (tmp_path / "stream.md").read_text().strip() == capsys.readouterr().out.strip()
+    assert report["real time"]["waking, of the machine"]["largest ms"] > 0
+    assert (tmp_path / "endless.md").read_text().strip() == capsys.readouterr().out.strip()
 
 
 @pytest.mark.parametrize("words", ["--surfaces 0", "--minutes 0", "--minutes nan"])
 def test_bad_sizes_are_refused(words, tmp_path, capsys):
     with pytest.raises(SystemExit) as stop:
-        benchmark.parse_arguments(f"--suite stream --output {tmp_path} {words}".split())
-    assert stop.value.code == 2 and "--surfaces and --minutes" in capsys.readouterr().err
+        benchmark_stream.main(f"--output {tmp_path} {words}".split())
+    assert stop.value.code == 2 and f"argument {words.split()[0]}: must be" in capsys.readouterr().err

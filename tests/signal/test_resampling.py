@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 
 from tactile_diffusers.signal import resample
 from tactile_diffusers.signal.resampling import KEPT_SHARE, num_samples
@@ -57,3 +58,11 @@ def test_single_precision_gives_the_same_texture(rate_in, rate_out, samples):
     assert quick.dtype == np.float32
     # float32, sums of a hundred products near 1
     np.testing.assert_allclose(quick, resample(texture, rate_in, rate_out), rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
+def test_autocast_of_a_caller_changes_nothing(dtype):
+    texture = np.random.default_rng(0).standard_normal(2500).astype(np.float32)
+    plain = resample(texture, 2500, 10_000, dtype=np.float32)
+    with torch.autocast("cpu", dtype=dtype):
+        np.testing.assert_array_equal(resample(texture, 2500, 10_000, dtype=np.float32), plain)

@@ -8,7 +8,7 @@ import torch
 from .inputs import check_decoding, check_generator, check_noise, check_steps
 from .pipeline_output import TactileLatents
 
-#: Steps of both stages. `examples/benchmarks/benchmark.py --suite scheduler`: with the second order, nine-band error
+#: Steps of both stages. `examples/research/sampler.py`: with the second order, nine-band error
 #: and KTD of held-out textures stop improving at 3; at 5 the solver's error is half of DDIM's at 10, and weak bands
 #: have settled.
 DEFAULT_STEPS = 5

@@ -10,7 +10,7 @@ from diffusers.schedulers.scheduling_utils import SchedulerMixin
 from diffusers.utils import BaseOutput
 from diffusers.utils.torch_utils import randn_tensor
 
-#: What `examples/benchmarks/benchmark.py --suite scheduler` found best on whitened textures: for new checkpoints.
+#: What `examples/research/sampler.py` found best on whitened textures: for new checkpoints.
 RECOMMENDED = {"multistep_order": 2, "spacing": "both_ends"}
 #: A damaged config may ask for any number, and the timesteps are a table.
 MOST_TIMESTEPS = 1_000_000
@@ -67,7 +67,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
     1 (DDIM) is the exact solution for g = 0, a rotation of (x, v). Order 2 takes the g that explains the last step and
     holds it for the next (variation of constants): no further network evaluation, and with the spacing "both_ends" no
     component of the data is amplified by more than 0.3 dB from 4 steps on. The first step is of order 1.
-    `examples/benchmarks/benchmark.py --suite scheduler` compares it with what else was tried. The schedule is float64;
+    `examples/research/sampler.py` compares it with what else was tried. The schedule is float64;
     the update has at least float32, whatever the model's dtype.
 
     This scheduler inherits from [`SchedulerMixin`] and [`ConfigMixin`]. Its config says to diffusers' schedulers what

@@ -77,7 +77,8 @@ def _upsample_float32(texture, up):
     """The polyphase filter as one convolution in single precision."""
     phases = _phases(up)
     rows = torch.from_numpy(texture.astype(np.float32)).reshape(-1, 1, texture.shape[-1])
-    filtered = torch.nn.functional.conv1d(rows, phases, padding=phases.shape[-1] // 2)
+    with torch.autocast("cpu", enabled=False):  # of a caller, which would compute in half precision
+        filtered = torch.nn.functional.conv1d(rows, phases, padding=phases.shape[-1] // 2)
     return filtered.transpose(1, 2).flatten(1).numpy().reshape(*texture.shape[:-1], -1)
 
 

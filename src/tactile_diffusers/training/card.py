@@ -323,9 +323,7 @@ def _limits(pipe, dataset):
 def _how_to_evaluate(place, dataset, runs, teacher):
     place, data = place.rsplit("/", 1)[-1], shlex.quote(Path(dataset.path).name)  # of a copy of what is on the Hub
     if teacher is not None:
-        command = (
-            f"python examples/benchmarks/benchmark.py --suite decoder --checkpoint {shlex.quote(teacher)} --data {data}"
-        )
+        command = f"python examples/benchmarks/decoder.py --checkpoint {shlex.quote(teacher)} --data {data}"
         return EVALUATE.format(command=f"{command} --decoders {shlex.quote(f'distilled={place}')} --output report")
     place = shlex.quote(place)
     command = f"python examples/evaluate.py --checkpoint {place} --data {data} --output report"

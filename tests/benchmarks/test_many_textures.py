@@ -1,9 +1,8 @@
-"""`benchmark.py --suite dataset`: figures from the times of shards."""
+"""The benchmark of many textures: figures from the times of shards."""
 
-import benchmark
 import numpy as np
 import pytest
-from many_textures import SHARD, growth
+from many_textures import SHARD, growth, main
 
 
 def test_proportional_growth_of_two_processes():
@@ -26,8 +25,6 @@ def test_a_short_last_shard_does_not_count():
 
 
 def test_too_few(tmp_path, capsys):
-    with pytest.raises(ValueError, match="too few for 4 processes"):
-        growth(np.arange(5.0), 5 * SHARD, 4)
     with pytest.raises(SystemExit):
-        benchmark.parse_arguments(f"--suite dataset --textures 10 --output {tmp_path}".split())
-    assert "--textures: must be at least 1000" in capsys.readouterr().err
+        main(f"--textures 10 --output {tmp_path}".split())
+    assert "--textures: must be at least" in capsys.readouterr().err

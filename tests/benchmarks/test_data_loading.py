@@ -1,6 +1,5 @@
-"""The suite "data" of the benchmark, on a tiny pipeline: every figure is there; how large it is, no test tells."""
+"""The benchmark of loading data, on a tiny pipeline: every figure is there; how large it is, no test tells."""
 
-import argparse
 import json
 import math
 
@@ -24,12 +23,11 @@ def test_every_figure_is_reported(evaluable_pipe, recordings, tmp_path, monkeypa
     monkeypatch.setattr(benchmark_data, "MEASURED_SECONDS", 0.01)
     limits = SegmentLimits(None, None, seconds=2048 / 2500)  # as long as those of the tiny pipeline
     prepare_recordings(recordings, tmp_path / "p.h5", limits, validation=0, test=0, quiet=True)
-    arguments = argparse.Namespace(
-        output=tmp_path / "out", recordings=recordings, data=tmp_path / "p.h5", quiet=True
-    )  # fmt: skip
-    text = benchmark_data.run(arguments, evaluable_pipe())
+    evaluable_pipe().save_pretrained(str(tmp_path / "pipeline"))
+    words = f"--checkpoint {tmp_path / 'pipeline'} --recordings {recordings} --data {tmp_path / 'p.h5'} --quiet"
+    assert benchmark_data.main([*words.split(), "--output", str(tmp_path / "out")]) == 0
     report = json.loads((tmp_path / "out" / "data.json").read_text())
-    assert (tmp_path / "out" / "data.md").read_text() == text and "#### Loading against training" in text
+    assert "#### Loading against training" in (tmp_path / "out" / "data.md").read_text()
     preparation = report["preparation"]
     assert preparation["recorded s"] == pytest.approx(40)
     assert preparation["seconds for 22000"] == pytest.approx(preparation["seconds"] * 22_000 / preparation["segments"])

@@ -1,8 +1,30 @@
-"""`benchmark.py --suite scheduler`: speed against error of the sampler and of what was tried for it."""
+"""Which sampler, in how many steps? `python examples/research/sampler.py --data prepared.h5 --output report`"""
+
+import statistics
+import sys
+import time
 
 import numpy as np
+import solver_study as study
+import torch
+from solver_study import TrainedStage, settled_at, trained_errors, trained_rules
 
+from tactile_diffusers.cli.program import (
+    Parser,
+    add_checkpoint_argument,
+    add_output_argument,
+    add_seed_argument,
+    count,
+    existing_file,
+    load_pipeline,
+)
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.evaluation.metrics.reference import Reference
+from tactile_diffusers.evaluation.report_figures import figure_panels
 from tactile_diffusers.evaluation.result_files import write_results
+from tactile_diffusers.evaluation.tables import markdown_table
+from tactile_diffusers.schedulers import VDDIMScheduler
+from tactile_diffusers.virtual import fresh_textures
 
 #: Rules and spacings that the tables show; the JSON has all.
 _SHOWN = ("ddim", "rotation_2", "rotation_2_lowered", "rotation_3", "adams_bashforth_2", "adams_bashforth_3", "data_2m")
@@ -10,16 +32,12 @@ _FEW, _MANY = "4", "10"
 _SPACINGS = ("uniform", "both_ends", "log_snr")
 #: Standard deviations of components in the table.
 _SPREADS = (0.03, 0.1, 0.3, 1.0, 3.0)
-#: Samplers that the summary compares.
-_COMPARED = ("order 2, both_ends", "diffusers DDIM", "diffusers DPM-Solver++ 2M")
 # segments of the comparison of all rules
 _RULE_SEGMENTS = 16
 
 
 def analytic(pipe, real, sampling_rate):
     """Errors where the velocity is known: mixture, single components, spectra of textures."""
-    import solver_study as study
-
     errors, orders = study.mixture_errors()
     steps = [count for count in study.STEPS if count >= 3]
     components = {
@@ -43,11 +61,6 @@ def analytic(pipe, real, sampling_rate):
 
 def trained(pipe, data, segments, seed, quiet):
     """Errors of LCTG and DALE against a fine reference, and what they do to textures."""
-    from solver_study import TrainedStage, trained_errors, trained_rules
-
-    from tactile_diffusers.data import PreparedDataset
-    from tactile_diffusers.evaluation.metrics.reference import Reference
-
     held_out, train = PreparedDataset(data, "validation"), PreparedDataset(data, "train")
     rate = held_out.sampling_rate
     reference = Reference(train.textures(train.non_overlapping(2, seed)), rate)
@@ -67,12 +80,6 @@ def trained(pipe, data, segments, seed, quiet):
 
 def step_cost(pipe, repeats=200):
     """Seconds of one scheduler step of order 2 and of one evaluation of each network, batch 1: medians."""
-    import time
-
-    import torch
-
-    from tactile_diffusers.schedulers import VDDIMScheduler
-
     config = pipe.lctg.config
     wave = torch.randn(1, 1, config.segment_samples)
     latents = torch.zeros(1, config.latent_channels, config.segment_samples // config.latent_hop)
@@ -83,7 +90,7 @@ def step_cost(pipe, repeats=200):
             start = time.perf_counter()
             work()
             times.append(time.perf_counter() - start)
-        return float(np.median(times))
+        return statistics.median(times)
 
     scheduler = VDDIMScheduler(multistep_order=2)
 
@@ -117,20 +124,7 @@ def markdown(report):
     return "\n\n".join([*parts, _step_cost_line(report)]) + "\n"
 
 
-def summary(report):
-    """What a README shows: ours against the usual samplers on the trained decoder; all of it is in scheduler.md."""
-    parts = [report["about"]]
-    if report.get("trained"):
-        chosen = {name: by for name, by in report["trained"]["lctg"].items() if name in _COMPARED}
-        parts += [_trained_table(chosen, ("3", "5", "10", "25")), _settled_table(report)]
-    return "\n\n".join([*parts, _step_cost_line(report)]) + "\n"
-
-
 def _settled_table(report):
-    from solver_study import settled_at
-
-    from tactile_diffusers.evaluation.tables import markdown_table
-
     settled = {
         metric: {name: settled_at(by, metric) for name, by in report["trained"]["lctg"].items()}
         for metric in ("nine_band_db", "ktd")
@@ -146,8 +140,6 @@ def _step_cost_line(report):
 
 def _rules_table(report):
     """Analytic and trained errors of every rule and spacing."""
-    from tactile_diffusers.evaluation.tables import markdown_table
-
     rows, trained = {}, (report.get("trained") or {}).get("rules", {})
     for rule in _SHOWN:
         for spacing in _SPACINGS:
@@ -168,8 +160,6 @@ def _rules_table(report):
 
 
 def _component_table(report):
-    from tactile_diffusers.evaluation.tables import markdown_table
-
     found = report["analytic"]["components"]
     columns = {f"{spread:g}": found["spreads"].index(spread) for spread in _SPREADS}
     rows = {
@@ -181,17 +171,15 @@ def _component_table(report):
 
 
 def _trained_table(by_scheduler, steps=("3", "4", "5", "10", "25", "100")):
-    from tactile_diffusers.evaluation.tables import markdown_table
-
     rows = {}
     for name, by_steps in by_scheduler.items():
-        for count in steps:
-            if count in by_steps:
-                entry = dict(by_steps[count])
+        for number in steps:
+            if number in by_steps:
+                entry = dict(by_steps[number])
                 entry.pop("bands_db", None)
                 if "rmse_n" in entry:
                     entry["score"] = entry["rmse_n"]["mean"] * entry["seconds"]["mean"]
-                rows[f"{name}, {count}"] = entry
+                rows[f"{name}, {number}"] = entry
     labels = {
         "solver_rms": ("solver error, RMS", 4),
         "seconds": ("s per segment (batch 8)", 4),
@@ -206,8 +194,6 @@ def _trained_table(by_scheduler, steps=("3", "4", "5", "10", "25", "100")):
 
 def plot(report, output_path):
     """Log-log error against steps on the mixture, level of components, and the trained models."""
-    from tactile_diffusers.evaluation.report_figures import figure_panels
-
     found = report.get("trained")
     with figure_panels(output_path, 1, 4, (18, 4.2)) as panels:
         mixture, components, solver, pareto = panels[0]
@@ -254,28 +240,37 @@ def plot(report, output_path):
             panel.legend(fontsize=6)
 
 
-def run(arguments, pipe):
-    """Measures, writes scheduler.json, scheduler.md and scheduler.png, and returns the summary in Markdown."""
-    from solver_study import REFERENCE_STEPS
-
-    from tactile_diffusers.data import PreparedDataset
-
+def main(argv=None):
+    """Measures and writes scheduler.json, scheduler.md and scheduler.png."""
+    parser = Parser(prog="sampler.py", description="Speed against error of the sampler and of what was tried for it.")
+    add_output_argument(parser, "folder of the results")
+    add_checkpoint_argument(parser)
+    add_seed_argument(parser)
+    parser.add_argument("--data", type=existing_file, metavar="PREPARED.h5", help="compare on trained models, too")
+    parser.add_argument("--segments", type=count, default=60, metavar="N", help="one a surface; default: 60")
+    parser.add_argument("--quiet", action="store_true", help="no progress bars")
+    arguments = parser.parse_args(argv)
+    pipe = load_pipeline(arguments.checkpoint)
     if arguments.data is not None:
         found, real, rate = trained(pipe, arguments.data, arguments.segments, arguments.seed, arguments.quiet)
         source = PreparedDataset(arguments.data, "validation").source
         where = f"{len(real)} segments of {len(real)} validation surfaces, {source}"
     else:
-        from tactile_diffusers.virtual import fresh_textures
-
         rate, found = pipe.feature_extractor.delivery_rate, None
         real = np.concatenate([fresh_textures(10**6 + k, 0, per_surface=1)[0] for k in range(arguments.segments)])
         where = f"{len(real)} segments of fresh virtual surfaces"
     report = {
-        "about": f"{where}; reference: {REFERENCE_STEPS} steps. Textures' components: 64 bands at the working rate.",
+        "about": f"{where}; reference: {study.REFERENCE_STEPS} steps. Textures' components: 64 bands at the working "
+        "rate.",
         "analytic": analytic(pipe, real, rate),
         "trained": found,
         "costs": step_cost(pipe),
     }
-    write_results(arguments.output, "scheduler", report, markdown(report), indent=1)
+    write_results(arguments.output, "scheduler", report, text := markdown(report), indent=1)
     plot(report, arguments.output / "scheduler.png")
-    return summary(report)
+    print(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

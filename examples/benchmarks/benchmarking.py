@@ -1,0 +1,97 @@
+"""What the benchmarks share: common arguments, results as two files, medians, and code in a fresh process."""
+
+import platform
+import statistics
+import subprocess
+import sys
+import time
+
+import torch
+
+from tactile_diffusers.cli.program import (
+    Parser,
+    add_checkpoint_argument,
+    add_output_argument,
+    add_seed_argument,
+    count,
+)
+from tactile_diffusers.evaluation.result_files import write_results
+
+#: A run that takes longer than this is not repeated, s.
+LONG_RUN = 10.0
+#: not getrusage: on Linux a child's maximum begins at its parent's
+_PEAK = "print(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])"
+
+
+def make_parser(script, description):
+    """A parser with the arguments that all benchmarks have."""
+    parser = Parser(prog=script, description=description)
+    add_output_argument(parser, "folder of the results, as JSON and Markdown")
+    add_checkpoint_argument(parser)
+    add_seed_argument(parser, "seed of all that is drawn")
+    parser.add_argument("--threads", type=count, metavar="N", help="of torch; default: its own choice")
+    parser.add_argument("--quiet", action="store_true", help="no progress bars")
+    return parser
+
+
+def parse(parser, argv):
+    """The arguments, with torch's threads set."""
+    arguments = parser.parse_args(argv)
+    if arguments.threads:
+        torch.set_num_threads(arguments.threads)
+    return arguments
+
+
+def finish(arguments, name, report, text):
+    """Writes NAME.json and NAME.md, and prints the Markdown; returns exit code 0."""
+    write_results(arguments.output, name, report, text)
+    print(text)
+    return 0
+
+
+def seconds_of(runs, repeats, long_run=LONG_RUN):
+    """Median seconds of several runs, repeated in turn, so that a drift of the machine meets all alike.
+
+    Args:
+        runs (`dict[str, Callable]`): name -> what is timed; each runs once before that, to warm up.
+        repeats (`int`): timings of each.
+        long_run (`float`): what takes more seconds to warm up is not run again: that time counts.
+
+    Returns:
+        `dict[str, float]`: name -> seconds.
+    """
+    first = {name: _seconds(run) for name, run in runs.items()}
+    times = {name: [seconds] if seconds > long_run else [] for name, seconds in first.items()}
+    for _ in range(repeats):
+        for name, run in runs.items():
+            if first[name] <= long_run:
+                times[name].append(_seconds(run))
+    return {name: statistics.median(values) for name, values in times.items()}
+
+
+def _seconds(run):
+    start = time.perf_counter()
+    run()
+    return time.perf_counter() - start
+
+
+def run_child(code, *arguments):
+    """Runs Python code in a fresh process.
+
+    Args:
+        code (`str`): it sees `arguments` in `sys.argv[1:]`.
+        arguments (`str`).
+
+    Returns:
+        `tuple[str, float | None]`: what it printed, and its peak resident memory in MiB; `None` anywhere but on Linux.
+
+    Raises:
+        RuntimeError: if it fails, with the end of what it wrote to stderr.
+    """
+    linux = platform.system() == "Linux"
+    code = f"{code}\n{_PEAK if linux else 'print(0)'}"
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"A process that was measured failed with {done.returncode}:\n{done.stderr[-2000:]}")
+    *printed, kibibytes = done.stdout.splitlines()
+    return "\n".join(printed), int(kibibytes) / 2**10 if linux else None
