@@ -165,18 +165,18 @@ class TestProfile:
 
 
 class TestStream:
-    def test_follows_the_finger_over_many_windows(self, make_profile):
-        profile = make_profile()
-        with EndlessStream(profile, 125.0, sampling_rate=10_000) as stream:
-            made = []
+    @pytest.mark.parametrize("direction", [(40.0,), (30.0, 20.0)])
+    def test_follows_the_finger_over_many_windows(self, make_profile, direction):
+        profile, forces = make_profile(), []
+        with EndlessStream(profile, 125.0, dimensions=len(direction)) as stream:
             # the tiny windows are 12 mm long: 40 mm/s cross three of them in a second
             for number in range(125):
-                stream.report(number / 125, 40 * number / 125)
-                made.append(stream.read(80))
+                stream.report(number / 125, np.array(direction) * number / 125)
+                forces.append(stream.read(80))
                 _wait_for(lambda: not profile.missing() or stream._failure)
-        made = np.concatenate(made)
-        assert np.isfinite(made).all() and profile.substituted <= 1
-        assert len(profile.windows) >= 3
+        force = np.concatenate(forces).reshape(125 * 80, -1)
+        assert force.shape[1] == len(direction) and np.isfinite(force).all() and force.any(0).all()
+        assert profile.substituted == stream.substituted <= 3 and len(profile.windows) >= 3
 
     def test_a_change_of_ratings_from_another_thread(self, make_profile):
         profile = make_profile()
@@ -231,15 +231,6 @@ class TestStream:
             for read in (stream.read, stream.read_friction):
                 with pytest.raises(RuntimeError, match="Generating has failed: OSError"):
                     read(32)
-
-    def test_on_a_plane(self, make_profile):
-        profile = make_profile()
-        with EndlessStream(profile, 125.0, dimensions=2) as stream:
-            for number in range(60):
-                stream.report(number / 125, [30 * number / 125, 20 * number / 125])
-                force = stream.read(80)
-                _wait_for(lambda: not profile.missing() or stream._failure)
-            assert force.shape == (80, 2) and np.isfinite(force).all() and force.any()
 
     def test_substituted_windows_are_counted_and_warned_of_once(self, make_profile, monkeypatch):
         with EndlessStream(make_profile(), 125.0) as stream:

@@ -62,14 +62,6 @@ def test_coarse_reports_add_20_db_less_than_the_texture(pink_noise, motion):
     assert 10 * np.log10(np.mean((felt - wanted) ** 2) / np.mean(wanted**2)) < -20
 
 
-def test_blocks_of_any_length_give_the_same_path():
-    made = [_follow(lambda t: 40 * np.sin(3 * t), seconds=1, block=block) for block in (16, 32, 50)]
-    length = min(path.shape[1] for path in made)
-    for other in made[1:]:
-        # velocity is a difference over 0.1 ms of places that are rounded to 1e-15
-        np.testing.assert_allclose(other[:, :length], made[0][:, :length], atol=1e-8)
-
-
 def test_a_finger_that_is_no_longer_reported_comes_to_rest():
     path = FingerPath(RATE, 125)
     path.report(np.arange(50) / 125, 80 * np.arange(50) / 125)
@@ -110,25 +102,6 @@ def test_memory_is_bounded():
 
 
 @pytest.mark.parametrize(
-    ("time", "position", "message"),
-    [
-        (0.1, np.nan, "finite"),
-        (np.inf, 1.0, "finite"),
-        ([0.1, 0.2], [1.0], "equal number"),
-        ([0.2, 0.1], [1.0, 1.0], "ascend"),
-        (0.0, 1.0, "ascend"),
-    ],
-)
-def test_bad_reports_are_refused_and_change_nothing(time, position, message):
-    path, other = FingerPath(RATE, 125), FingerPath(RATE, 125)
-    for one in (path, other):
-        one.report(0.0, 5.0)
-    with pytest.raises(ValueError, match=message):
-        path.report(time, position)
-    np.testing.assert_array_equal(path.advance(200)[0], other.advance(200)[0])
-
-
-@pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"sampling_rate": 0}, "`sampling_rate`"),
@@ -162,12 +135,3 @@ class TestLiftedFinger:
         place, velocity = path.advance(RATE)
         assert set(np.abs(np.round(place[:, 0], 6))) == {0.0, 20.0}
         assert np.abs(velocity).max() < 1e-6  # rounding of the filter
-
-    def test_blocks_of_any_length_give_the_same_path(self):
-        paths = [FingerPath(RATE, 125.0) for _ in range(2)]
-        times = np.arange(0, 1, 1 / 125)
-        for path in paths:
-            path.report(times, np.where(times < 0.5, 80 * times, 80 * times - 700))
-        whole = paths[0].advance(9600)[0]
-        parts = np.concatenate([paths[1].advance(32)[0] for _ in range(300)])
-        np.testing.assert_allclose(parts, whole, atol=1e-9)

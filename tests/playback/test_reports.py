@@ -129,6 +129,10 @@ def test_jitter_rests_and_a_rate_within_the_factor_are_not(path):
 @pytest.mark.parametrize(
     ("dimensions", "time", "position", "message"),
     [
+        (1, 0.1, np.nan, "finite"),
+        (1, np.inf, 1.0, "finite"),
+        (1, [0.1, 0.2], [1.0], "equal number"),
+        (1, [0.2, 0.1], [1.0, 1.0], "ascend"),
         (1, 0.1, (1.0, 2.0), r"for x and y make it with `dimensions=2`. Got \(1,\) and \(2,\)"),
         (1, [0.1, 0.2], np.ones((2, 2)), "make it with `dimensions=2`"),
         (2, 0.1, 1.0, r"\(n, 2\), x and y in mm; for a line leave `dimensions=2` out. Got \(1,\) and \(\)"),
@@ -136,7 +140,7 @@ def test_jitter_rests_and_a_rate_within_the_factor_are_not(path):
         (2, [0.1, 0.2], [1.0, 2.0, 3.0, 4.0], "x and y in mm"),
     ],
 )
-def test_places_of_other_dimensions_are_refused(dimensions, time, position, message):
+def test_bad_reports_are_refused(dimensions, time, position, message):
     with pytest.raises(ValueError, match=message):
         FingerPath(RATE, SENSOR, dimensions=dimensions).report(time, position)
 
@@ -150,9 +154,5 @@ def test_places_of_every_allowed_shape(dimensions, time, position):
     path.report(time, position)
     assert path._places.shape == (np.size(time), dimensions)
     path.report([], [] if dimensions == 1 else np.empty((0, 2)))
-
-
-@pytest.mark.parametrize("samples", [80.0, 0, -5, "80", True])
-def test_samples_are_a_whole_number(path, samples):
-    with pytest.raises(ValueError, match="`samples` must be a whole number of at least 1"):
-        path.advance(samples)
+    with pytest.raises(ValueError, match="ascend"):
+        path.report(time, position)

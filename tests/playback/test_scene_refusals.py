@@ -18,11 +18,8 @@ GOOD = {"table": [0.5, -0.5, 0.0], "denim": None}
         ({"surfaces": {}}, "`surfaces` must map names to ratings"),
         ({"surfaces": [[1, 0, 0]]}, "`surfaces` must map names to ratings"),
         ({"surfaces": {"": [1, 0, 0]}}, "`surfaces` must have names"),
-        ({"surfaces": {3: [1, 0, 0]}}, "`surfaces` must have names"),
         ({"surfaces": {"denim": [1, 0]}}, "denim.*must have 3 values"),
         ({"surfaces": {"denim": [[1, 0, 0], [1, 0, 0]]}}, "denim.*one texture, got 2 rows"),
-        ({"surfaces": {"denim": {"rough": 1}}}, "denim.*unknown axes"),
-        ({"surfaces": {"denim": [np.inf, 0, 0]}}, "denim.*got roughness = inf"),
         ({"rating_scale": "stars"}, "`rating_scale` must be one of"),
         ({"rating_scale": "percentile"}, "needs .'ratings_quantiles'. in the config"),
         ({"surfaces": {"denim": [9.0, 0, 0]}, "rating_scale": "raw"}, "denim"),
@@ -30,12 +27,9 @@ GOOD = {"table": [0.5, -0.5, 0.0], "denim": None}
         ({"patches": {"silk": (0, 0, 1, 1)}}, r"`patches` names \['silk'\]"),
         ({"patches": {"denim": (0, 0, 1)}}, r"`patches\['denim'\]`"),
         ({"patches": {"denim": (0, 0, 0, 5)}}, "positive size"),
-        ({"patches": {"denim": (0, np.nan, 5, 5)}}, "positive size"),
         ({"patches": {"denim": "wide"}}, "positive size"),
-        ({"patches": {"denim": 5}}, "positive size"),
         ({"patches": {"denim": (0, 0, 9e6, 5)}}, "give mm"),
         ({"patches": {"denim": (0, 5), "table": (0, 0, 5, 5)}}, "got both"),
-        ({"seed": -1}, "`seed`"),
         ({"seed": 0.5}, "`seed`"),
         ({"num_inference_steps": 0}, "`num_inference_steps`"),
         ({"guidance_scale": {"rough": 2.0}}, "`guidance_scale`"),
@@ -98,33 +92,6 @@ def _refused(path, pipe, message):
         TextureScene.load(path, pipe)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.001, 0.2, 0.9, 0.9999])
-def test_a_truncated_file_is_refused(path, pipe, share):
-    content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
-    _refused(path, pipe, "")
-
-
-def test_random_damage_is_refused_or_harmless(path, pipe):
-    """Of the header every byte counts; a changed number in the tensors is another scene."""
-    content, rng = path.read_bytes(), np.random.default_rng(0)
-    header = 8 + int.from_bytes(content[:8], "little")
-    for place in rng.integers(0, header, 100):
-        damaged = bytearray(content)
-        damaged[place] = rng.integers(0, 256)
-        path.write_bytes(damaged)
-        try:
-            assert TextureScene.load(path, pipe).names
-        except ValueError as error:
-            assert "s.safetensors" in str(error)
-
-
-@pytest.mark.parametrize("content", [b"not a scene", b"\x80\x04\x95pickle", b"\xff" * 64, b"{}" * 100])
-def test_other_files_are_refused(path, pipe, content):
-    path.write_bytes(content)
-    _refused(path, pipe, "")
-
-
 def test_a_checkpoint_is_no_scene(path, pipe, tmp_path):
     pipe.save_pretrained(tmp_path / "pipeline")
     weights = tmp_path / "pipeline" / "lctg" / "diffusion_pytorch_model.safetensors"
@@ -148,18 +115,15 @@ def _drop(part, name):
         *((_drop("content", name), f"'{name}' is missing") for name in ("names", "seed", "patches", "decoder")),
         *((_drop("tensors", name), f"'{name}' is missing") for name in ("latents", "frames", "level", "weights")),
         (_set("content", "names", []), ""),
-        (_set("content", "names", 7), ""),
         (_set("content", "names", ["a", "a"]), "names are"),
-        (_set("content", "names", ["a", 3]), "names are"),
         (_set("content", "names", ["a"]), "ratings is float32"),
         (_set("content", "seed", "0"), "`seed`"),
         (_set("content", "num_inference_steps", 10**9), "at most 100000"),
         (_set("content", "reference_speed", None), "`reference_speed` must be a finite number"),
         (_set("content", "reference_speed", 1e9), "longer than any patch"),
         (_set("content", "patches", {"denim": [0, 0, 1]}), "patches"),
-        (_set("content", "patches", [1]), "patches"),
         (_set("content", "decoder", []), "decoder"),
-        (_set("tensors", "frames", np.array([0, 64], np.int32)), "smallest number of frames 0"),
+        (_set("tensors", "frames", np.array([0, 64], np.int32)), "smallest number of frames is 0"),
         (_set("tensors", "frames", np.array([2**30, 2**30], np.int32)), "latents is float16"),
         (_set("tensors", "frames", np.array([32.0, 32.0])), "frames is float64"),
         (_set("tensors", "latents", np.zeros((4, 64), np.float32)), "latents is float32"),

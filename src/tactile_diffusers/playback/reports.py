@@ -102,4 +102,4 @@ class ReportWatch:
     def _warn(self, kind, message):
         if kind not in self._warned:
             self._warned.add(kind)
-            warnings.warn(message, UserWarning, stacklevel=6)  # where `TextureStream.report` is called
+            warnings.warn(message, UserWarning, stacklevel=5)  # where `TextureStream.report` is called
