@@ -17,10 +17,9 @@ class GeneratingProcess:
     Threads of one Python process take turns: a block that is read while another thread generates may come
     milliseconds late. This process and the reading one share nothing but the finished windows.
 
-    The constructor waits until the process has started: several seconds in which it imports PyTorch, half a minute on a
-    busy machine. Start it with the program, not when a finger comes. It takes the memory of another pipeline. As always
-    in Python, a script that starts a process keeps its own work behind `if __name__ == "__main__":`. Close it, or use
-    it in a `with`.
+    The constructor waits until the process has started and imported PyTorch: several seconds. The process takes the
+    memory of another pipeline. As always in Python, a script that starts a process keeps its own work behind
+    `if __name__ == "__main__":`. Close it, or use it in a `with`.
 
     Args:
         pipe (`TactileTexturePipeline`): on the CPU, or a device that several processes may use; it is copied.
@@ -71,16 +70,12 @@ class GeneratingProcess:
             pass
 
     def generate(self, key, surface, indices, prepare):
-        """Windows of one surface.
+        """Windows of one surface, its level and its friction coefficient.
 
         Args:
             key (`int`): of the surface: the process keeps the latents of the last two.
             surface (`tuple`): ratings, seed, fill and a dict of options, as for `WindowGenerator`.
-            indices (`list[int]`): of the windows.
-            prepare (`bool`): as for `WindowGenerator.generate`.
-
-        Returns:
-            `tuple`: windows (`dict[int, TextureProfile]`, empty if interrupted), level and friction coefficient.
+            indices, prepare: as for `WindowGenerator.generate`.
 
         Raises:
             RuntimeError: if generating has failed, or the process has ended.

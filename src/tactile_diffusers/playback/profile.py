@@ -128,11 +128,7 @@ class TextureProfile:
         return np.fft.irfft(self._spectrum)
 
     def coverage(self, speed):
-        """What part of the band the profile holds at a speed: its lowest and highest frequency, Hz.
-
-        Args:
-            speed (`float`): mm/s.
-        """
+        """Lowest and highest frequency of the band, Hz, that the profile holds at a speed in mm/s."""
         low, high = (frequency * speed / self.reference_speed for frequency in self.band)
         return max(low, self.band[0]), min(high, self.band[1])
 
@@ -179,15 +175,7 @@ class TextureProfile:
 
 
 def loop(texture, overlap):
-    """A texture that can be repeated: its end fades into its beginning at equal power.
-
-    Args:
-        texture (`np.ndarray`): (samples,).
-        overlap (`int`): samples that fade, fewer than half.
-
-    Returns:
-        `np.ndarray`: (samples - overlap,).
-    """
+    """A texture that can be repeated, (samples - overlap,): its end fades into its beginning at equal power."""
     angle = np.linspace(0, np.pi / 2, overlap + 2)[1:-1]
     joined = texture[: len(texture) - overlap].copy()
     joined[:overlap] = np.sin(angle) * texture[:overlap] + np.cos(angle) * texture[len(texture) - overlap :]

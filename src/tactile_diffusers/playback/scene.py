@@ -110,12 +110,12 @@ class TextureScene:
 
     def _begin(self, state, pipe, cache_size):
         check_whole_number("cache_size", cache_size)
-        self._state, self._pipe, self.cache_size = state, pipe, int(cache_size)
+        self._state, self._pipe, self.cache_size = state, pipe, cache_size
         self.names, self.ratings = state.names, state.ratings
         self.patches, self.dimensions = dict(state.patches.boxes), state.patches.dimensions
         self.reference_speed = state.reference_speed
         self._profiles = OrderedDict()
-        # one for the models, which have state; one for the moments in which the cache is looked at
+        # held while models run, and while the cache is looked at
         self._working, self._looking = threading.Lock(), threading.Lock()
 
     @property
@@ -194,6 +194,7 @@ class TextureScene:
         found = self._cached(name)
         if found is not None:
             return found
+        self._ensure_latents()
         with self._working:
             found = self._cached(name)  # another thread may have decoded it meanwhile
             if found is None:
@@ -209,9 +210,6 @@ class TextureScene:
 
         Args:
             name (`str`): of the surface.
-
-        Returns:
-            `float`
 
         Raises:
             ValueError: for a name that the scene does not have.
@@ -232,34 +230,32 @@ class TextureScene:
             return self._profiles.get(name)
 
     def _ensure_latents(self):
-        if self._state.friction_coefficient is None:  # set last
-            with self._working:
-                self._generate()
-
-    def _generate(self):
-        """DALE for all surfaces, unless it has run: those of one length in one batch, each with its own noise."""
+        """Runs DALE for all surfaces, unless it has run: those of one length in one batch, each with its own noise."""
         state = self._state
-        if state.friction_coefficient is not None:
+        if state.friction_coefficient is not None:  # set last
             return
-        durations = [self._duration(name) for name in state.names]
-        latents, level, friction = [None] * len(durations), *np.empty((2, len(durations)), dtype=np.float32)
-        for duration in dict.fromkeys(durations):
-            rows = [row for row, other in enumerate(durations) if other == duration]
-            out = self._pipe(
-                state.ratings[rows],
-                num_inference_steps=state.num_inference_steps,
-                num_latent_inference_steps=self._latent_steps,
-                guidance_scale=state.guidance_scale,
-                duration_s=duration,
-                generator=[self._generator(state.names[row], "dale") for row in rows],
-                output_type="latent",
-            )
-            # half precision, as in a file, so that a scene from there is the same: its rounding lies 70 dB below
-            base = out.latents[:, : self._pipe.lctg.base_channels].half().cpu().numpy()
-            level[rows], friction[rows] = out.level.cpu().numpy(), out.friction_coefficient.cpu().numpy()
-            for row, values in zip(rows, base, strict=True):
-                latents[row] = values
-        state.latents, state.level, state.friction_coefficient = latents, level, friction
+        with self._working:
+            if state.friction_coefficient is not None:  # by another thread
+                return
+            durations = [self._duration(name) for name in state.names]
+            latents, level, friction = [None] * len(durations), *np.empty((2, len(durations)), dtype=np.float32)
+            for duration in dict.fromkeys(durations):
+                rows = [row for row, other in enumerate(durations) if other == duration]
+                out = self._pipe(
+                    state.ratings[rows],
+                    num_inference_steps=state.num_inference_steps,
+                    num_latent_inference_steps=self._latent_steps,
+                    guidance_scale=state.guidance_scale,
+                    duration_s=duration,
+                    generator=[self._generator(state.names[row], "dale") for row in rows],
+                    output_type="latent",
+                )
+                # half precision, as in a file, so that a scene from there is the same: its rounding lies 70 dB below
+                base = out.latents[:, : self._pipe.lctg.base_channels].half().cpu().numpy()
+                level[rows], friction[rows] = out.level.cpu().numpy(), out.friction_coefficient.cpu().numpy()
+                for row, values in zip(rows, base, strict=True):
+                    latents[row] = values
+            state.latents, state.level, state.friction_coefficient = latents, level, friction
 
     def _duration(self, name):
         """Seconds of texture that a patch needs at the reference speed; `None` = one segment is enough."""
@@ -269,7 +265,6 @@ class TextureScene:
 
     def _decode(self, index):
         """Profile of one surface, decoded alone, so that no other surface changes its rounding."""
-        self._generate()
         state, name = self._state, self._state.names[index]
         out = self._pipe.decode(
             self._pipe.lctg.pad_detail(torch.from_numpy(state.latents[index][None]).float()),

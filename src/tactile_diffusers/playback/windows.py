@@ -33,10 +33,8 @@ class WindowGenerator:
         ratings, seed, fill, **options: as for [`EndlessProfile`].
 
     Attributes:
-        level, friction_coefficient (`float`): of the surface; `None` before the first `generate`.
-        reference_speed (`float`): mm/s.
-        spacing, window_length (`float`): mm from window to window, and of each.
-        lock (`threading.RLock`): hold it while generating; surfaces of one pipeline share it.
+        level, friction_coefficient, reference_speed, spacing, window_length: as of [`EndlessProfile`].
+        lock (`threading.RLock`): to be held while generating; surfaces of one pipeline share it.
 
     Raises:
         ValueError: for impossible ratings or options, or a pipeline without DALE or reference speed.
@@ -66,15 +64,9 @@ class WindowGenerator:
         self._takes = {}
 
     def generate(self, indices, prepare=False):
-        """Generates windows in one batch.
+        """Windows of these indices in one batch (`dict[int, TextureProfile]`); empty if `interrupt` came in between.
 
-        Args:
-            indices (`list[int]`): of the windows.
-            prepare (`bool`, *optional*, defaults to `False`): computes all their resolutions for 20-320 mm/s, too;
-                otherwise each is computed when it is first read.
-
-        Returns:
-            `dict[int, TextureProfile]`: the windows; empty if `interrupt` came in between.
+        `prepare` also computes all their resolutions for 20-320 mm/s; otherwise each is computed when first read.
         """
         if not self._generate_takes(sorted({index + near for index in indices for near in (-1, 0, 1)})):
             return {}
