@@ -55,8 +55,9 @@ def test_several_profiles_take_turns(process):
     np.testing.assert_allclose(_read(again, 2.3, 2.9), _read(first, 2.3, 2.9), rtol=0, atol=1e-6)
 
 
-def test_a_stream_changes_its_ratings(process):
-    with EndlessStream(EndlessProfile(process, RATINGS), 125.0) as stream:
+@pytest.mark.parametrize("wait", [False, True])
+def test_a_stream_changes_its_ratings(process, wait):
+    with EndlessStream(EndlessProfile(process, RATINGS, wait=wait), 125.0) as stream:
         before, deadline = stream.profile, time.monotonic() + 20
         stream.change([-1.0, 1.0, 1.0])
         while stream.profile is before:

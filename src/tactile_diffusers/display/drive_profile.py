@@ -1,4 +1,4 @@
-"""The calibration of a friction display under one finger, and the drive that it gives for a force."""
+"""The calibration of a friction display under one finger: from force to drive."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from .drive_curves import DRIVE_UNITS, check_kind, check_lookup, friction_change
 from .drive_files import read_profile, write_profile
 from .drive_stream import DriveStream, inverse_coefficients
 
-#: A limit below this (dB) would take away more of the spectrum than the inverse gives back.
+#: A limit below this (dB) would remove more of the spectrum than the inverse restores.
 LOWEST_MAX_GAIN_DB = 3.0
 
 

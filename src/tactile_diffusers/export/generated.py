@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..io.files import write_text
+from ..io.files import clear_left_behind, write_text
 from ..io.hdf5 import check_sizes, open_whole, whole_file
 from ..io.reading import read_json, reading
 
@@ -54,15 +54,18 @@ def open_folder(folder, settings, about):
         write_text(folder / MANIFEST, json.dumps(manifest, indent=1) + "\n")
     manifest = _read_manifest(folder)
     stored = manifest["settings"]
-    names = [name for name in {**stored, **settings} if stored.get(name) != settings.get(name)]
-    if names:
-        differences = "; ".join(f"{name} {stored.get(name)}, not {settings.get(name)}" for name in names)
+    differences = "; ".join(
+        f"{name} {stored.get(name)}, not {settings.get(name)}"
+        for name in {**stored, **settings}
+        if stored.get(name) != settings.get(name)
+    )
+    if differences:
         raise ValueError(
             f"The folder {folder} holds textures of other settings ({differences}). Finish them with those settings, "
             "or give another folder."
         )
-    for left_behind in folder.glob(".*.tmp"):  # by a process that was killed
-        left_behind.unlink(missing_ok=True)
+    for shard in manifest["shards"]:
+        clear_left_behind(folder / shard["file"])
     return [shard for shard in manifest["shards"] if not _is_whole(folder / shard["file"], shard["count"])]
 
 
@@ -99,7 +102,7 @@ def write_shard(path, count, attributes, batches):
     """Writes one shard, batch by batch, under a temporary name.
 
     Args:
-        path (`str` or `Path`): in the folder that `open_folder` made.
+        path (`str` or `Path`): in the folder of `open_folder`.
         count (`int`): rows.
         attributes (`dict`): settings; `None` is stored as the word "none".
         batches (iterable of `dict[str, np.ndarray]`): rows of every column, in order.

@@ -7,7 +7,7 @@ import numpy as np
 from ..io.hdf5 import check_sizes, open_whole, whole_file
 from ..io.reading import reading
 from ..signal import RATING_AXES
-from .metadata import UNITS, check_read, describe_texture, metadata_from_json
+from .metadata import UNITS, check_read, describe_texture, from_json
 
 FORMAT, VERSION = "tactile-texture", 1
 
@@ -61,4 +61,4 @@ def read_hdf5(path):
         for name in ("format", "version", "rating_axes"):
             found.pop(name, None)
         found["sampling_rate"] = file["texture"].attrs["rate"].item()
-        return check_read(file["texture"][()], metadata_from_json(found, path))
+        return check_read(file["texture"][()], from_json(found, path))

@@ -14,15 +14,7 @@ from ..io.files import write_text
 from ..io.reading import read_json, reading
 from ..signal import BAND_HZ, REFERENCE_FORCE, resample
 from ..signal.checks import check_number
-from .metadata import (
-    check_known_speed,
-    check_read,
-    check_span,
-    describe_texture,
-    mean_friction,
-    metadata_from_json,
-    metadata_to_json,
-)
+from .metadata import check_known_speed, check_read, check_span, describe_texture, from_json, mean_friction, to_json
 
 #: Key frames per s; over position at least as many at the reference speed.
 KEY_FRAME_RATE = 8000
@@ -65,7 +57,7 @@ def write_hjif(path, texture, *, modality="Force", normal_force=REFERENCE_FORCE,
         metadata["normal_force"] = normal_force
     gain = float(np.abs(values).max()) or 1.0  # silence: any scale will do
     experience = _experience(modality, timescale, step, np.round(values / gain, DECIMALS), gain)
-    experience["description"] = json.dumps(metadata_to_json({**metadata, "samples": len(texture)}), allow_nan=False)
+    experience["description"] = json.dumps(to_json({**metadata, "samples": len(texture)}), allow_nan=False)
     write_text(path, json.dumps(experience, separators=(",", ":"), allow_nan=False) + "\n")
 
 
@@ -152,7 +144,7 @@ def read_hjif(path):
         values = np.array([frame["amplitude_modulation"] for frame in frames]) * channel["gain"]
         rate = experience["timescale"] / (frames[1]["relative_position"] if len(frames) > 1 else 1)
         modality = perception["perception_modality"]
-        metadata = metadata_from_json(found, path, ("samples", *(("normal_force",) if modality == "Friction" else ())))
+        metadata = from_json(found, path, ("samples", *(("normal_force",) if modality == "Friction" else ())))
         check_span(len(frames) / check_number("timescale", rate, "Hz", above=0), metadata)
         if modality == "Friction":
             values = (values - mean_friction(metadata)) * metadata["normal_force"]

@@ -149,13 +149,13 @@ def mean_friction(metadata):
     return 0.0 if math.isnan(metadata["friction_coefficient"]) else metadata["friction_coefficient"]
 
 
-def metadata_to_json(metadata):
+def to_json(metadata):
     """The same with null for NaN, which JSON does not know, and with `UNITS`."""
     return {**{name: _null_if_nan(value) for name, value in metadata.items()}, "units": UNITS}
 
 
-def metadata_from_json(stored, path, needed=()):
-    """The inverse of `metadata_to_json`, with NaN for null and for what old files lack.
+def from_json(stored, path, needed=()):
+    """The inverse of `to_json`, with NaN for null and for what old files lack.
 
     Args:
         stored (`dict`): as read.

@@ -1,4 +1,4 @@
-"""NumPy archives: a texture with all that is needed to play or to make it again."""
+"""NumPy archives: a texture with all that is needed to play it or to generate it again."""
 
 import json
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from ..io.files import atomic_path
 from ..io.reading import check_archive, reading
-from .metadata import UNITS, check_read, describe_texture, metadata_from_json
+from .metadata import UNITS, check_read, describe_texture, from_json
 
 
 def write_npz(path, texture, **about):
@@ -67,6 +67,6 @@ def read_npz(path):
         if "texture" not in arrays:
             raise ValueError(f"{path} lacks texture. Write the texture again.")
         texture = arrays.pop("texture")
-        metadata = metadata_from_json({name: value.tolist() for name, value in arrays.items()}, path)
+        metadata = from_json({name: value.tolist() for name, value in arrays.items()}, path)
         metadata["checkpoint"] = metadata["checkpoint"] or None
         return check_read(texture, metadata)

@@ -17,9 +17,9 @@ from .metadata import (
     check_read,
     check_span,
     describe_texture,
+    from_json,
     mean_friction,
-    metadata_from_json,
-    metadata_to_json,
+    to_json,
 )
 
 #: mm between pixels of a common electroadhesive display (Tanvas; FIELD section 4).
@@ -82,7 +82,7 @@ def write_png(path, texture, *, pixel_pitch=PIXEL_PITCH, height=HEIGHT, normal_f
     metadata |= {"friction_at_zero": lowest, "friction_per_count": per_count, "normal_force": normal_force}
     metadata |= {"pixel_pitch": pixel_pitch, "samples": len(texture)}
     chunks = PngInfo()
-    chunks.add_text(METADATA_KEY, json.dumps(metadata_to_json(metadata), allow_nan=False))
+    chunks.add_text(METADATA_KEY, json.dumps(to_json(metadata), allow_nan=False))
     with atomic_path(path) as temporary:
         picture = Image.fromarray(np.tile(row, (height, 1)))
         picture.save(temporary, format="PNG", pnginfo=chunks, dpi=(_MM_PER_INCH / pixel_pitch,) * 2, optimize=True)
@@ -146,7 +146,7 @@ def read_png(path):
             check_size(path, picture.width * picture.height)
             row, text = np.asarray(picture)[0], picture.info[METADATA_KEY]
         needed = ("friction_at_zero", "friction_per_count", "normal_force", "pixel_pitch", "samples", "reference_speed")
-        metadata = metadata_from_json(json.loads(text), path, needed)
+        metadata = from_json(json.loads(text), path, needed)
         friction = metadata["friction_at_zero"] + row * metadata["friction_per_count"]
         speed, pitch = check_known_speed(metadata), check_number("pixel_pitch", metadata["pixel_pitch"], "mm", above=0)
         check_span(len(row) * pitch / speed, metadata)

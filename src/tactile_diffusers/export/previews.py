@@ -7,7 +7,7 @@ high-pitched it is from moment to moment; its spectrum and its waveform are lost
 import numpy as np
 
 from ..io.reading import read_json, reading
-from .metadata import check_read, check_span, describe_texture, metadata_from_json, metadata_to_json
+from .metadata import check_read, check_span, describe_texture, from_json, to_json
 
 #: s between points, and of the Hann windows around them: bins of 25 Hz, enough for a mean frequency.
 STEP_SECONDS, WINDOW_SECONDS = 0.02, 0.04
@@ -36,7 +36,7 @@ def preview(texture, **about):
     times, amplitude, frequency = envelopes(texture, metadata["sampling_rate"])
     scale = float(amplitude.max()) or 1.0  # silence: any scale will do
     metadata |= {"newtons_per_full_scale": scale, "samples": len(texture)}
-    return times, amplitude / scale, frequency, metadata_to_json(metadata)
+    return times, amplitude / scale, frequency, to_json(metadata)
 
 
 def read_preview(path, kind, parse):
@@ -54,7 +54,7 @@ def read_preview(path, kind, parse):
     """
     with reading(path, f"{kind} that this package wrote", "Write the texture again."):
         stored, times, amplitude, frequency = parse(read_json(path, "JSON"))
-        metadata = metadata_from_json(stored, path, ("newtons_per_full_scale", "samples"))
+        metadata = from_json(stored, path, ("newtons_per_full_scale", "samples"))
         check_span(times[-1], metadata)
         seconds = np.arange(metadata["samples"]) / metadata["sampling_rate"]
         phase = 2 * np.pi * np.cumsum(np.interp(seconds, times, frequency)) / metadata["sampling_rate"]

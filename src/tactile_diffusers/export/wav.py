@@ -9,7 +9,7 @@ from ..data.wav_header import check_wav
 from ..io.files import atomic_path
 from ..io.reading import read_json, reading
 from ..signal.checks import check_number
-from .metadata import check_read, describe_texture, metadata_from_json, metadata_to_json
+from .metadata import check_read, describe_texture, from_json, to_json
 
 #: Counts of full scale in a 16-bit file; the largest positive count is one less.
 FULL_SCALE_COUNTS = 2**15
@@ -55,7 +55,7 @@ def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, **about):
             "all textures that belong together, or give a larger full scale."
         )
     scale = float(full_scale * FULL_SCALE_COUNTS / (FULL_SCALE_COUNTS - 1))
-    sidecar = {"newtons_per_full_scale": scale, "unit": "N", **metadata_to_json(metadata)}
+    sidecar = {"newtons_per_full_scale": scale, "unit": "N", **to_json(metadata)}
     if subtype == "PCM_16":
         # quantised here: libsndfile multiplies by 32767 when writing and divides by 32768 when reading
         samples = np.round(texture / scale * FULL_SCALE_COUNTS).astype(np.int16)
@@ -86,7 +86,7 @@ def read_wav(path):
         raise FileNotFoundError(f"{side}, which holds the scale of {path} in newtons, does not exist.")
     with reading(side, "a JSON file that belongs to a WAV file", "Write the texture again."):
         sidecar = read_json(side, "JSON")
-        metadata = metadata_from_json(sidecar, side, ("newtons_per_full_scale",))
+        metadata = from_json(sidecar, side, ("newtons_per_full_scale",))
         scale = check_number("newtons_per_full_scale", metadata["newtons_per_full_scale"], "N", above=0)
         metadata = check_read(np.zeros(1), metadata)[1]
     with reading(path, "a WAV file", "Write the texture again."):

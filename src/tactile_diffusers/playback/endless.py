@@ -1,4 +1,4 @@
-"""Textures without end: `EndlessProfile`, whose windows are generated where the finger goes, and `EndlessStream`."""
+"""Textures without end: `EndlessProfile`, which generates windows where the finger goes, and `EndlessStream`."""
 
 import collections
 import threading
@@ -29,7 +29,7 @@ class EndlessProfile:
     It is read like a [`TextureProfile`]. Windows are as long as a segment (133 mm with the bundled checkpoint: 1.64 s
     at its reference speed of 81.3 mm/s) and overlap by a quarter. All are takes of the same ratings with the level,
     mean spectrum and friction coefficient of the first: one surface (see `WindowGenerator`). A window depends on the
-    seed and its place alone: whoever comes back finds what was there, to rounding.
+    seed and its place alone: a finger that comes back meets the same texture, to rounding.
 
     A window may be missing when the finger reaches it. By default `read` never waits: another window stands in until
     the finger has left (`substituted` counts). With `wait=True` it generates the window first, for files and tests
@@ -127,10 +127,6 @@ class EndlessProfile:
 
     # --- what the reading thread does
 
-    def coverage(self, speed):
-        """As [`TextureProfile.coverage`], of the windows that are there."""
-        return next(iter(self.windows.values())).coverage(speed)
-
     def read(self, position, speed):
         """As [`TextureProfile.read`].
 
@@ -193,8 +189,9 @@ class EndlessStream(TextureStream):
     def __init__(self, profile, sensor_rate, **options):
         if not isinstance(profile, EndlessProfile):
             raise ValueError(f"`profile` must be an EndlessProfile, got {type(profile).__name__}.")
-        axes = 3 if options.get("dimensions") == 2 else 1
-        profile.generate(*(axis * _AXIS_WINDOWS for axis in range(axes)))
+        first = [axis * _AXIS_WINDOWS for axis in range(3 if options.get("dimensions") == 2 else 1)]
+        while len(profile.generate(*first)) < len(first):
+            pass  # another stream of the same pipeline interrupted it
         super().__init__(profile, profile.friction_coefficient, sensor_rate, **options)
         self._changes, self._wake = collections.deque(maxlen=1), threading.Event()
         self._closed, self._failure, self._substituted, self._warned = False, None, 0, False

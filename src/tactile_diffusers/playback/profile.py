@@ -14,11 +14,11 @@ from ..signal.checks import check_number
 PER_OCTAVE = 4
 #: Octaves on either side of what the texture holds that are filled: speeds from a quarter to four times its own.
 FILLED_OCTAVES = 2
-#: Octaves at either end of the texture's spectrum from whose slope the filling is continued.
+#: Octaves at either end of the texture's spectrum whose slope the filling continues.
 SLOPE_OCTAVES = 1.5
 #: Width of the edges of a resolution.
 EDGE_OCTAVES = 0.25
-#: Edges of the felt band lie half of that outside, as a factor: what is inside stays as it is.
+#: The edges of the felt band lie half of that outside, as a factor, so that the band itself is unchanged.
 _BEYOND = 2 ** (EDGE_OCTAVES / 2)
 #: Samples of a resolution that are there twice, for the interpolation: one before its beginning, two after its end.
 _MARGIN = 3
@@ -133,7 +133,7 @@ class TextureProfile:
         return max(low, self.band[0]), min(high, self.band[1])
 
     def read(self, position, speed):
-        """Texture force at positions, before the direction of motion gives it a sign.
+        """Texture force at positions, without the sign of the direction of motion.
 
         Args:
             position (`np.ndarray`): (n,), mm, anywhere: the profile repeats.

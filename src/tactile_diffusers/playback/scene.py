@@ -141,7 +141,7 @@ class TextureScene:
     def at(self, position):
         """Name of the surface under a position, or `None` outside all patches.
 
-        There a stream goes on with the last surface: read it with `normal_force=0` if nothing is to be felt.
+        There a stream goes on with the last surface: read it with `normal_force=0` for no force.
 
         Args:
             position (`float` or `Sequence[float]`): (dimensions,), mm.

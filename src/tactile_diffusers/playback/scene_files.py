@@ -23,7 +23,7 @@ from ..signal.checks import check_number, check_seed
 from .patches import LONGEST_MM, Patches
 
 FORMAT, VERSION = "tactile-scene", "1"
-#: Largest relative difference of the mean magnitude of a parameter: bfloat16 makes 5e-4, training on makes more.
+#: Largest relative difference of the mean magnitude of a parameter: 5e-4 in bfloat16, more after further training.
 SAME_WEIGHTS = 0.01
 _KEYS = ("names", "rating_axes", "seed", "num_inference_steps", "guidance_scale", "reference_speed")
 
@@ -82,8 +82,8 @@ def read_scene(path, pipe):
     difference = _difference(content["decoder"], tensors["weights"], state, pipe)
     if difference:
         raise ValueError(
-            f"{path} was made with another checkpoint: {difference}. Load that checkpoint, or make the scene anew with "
-            "this one: `TextureScene(surfaces, pipe, ...)`."
+            f"{path} was made with another checkpoint: {difference}. Load that checkpoint, or create the scene again "
+            "with this one: `TextureScene(surfaces, pipe, ...)`."
         )
     return state
 
@@ -143,7 +143,7 @@ def _state(content, tensors, pipe):
 
 
 def _difference(decoder, weights, state, pipe):
-    """What tells a pipeline from the one that a scene was made with, in words; empty = nothing."""
+    """How a pipeline differs from the one that a scene was generated with, in words; empty = not at all."""
     ours = _decoder_settings(pipe)
     for name, value in decoder.items():  # a setting that came later has its default in both
         if ours.get(name) != value:

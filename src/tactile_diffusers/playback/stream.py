@@ -21,7 +21,7 @@ class TextureStream:
 
     force = -direction (friction_coefficient x Fn + texture(position) x (Fn / 0.5 N)^a x (v / reference speed)^b)
 
-    `read` gives that force, as a motor would make it; `read_friction` gives what a friction display needs.
+    `read` returns that force, for a motor; `read_friction` returns what a friction display needs.
 
     The texture is a profile over position ([`TextureProfile`]): the same place feels the same in both directions and
     whenever it is passed again, and every frequency follows the speed. Direction turns smoothly through 5 mm/s. The
@@ -30,8 +30,8 @@ class TextureStream:
     axes reads both, 13 % more slowly.
 
     Reports of the finger (`report`), another profile (`replace`) and blocks (`read`) may come from different threads.
-    Read as many samples as time passes, whether reports come or not. Reports may come unevenly, their times count; a
-    block's length and a report's lateness may make 5 ms together, beyond which the finger rests until it is seen again.
+    Read as many samples as time passes, whether reports come or not. Reports may come unevenly, their times count. A
+    block's length plus a report's lateness should stay below 5 ms; beyond, the finger rests until its next report.
 
     Args:
         profile (`TextureProfile`): what is under the finger.
@@ -193,7 +193,7 @@ class TextureStream:
         return force
 
     def _fade_landings(self, force):
-        """Where the finger is put down elsewhere, what it felt before fades within 20 ms: no step."""
+        """Where the finger is put down elsewhere, the force before fades within 20 ms: no step."""
         begin = 0
         for place in [*self._finger.breaks, len(force)]:
             part = force[begin : min(place, begin + len(self._fading))]
