@@ -18,13 +18,13 @@ from tactile_diffusers.study.analysis import bootstrap
 from tactile_diffusers.study.simulated import SIMILARITY_PER_DPRIME, simulate, simulated_trials
 
 DPRIME = {"other_take": 0.8, "generated": 2.0, "reconstructed": 1.2, "mean_spectrum": 3.0}
-OBEDIENCE = {"generated": 0.7, "mean_spectrum": 0.0}
+RATING_SHARE = {"generated": 0.7, "mean_spectrum": 0.0}
 
 
 def _population(**changes):
     """Participants alike in sensitivity, and with gains too small for the ends of the scale to matter."""
     quiet = {"dprime_spread": 0.0, "rating_gain": 1.0, "rating_gain_spread": 0.0, "rating_noise": 0.5}
-    return Population(**{"dprime": DPRIME, "obedience": OBEDIENCE, **quiet, **changes})
+    return Population(**{"dprime": DPRIME, "rating_share": RATING_SHARE, **quiet, **changes})
 
 
 def _report(key, participants=12, seed=0, population=None, tasks=("abx", "similarity", "rating")):
@@ -92,8 +92,8 @@ def test_similarity_is_compared_with_another_take(key):
 
 
 def test_agreement_falls_with_noise(key):
-    clear, _ = _report(key, population=_population(rating_noise=0.2, obedience={}))
-    vague, _ = _report(key, population=_population(rating_noise=2.0, obedience={}))
+    clear, _ = _report(key, population=_population(rating_noise=0.2, rating_share={}))
+    vague, _ = _report(key, population=_population(rating_noise=2.0, rating_share={}))
     for axis in RATING_AXES:
         assert clear["reliability"][axis]["alpha"] > vague["reliability"][axis]["alpha"]
         assert clear["ratings"]["reference"][axis]["spread"] < vague["ratings"]["reference"][axis]["spread"]
@@ -169,7 +169,7 @@ def test_simulated_participants_are_called_so_everywhere(key, tmp_path):
 
 def test_power_grows_with_sensitivity(make_key):
     key = make_key(surfaces=3, conditions=("reference", "other_take", "generated", "ridge"))
-    population = _population(dprime={"other_take": 0.8, "generated": 0.8, "ridge": 4.0}, obedience={})
+    population = _population(dprime={"other_take": 0.8, "generated": 0.8, "ridge": 4.0}, rating_share={})
     shares = power(key, 8, 0, population, tasks=("abx", "similarity"), repeats=20)
     assert shares["abx_unlike_other_take"]["ridge"] > 0.9 and shares["similarity_unlike_other_take"]["ridge"] > 0.9
     # nothing to find: false alarms; 20 draws of 0.06 exceed 5 once in a thousand
@@ -181,7 +181,7 @@ def test_power_grows_with_sensitivity(make_key):
     ("changes", "message"),
     [
         ({"dprime": {"generated": -1.0}}, "`dprime` must be finite"),
-        ({"obedience": {"x": np.inf}}, "`obedience` must be"),
+        ({"rating_share": {"x": np.inf}}, "`rating_share` must be"),
     ],
 )
 def test_impossible_populations_are_refused(changes, message):

@@ -72,7 +72,7 @@ def _add_rehearse(parser):
     parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: rehearsal/ in the study")
     parser.add_argument("--participants", type=int, metavar="N", help="default: as many as there are trial lists")
     parser.add_argument("--repeats", type=int, default=100, metavar="N", help="simulated studies; default: 100")
-    for name, what in (("dprime", "sensitivity to a condition"), ("obedience", "share of the rating that is felt")):
+    for name, what in (("dprime", "sensitivity to a condition"), ("rating_share", "share of the rating that is felt")):
         parser.add_argument(
             f"--{name}", nargs="+", type=_condition, default=[], metavar="CONDITION=VALUE", help=f"assumed {what}"
         )
@@ -149,13 +149,13 @@ def _rehearse(arguments):
     from ..io.files import write_text
     from ..study import Population, analyse, check_responses, power, read_study, simulate_participants, write_report
     from ..study.folder import write_csv
-    from ..study.telling import power_markdown
+    from ..study.study_report import power_markdown
 
     study = read_study(arguments.study)
     output = arguments.output or study.folder / "rehearsal"
     count = arguments.participants or study.settings["participants"]
     seed = study.settings["seed"]
-    population, tasks = Population(dict(arguments.dprime), dict(arguments.obedience)), study.settings["tasks"]
+    population, tasks = Population(dict(arguments.dprime), dict(arguments.rating_share)), study.settings["tasks"]
     shares = power(study.key, count, seed, population, tasks, arguments.repeats, arguments.quiet)
     done = simulate_participants(study.key, count, seed, population, tasks)
     answers, missing = check_responses(done.assign(response=""), done)

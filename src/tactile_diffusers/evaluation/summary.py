@@ -11,9 +11,8 @@ from .labels import (
     default_guidance,
     default_steps,
 )
-from .tables import markdown_table, text, title
-from .telling import latents_markdown, robustness_markdown
-from .telling_ratings import (
+from .study_report import latents_markdown, robustness_markdown
+from .study_report_ratings import (
     control_markdown,
     generation_markdown,
     novel_markdown,
@@ -22,6 +21,7 @@ from .telling_ratings import (
     responses_markdown,
     unseen_markdown,
 )
+from .tables import markdown_table, text, title
 from .training_record import FLAT
 from .winners import baselines_that_win
 

@@ -7,7 +7,7 @@ from .responses import check_responses, read_tables
 from .sensitivity import abx_dprime, abx_proportion_correct
 from .simulated import Population, power, simulate_participants
 from .stimuli import BASELINES, Stimuli, StimulusSettings, make_stimuli
-from .telling import report_markdown, write_report
+from .study_report import report_markdown, write_report
 from .trials import TASKS, participant_trials
 
 __all__ = [

@@ -1,7 +1,7 @@
 """protocol.md: what was made, what to tell participants, and what the files hold."""
 
 from .folder import KEY, KEY_COLUMNS, PRIVATE, STIMULI, TRIALS
-from .telling import label
+from .study_report import label
 from .trials import ABX, ENDS, RATING, SIMILARITY, TRIAL_COLUMNS
 
 _LEVELS = {

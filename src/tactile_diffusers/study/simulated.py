@@ -20,9 +20,9 @@ from .trials import ABX, OTHER_SURFACE, RATING, SCALES, SIMILARITY, TASKS, parti
 #: d' from the reference take, assumed for a rehearsal; a baseline has that of `BASELINE_DPRIME`.
 DPRIME = {OTHER_TAKE: 0.5, RECONSTRUCTED: 0.8, GENERATED: 1.5, OTHER_SURFACE: 4.0}
 BASELINE_DPRIME = 2.0
-#: Share of the surface's rating that is felt; a baseline has that of `BASELINE_OBEDIENCE`.
-OBEDIENCE = {REFERENCE: 1.0, OTHER_TAKE: 1.0, RECONSTRUCTED: 0.9, GENERATED: 0.6}
-BASELINE_OBEDIENCE = 0.2
+#: Share of the surface's rating that is felt; a baseline has that of `BASELINE_RATING_SHARE`.
+RATING_SHARE = {REFERENCE: 1.0, OTHER_TAKE: 1.0, RECONSTRUCTED: 0.9, GENERATED: 0.6}
+BASELINE_RATING_SHARE = 0.2
 #: Points of similarity that each unit of d' costs, from the top of the scale, before noise.
 SIMILARITY_PER_DPRIME = 18.0
 
@@ -33,7 +33,7 @@ class Population:
 
     Attributes:
         dprime (`dict[str, float]`): condition -> sensitivity to its difference from the reference, 0 or more.
-        obedience (`dict[str, float]`): condition -> share of the asked rating that is felt.
+        rating_share (`dict[str, float]`): condition -> share of the asked rating that is felt.
         dprime_spread (`float`): standard deviation over participants of the logarithm of a factor on every d'.
         similarity_noise (`float`): of each answer, points.
         rating_gain (`float`): answer units per z-score of a participant with the typical gain.
@@ -42,7 +42,7 @@ class Population:
     """
 
     dprime: dict = field(default_factory=dict)
-    obedience: dict = field(default_factory=dict)
+    rating_share: dict = field(default_factory=dict)
     dprime_spread: float = 0.25
     similarity_noise: float = 12.0
     rating_gain: float = TYPICAL_GAIN
@@ -54,9 +54,9 @@ class Population:
         bad = {condition: value for condition, value in self.dprime.items() if not 0 <= value < np.inf}
         if bad:
             raise ValueError(f"`dprime` must be finite and at least 0, got {bad}.")
-        bad = {condition: value for condition, value in self.obedience.items() if not np.isfinite(value)}
+        bad = {condition: value for condition, value in self.rating_share.items() if not np.isfinite(value)}
         if bad:
-            raise ValueError(f"`obedience` must be finite, got {bad}.")
+            raise ValueError(f"`rating_share` must be finite, got {bad}.")
 
     def check(self, conditions):
         """Refuses names that no texture of a study has.
@@ -65,7 +65,7 @@ class Population:
             ValueError: naming the first one.
         """
         compared = {*conditions, OTHER_SURFACE} - {REFERENCE}
-        for name, known in (("dprime", compared), ("obedience", set(conditions))):
+        for name, known in (("dprime", compared), ("rating_share", set(conditions))):
             unknown = sorted(set(getattr(self, name)) - known)
             if unknown:
                 raise ValueError(f"`{name}` names {unknown[0]!r}, it must be one of {sorted(known)}.")
@@ -73,8 +73,8 @@ class Population:
     def dprime_of(self, condition):
         return {**DPRIME, **self.dprime}.get(condition, BASELINE_DPRIME)
 
-    def obedience_of(self, condition):
-        return {**OBEDIENCE, **self.obedience}.get(condition, BASELINE_OBEDIENCE)
+    def rating_share_of(self, condition):
+        return {**RATING_SHARE, **self.rating_share}.get(condition, BASELINE_RATING_SHARE)
 
 
 def simulate(key, trials, population, rng):
@@ -83,7 +83,7 @@ def simulate(key, trials, population, rng):
     ABX: A, B and X are drawn anew in each trial from Gaussians of unit variance, 0 and d' for the two textures, and
     decided by the differencing model (`sensitivity.py`), so that the proportion correct is a result of the model and
     not put in. Similarity falls by `SIMILARITY_PER_DPRIME` points a d', with noise, clipped to the scale. Ratings are
-    the surface's rating times obedience, plus noise, times the gain, plus the offset, rounded and clipped.
+    the surface's rating times rating_share, plus noise, times the gain, plus the offset, rounded and clipped.
 
     Args:
         key (`pandas.DataFrame`): of the study.
@@ -124,8 +124,8 @@ def _felt(described, population, person, noise, rng):
     gains = population.rating_gain * np.exp(population.rating_gain_spread * rng.standard_normal(shape))
     offsets = population.rating_offset * rng.standard_normal(shape)
     axis = pandas.Index(RATING_AXES).get_indexer(described["axis"])  # -1 where nothing is rated
-    obedience = described["condition"].map(population.obedience_of).to_numpy()
-    felt = obedience * described["asked"].to_numpy() + population.rating_noise * DISAGREEMENT[axis] * noise
+    rating_share = described["condition"].map(population.rating_share_of).to_numpy()
+    felt = rating_share * described["asked"].to_numpy() + population.rating_noise * DISAGREEMENT[axis] * noise
     return np.mean(SCALES[RATING]) + offsets[person, axis] + gains[person, axis] * felt
 
 

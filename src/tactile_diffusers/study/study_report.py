@@ -203,7 +203,7 @@ _POWER_NOTE = (
     "Share of simulated studies in which the 95 % interval over participants leaves out what there would be if there "
     "were nothing to find: guessing, no difference from another take, no slope. For a condition that is assumed to "
     "equal another take it is the rate of false alarms, about 0.05 from eight participants on. The assumptions are "
-    "below; yours go in by `--dprime` and `--obedience`."
+    "below; yours go in by `--dprime` and `--rating_share`."
 )
 _POWER_COLUMNS = {
     "abx_above_chance": "ABX above guessing",
@@ -240,11 +240,14 @@ def power_markdown(facts, population, conditions):
         labels = {axis: f"slope of {axis} unlike 0" for axis in RATING_AXES}
         parts.append(markdown_table(slopes, labels=labels))
     assumed = {
-        label(condition): {"dprime": population.dprime_of(condition), "obedience": population.obedience_of(condition)}
+        label(condition): {
+            "dprime": population.dprime_of(condition),
+            "rating_share": population.rating_share_of(condition),
+        }
         for condition in _ordered({*conditions, OTHER_SURFACE} - {REFERENCE})
     }
-    assumed[label(REFERENCE)] = {"obedience": population.obedience_of(REFERENCE)}
-    assumed[label(OTHER_SURFACE)].pop("obedience")
-    labels = {"dprime": "d′ from the reference", "obedience": "share of the rating that is felt"}
+    assumed[label(REFERENCE)] = {"rating_share": population.rating_share_of(REFERENCE)}
+    assumed[label(OTHER_SURFACE)].pop("rating_share")
+    labels = {"dprime": "d′ from the reference", "rating_share": "share of the rating that is felt"}
     parts.append(title("Assumptions", 2) + markdown_table(assumed, labels=labels))
     return "\n\n".join(parts) + "\n"
