@@ -164,12 +164,12 @@ def rating_statistics(dataset):
     found = {}
     if coverage is not None:
         centre, covariance, reach = coverage
-        found = {"ratings_centre": centre.tolist(), "ratings_covariance": covariance.tolist(), "ratings_reach": reach}
+        found = {"centre": centre.tolist(), "covariance": covariance.tolist(), "reach": reach}
     return found | {
-        "ratings_mean": dataset.ratings_mean.tolist(),
-        "ratings_std": dataset.ratings_scale.tolist(),
-        "ratings_range": quantiles[:, [0, -1]].tolist(),
-        "ratings_quantiles": quantiles.tolist(),
+        "mean": dataset.ratings_mean.tolist(),
+        "std": dataset.ratings_scale.tolist(),
+        "range": quantiles[:, [0, -1]].tolist(),
+        "quantiles": quantiles.tolist(),
     }
 
 
@@ -189,7 +189,7 @@ def build_dale(config, pipe, dataset, latents):
         "level_std": level_std,
         "log_friction_mean": friction_mean,
         "log_friction_std": friction_std,
-        **rating_statistics(dataset),
+        "rating_statistics": rating_statistics(dataset),
         "reference_speed": statistics(dataset.speeds)[0],
         **config.get("dale", {}),
     }

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from tactile_diffusers.models import RatingStatistics
 from tactile_diffusers.pipelines.inputs import parse_ratings
 from tactile_diffusers.signal import RATING_AXES, coverage_distance
 from tactile_diffusers.signal.checks import check_number
@@ -81,8 +82,8 @@ def available_scales(config):
 
 
 def _lacks(config, scale):
-    needed = {"percentile": ("ratings_quantiles",), "raw": ("ratings_mean", "ratings_std"), "z": ()}[scale]
-    return any(getattr(config, name, None) is None for name in needed)
+    needed = {"percentile": ("quantiles",), "raw": ("mean", "std"), "z": ()}[scale]
+    return any(getattr(RatingStatistics.from_config(config), name) is None for name in needed)
 
 
 def to_z(values, scale, config):
@@ -101,12 +102,12 @@ def to_z(values, scale, config):
 
 def from_z(ratings, scale, config):
     """Undoes `to_z`, within the ends of the scale: (axes,) float64, NaN stays."""
-    ratings = np.asarray(ratings, dtype=np.float64)
+    ratings, statistics = np.asarray(ratings, dtype=np.float64), RatingStatistics.from_config(config)
     if scale == "raw":
-        return np.clip(to_raw(ratings, np.array(config.ratings_mean), np.array(config.ratings_std)), *RATING_SCALE)
+        return np.clip(to_raw(ratings, np.array(statistics.mean), np.array(statistics.std)), *RATING_SCALE)
     if scale == "percentile":
-        shares = np.linspace(0, 100, len(config.ratings_quantiles[0]))
-        rows = zip(ratings, config.ratings_quantiles, strict=True)
+        shares = np.linspace(0, 100, len(statistics.quantiles[0]))
+        rows = zip(ratings, statistics.quantiles, strict=True)
         return np.array([np.interp(value, row, shares) if np.isfinite(value) else np.nan for value, row in rows])
     return ratings
 
@@ -118,7 +119,8 @@ def slider_ranges(scale, config):
     """
     if scale == "percentile":
         return [(0.0, 100.0)] * len(RATING_AXES)
-    ends = np.array(getattr(config, "ratings_range", None) or [_UNKNOWN_RANGE] * len(RATING_AXES), dtype=np.float64)
+    known = RatingStatistics.from_config(config).range
+    ends = np.array(known or [_UNKNOWN_RANGE] * len(RATING_AXES), dtype=np.float64)
     lows, highs = (from_z(side, scale, config) for side in ends.T)
     return [(math.ceil(low * 100) / 100, math.floor(high * 100) / 100) for low, high in zip(lows, highs, strict=True)]
 
@@ -151,10 +153,10 @@ def novelty(ratings, config):
 
     Single axes need no check: the sliders end where training did.
     """
-    reach = getattr(config, "ratings_reach", None)
-    if reach is None:
+    statistics = RatingStatistics.from_config(config)
+    if statistics.reach is None:
         return ""
-    distance = coverage_distance([ratings], config.ratings_centre, config.ratings_covariance)[0]
-    if np.isfinite(distance) and distance > reach:
+    distance = coverage_distance([ratings], statistics.centre, statistics.covariance)[0]
+    if np.isfinite(distance) and distance > statistics.reach:
         return "No training surface is rated nearly so in this combination: the texture is extrapolated."
     return ""

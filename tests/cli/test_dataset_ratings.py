@@ -79,20 +79,20 @@ def bundled():
 
 
 def test_drawn_ratings_are_distributed_as_the_training_surfaces(bundled):
-    drawn = draw_ratings(bundled, 20_000, seed=0)
+    drawn, statistics = draw_ratings(bundled, 20_000, seed=0), bundled.rating_statistics
     assert drawn.shape == (20_000, 3) and drawn.dtype == np.float32
     shares = np.linspace(0, 1, 21)
     quantiles = np.quantile(drawn, shares, axis=0).T
     # the standard error of a quantile of 20,000 is below 0.02 inside; the ends are single draws; leaving out what is
     # far from the centre takes some of the outermost
-    np.testing.assert_allclose(quantiles[:, 1:-1], np.array(bundled.ratings_quantiles)[:, 1:-1], atol=0.08)
-    covariance = np.array(bundled.ratings_covariance)
+    np.testing.assert_allclose(quantiles[:, 1:-1], np.array(statistics["quantiles"])[:, 1:-1], atol=0.08)
+    covariance = np.array(statistics["covariance"])
     spread = np.sqrt(np.diag(covariance))
     # of normal numbers behind skewed ratings, and sampling: 0.007
     np.testing.assert_allclose(np.corrcoef(drawn.T), covariance / np.outer(spread, spread), atol=0.05)
-    limits = np.float32(bundled.ratings_range)
+    limits = np.float32(statistics["range"])
     assert (drawn >= limits[:, 0]).all() and (drawn <= limits[:, 1]).all()
-    assert coverage_distance(drawn, bundled.ratings_centre, covariance).max() <= bundled.ratings_reach
+    assert coverage_distance(drawn, statistics["centre"], covariance).max() <= statistics["reach"]
 
 
 def test_drawn_ratings_depend_on_seed_and_place_alone(bundled):
@@ -104,6 +104,7 @@ def test_drawn_ratings_depend_on_seed_and_place_alone(bundled):
 
 @pytest.mark.parametrize("name", STATISTICS)
 def test_a_checkpoint_without_the_distribution_is_refused(bundled, name):
-    config = SimpleNamespace(**{**vars(bundled), name: None})
+    statistics = {**bundled.rating_statistics, name: None}
+    config = SimpleNamespace(**{**vars(bundled), "rating_statistics": statistics})
     with pytest.raises(ValueError, match=rf"\['{name}'\] missing .* Give --ratings_file"):
         draw_ratings(config, 5, 0)

@@ -195,9 +195,9 @@ def test_a_refusal_is_one_line_and_writes_nothing(pipeline, tmp_path, capsys, er
 
 
 def test_the_rating_scale_is_passed_on_and_files_hold_z_scores(pipeline, tmp_path, capsys):
-    statistics = {"ratings_mean": [4.0, 3.0, 5.0], "ratings_std": [2.0, 1.0, 1.0]}
+    statistics = {"mean": [4.0, 3.0, 5.0], "std": [2.0, 1.0, 1.0]}
     axes = ["roughness", "bumpiness", "slipperiness"]
-    pipeline.dale = SimpleNamespace(config=SimpleNamespace(rating_axes=axes, **statistics))
+    pipeline.dale = SimpleNamespace(config=SimpleNamespace(rating_axes=axes, rating_statistics=statistics))
     assert main(["--ratings", "7", "nan", "4", "--rating_scale", "raw", "--output", str(tmp_path)]) == 0
     asked = pipeline.call.pop("ratings")
     assert (asked[0], asked[2]) == (7, 4) and math.isnan(asked[1])
@@ -221,7 +221,7 @@ def test_every_rating_scale_of_the_pipeline_has_its_word(scale):
         (["--ratings", "9", "4", "4", "--rating_scale", "raw"], "between 0 and 8 .* got roughness = 9.0"),
         (["--bumpiness", "-1", "--rating_scale", "raw"], "between 0 and 8 .* got bumpiness = -1.0"),
         (["--ratings", "7", "4", "4"], "z-scores between -6 and 6 .* got roughness = 7.0"),
-        (["--roughness", "50", "--rating_scale", "percentile"], r"needs \['ratings_quantiles'\]"),
+        (["--roughness", "50", "--rating_scale", "percentile"], r"needs \['quantiles'\]"),
     ],
 )
 def test_the_check_of_ratings_follows_the_scale(tmp_path, capsys, arguments, message):

@@ -22,17 +22,17 @@ from tactile_diffusers.io.locks import fcntl, is_locked
 SCRIPT = Path(__file__).parents[2] / "examples" / "generate_dataset.py"
 TIMEOUT = 1200  # seconds; ten are enough, but not on a machine that is busy with something else
 STATISTICS = {
-    "ratings_quantiles": [[-1.5, 0.0, 1.5]] * 3,
-    "ratings_centre": [0.0] * 3,
-    "ratings_covariance": [[0.6, 0.2, 0.0], [0.2, 0.6, 0.0], [0.0, 0.0, 0.6]],
-    "ratings_reach": 4.0,
-    "ratings_range": [[-1.5, 1.5]] * 3,
+    "quantiles": [[-1.5, 0.0, 1.5]] * 3,
+    "centre": [0.0] * 3,
+    "covariance": [[0.6, 0.2, 0.0], [0.2, 0.6, 0.0], [0.0, 0.0, 0.6]],
+    "reach": 4.0,
+    "range": [[-1.5, 1.5]] * 3,
 }
 
 
 @pytest.fixture
 def checkpoint(make_pipeline, tmp_path):
-    make_pipeline(dale_config=STATISTICS).save_pretrained(str(tmp_path / "pipeline"))
+    make_pipeline(dale_config={"rating_statistics": STATISTICS}).save_pretrained(str(tmp_path / "pipeline"))
     return tmp_path / "pipeline"
 
 
@@ -200,7 +200,7 @@ def test_another_checkpoint_is_refused_and_a_copy_is_not(checkpoint, make_pipeli
     checkpoint.rename(tmp_path / "copy")
     (tmp_path / "copy" / "README.md").write_text("notes")
     assert main(_words(tmp_path / "copy", tmp_path / "out")) == 0
-    make_pipeline(seed=7, dale_config=STATISTICS).save_pretrained(str(checkpoint))
+    make_pipeline(seed=7, dale_config={"rating_statistics": STATISTICS}).save_pretrained(str(checkpoint))
     assert main(_words(checkpoint, tmp_path / "out")) == 2
     assert "(checkpoint_sha256 " in capsys.readouterr().err
 
@@ -216,7 +216,7 @@ def test_ratings_of_a_file(checkpoint, tmp_path, capsys):
     assert "(ratings_sha256 " in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("message", ["--ratings_file", "ratings_quantiles"])
+@pytest.mark.parametrize("message", ["--ratings_file", "quantiles"])
 def test_nothing_is_written_when_ratings_are_refused(make_pipeline, tmp_path, capsys, message):
     make_pipeline().save_pretrained(str(tmp_path / "pipeline"))
     (tmp_path / "bad.csv").write_text("rougness\n1\n")

@@ -9,11 +9,11 @@ import pytest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 STATISTICS = {
-    "ratings_quantiles": [[-1.5, 0.0, 1.5]] * 3,
-    "ratings_centre": [0.0] * 3,
-    "ratings_covariance": [[0.6, 0.2, 0.0], [0.2, 0.6, 0.0], [0.0, 0.0, 0.6]],
-    "ratings_reach": 4.0,
-    "ratings_range": [[-1.5, 1.5]] * 3,
+    "quantiles": [[-1.5, 0.0, 1.5]] * 3,
+    "centre": [0.0] * 3,
+    "covariance": [[0.6, 0.2, 0.0], [0.2, 0.6, 0.0], [0.0, 0.0, 0.6]],
+    "reach": 4.0,
+    "range": [[-1.5, 1.5]] * 3,
 }
 SURFACES = 30
 
@@ -57,7 +57,7 @@ def _files(folder):
 
 @pytest.mark.slow
 def test_many_textures(killed_and_not, make_pipeline, tmp_path):
-    make_pipeline(dale_config=STATISTICS).save_pretrained(str(tmp_path / "pipeline"))
+    make_pipeline(dale_config={"rating_statistics": STATISTICS}).save_pretrained(str(tmp_path / "pipeline"))
     options = {"checkpoint": tmp_path / "pipeline", "num_textures": 40, "textures_per_shard": 4, "batch_size": 2}
     options |= {"num_inference_steps": 5, "seed": 5}
     words = [f"--{name}={value}" for name, value in options.items()] + ["--quiet"]

@@ -41,7 +41,7 @@ def test_scales_undo_each_other(studio, scale):
 @pytest.mark.parametrize("scale", ["percentile", "raw", "z"])
 def test_sliders_run_over_what_was_trained_on(studio, scale):
     for axis, (low, high) in enumerate(slider_ranges(scale, studio.config)):
-        for end, wanted in zip((low, high), studio.config.ratings_range[axis], strict=True):
+        for end, wanted in zip((low, high), studio.config.rating_statistics["range"][axis], strict=True):
             asked = [None] * 3
             asked[axis] = end
             found = to_z(asked, scale, studio.config)[axis]
@@ -68,7 +68,7 @@ def test_blend_is_straight_in_z_and_exact_at_its_ends():
 def test_presets_lie_among_the_training_surfaces(studio, name):
     ratings = tuple(parse_ratings([list(PRESETS[name])], studio.config)[0].tolist())
     assert novelty(ratings, studio.config) == ""
-    for value, (low, high) in zip(ratings, studio.config.ratings_range, strict=True):
+    for value, (low, high) in zip(ratings, studio.config.rating_statistics["range"], strict=True):
         assert np.isnan(value) or low <= value <= high
 
 

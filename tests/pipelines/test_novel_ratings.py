@@ -22,16 +22,16 @@ def _coverage(ratings):
     """What training keeps of them in DALE's config."""
     centre, covariance, reach = rating_coverage(ratings)
     return {
-        "ratings_range": rating_quantiles(ratings)[:, [0, -1]].tolist(),
-        "ratings_centre": centre.tolist(),
-        "ratings_covariance": covariance.tolist(),
-        "ratings_reach": reach,
+        "range": rating_quantiles(ratings)[:, [0, -1]].tolist(),
+        "centre": centre.tolist(),
+        "covariance": covariance.tolist(),
+        "reach": reach,
     }
 
 
 @pytest.fixture
 def pipe(make_pipeline):
-    return make_pipeline(dale_config=_coverage(_surfaces()))
+    return make_pipeline(dale_config={"rating_statistics": _coverage(_surfaces())})
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def warned(recorded_warnings, pipe):
 
 
 def test_the_warning_names_axis_value_and_range(pipe, warned):
-    low, high = pipe.dale.config.ratings_range[2]
+    low, high = pipe.dale.config.rating_statistics["range"][2]
     (message,) = warned([[0.0, 0.0, 0.0], [0.0, 0.0, -2.5], [0.0, 0.0, 1.6]])
     assert f"slipperiness -2.50 (training surfaces: {low:+.2f} to {high:+.2f})" in message
     assert "`ratings` lie outside" in message and "extrapolated" in message
@@ -75,8 +75,8 @@ def test_training_surfaces_are_inside(warned):
 
 
 def test_ends_of_the_percentiles_are_inside(make_pipeline, warned):
-    table = {"ratings_quantiles": rating_quantiles(_surfaces()).tolist()}
-    config = make_pipeline(dale_config={**_coverage(_surfaces()), **table}).dale.config
+    table = {"quantiles": rating_quantiles(_surfaces()).tolist()}
+    config = make_pipeline(dale_config={"rating_statistics": {**_coverage(_surfaces()), **table}}).dale.config
     assert warned([[0.0, 0.0, 50.0], [100.0, 100.0, 50.0]], config, rating_scale="percentile") == []
 
 
@@ -90,21 +90,21 @@ def test_rows_without_ratings_do_not_hide_the_others(warned):
     assert len(warned([[NAN] * 3, [NAN, NAN, 3.0]])) == 1
 
 
-@pytest.mark.parametrize("kept", [(), ("ratings_range",), ("ratings_centre", "ratings_covariance", "ratings_reach")])
+@pytest.mark.parametrize("kept", [(), ("range",), ("centre", "covariance", "reach")])
 def test_what_a_config_lacks_is_not_checked(make_pipeline, warned, kept):
     entries = _coverage(_surfaces())
-    config = make_pipeline(dale_config={name: entries[name] for name in kept}).dale.config
+    config = make_pipeline(dale_config={"rating_statistics": {name: entries[name] for name in kept}}).dale.config
     assert bool(warned([0.0, 0.0, 5.0], config)) == bool(kept)
-    assert bool(warned([1.2, -1.2, 0.3], config)) == ("ratings_reach" in kept)
+    assert bool(warned([1.2, -1.2, 0.3], config)) == ("reach" in kept)
 
 
-def test_an_old_checkpoint_does_not_warn_of_combinations(tiny_checkpoint, recorded_warnings, seeded):
-    # it knows the ranges, which are older, but no reach
+def test_a_checkpoint_without_a_reach_does_not_warn_of_combinations(tiny_checkpoint, recorded_warnings, seeded):
     pipe = TactileTexturePipeline.from_pretrained(tiny_checkpoint)
     pipe.set_progress_bar_config(disable=True)
-    assert pipe.dale.config.ratings_range is not None is getattr(pipe.dale.config, "ratings_reach", None)
+    statistics = pipe.dale.config.rating_statistics
+    assert "range" in statistics and "reach" not in statistics
     with recorded_warnings() as found:
-        corner = [row[end] for row, end in zip(pipe.dale.config.ratings_range, (0, 1, 0), strict=True)]
+        corner = [row[end] for row, end in zip(statistics["range"], (0, 1, 0), strict=True)]
         pipe(corner, num_inference_steps=1, generator=seeded(0))
     assert found == []
 
@@ -123,8 +123,7 @@ def test_coverage_survives_saving(pipe, tmp_path, recorded_warnings, seeded):
     pipe.save_pretrained(tmp_path / "saved")
     again = TactileTexturePipeline.from_pretrained(tmp_path / "saved")
     again.set_progress_bar_config(disable=True)
-    for name in _coverage(_surfaces()):
-        assert again.dale.config[name] == pipe.dale.config[name] is not None
+    assert again.dale.config.rating_statistics == _coverage(_surfaces())
     with recorded_warnings() as found:
         again([1.2, -1.2, 0.3], num_inference_steps=1, generator=seeded(0))
     assert len(found) == 1 and "combination" in found[0]

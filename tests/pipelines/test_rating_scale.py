@@ -10,9 +10,9 @@ from tactile_diffusers import DALEModel, TactileTexturePipeline, bundled_checkpo
 from tactile_diffusers.pipelines.inputs import parse_ratings
 
 STATISTICS = {
-    "ratings_mean": [4.0, 3.0, 5.0],
-    "ratings_std": [2.0, 1.5, 1.0],
-    "ratings_quantiles": [[-2.0, -1.0, 0.0, 1.5, 2.0], [-1.0, -0.5, -0.5, 0.0, 3.0], [-1.6, -0.8, 0.0, 0.8, 1.6]],
+    "mean": [4.0, 3.0, 5.0],
+    "std": [2.0, 1.5, 1.0],
+    "quantiles": [[-2.0, -1.0, 0.0, 1.5, 2.0], [-1.0, -0.5, -0.5, 0.0, 3.0], [-1.6, -0.8, 0.0, 0.8, 1.6]],
 }
 Z = [1.5, -0.5, 0.8]
 SAME = {"raw": [7.0, 2.25, 5.8], "percentile": [75.0, 50.0, 75.0]}
@@ -20,7 +20,7 @@ SAME = {"raw": [7.0, 2.25, 5.8], "percentile": [75.0, 50.0, 75.0]}
 
 @pytest.fixture
 def pipe(make_pipeline):
-    return make_pipeline(dale_config=STATISTICS)
+    return make_pipeline(dale_config={"rating_statistics": STATISTICS})
 
 
 @pytest.fixture
@@ -86,24 +86,24 @@ def test_what_is_not_on_the_scale_is_refused_before_any_work(run, pipe, calls_of
     assert not calls
 
 
-@pytest.mark.parametrize(
-    ("scale", "missing"), [("raw", ["ratings_mean"]), ("raw", ["ratings_std"]), ("percentile", ["ratings_quantiles"])]
-)
+@pytest.mark.parametrize(("scale", "missing"), [("raw", ["mean"]), ("raw", ["std"]), ("percentile", ["quantiles"])])
 def test_a_checkpoint_without_the_statistics_says_so(make_pipeline, scale, missing):
-    pipe = make_pipeline(dale_config={name: v for name, v in STATISTICS.items() if name not in missing})
+    pipe = make_pipeline(dale_config={"rating_statistics": {n: v for n, v in STATISTICS.items() if n not in missing}})
     with pytest.raises(ValueError, match=rf"`rating_scale=\"{scale}\"` needs \['{missing[0]}'\] .*train_dale.py"):
         pipe(SAME[scale], rating_scale=scale)
     # statistics of unrated data were once stored as NaN: they must not pass for "not specified"
-    pipe = make_pipeline(dale_config=STATISTICS | {"ratings_mean": [float("nan")] * 3, "ratings_quantiles": None})
-    with pytest.raises(ValueError, match="which this checkpoint lacks"):
+    unknown = STATISTICS | {"mean": [float("nan")] * 3, "quantiles": None}
+    pipe = make_pipeline(dale_config={"rating_statistics": unknown})
+    with pytest.raises(ValueError, match="which the checkpoint lacks"):
         pipe(SAME[scale], rating_scale=scale)
 
 
-def test_old_checkpoints_still_take_z_scores_and_raw_answers(tiny_checkpoint, seeded):
+def test_a_checkpoint_without_quantiles_takes_z_scores_and_raw_answers(tiny_checkpoint, seeded):
     pipe = TactileTexturePipeline.from_pretrained(str(tiny_checkpoint))
     pipe.set_progress_bar_config(disable=True)
-    assert pipe.dale.config.ratings_quantiles is None
-    raw = np.add(pipe.dale.config.ratings_mean, pipe.dale.config.ratings_std)
+    statistics = pipe.dale.config.rating_statistics
+    assert "quantiles" not in statistics
+    raw = np.add(statistics["mean"], statistics["std"])
     made, expected = (
         pipe(ratings, 2, generator=seeded(0), rating_scale=scale)
         for ratings, scale in ((raw, "raw"), ([1.0, 1.0, 1.0], "z"))
@@ -112,30 +112,32 @@ def test_old_checkpoints_still_take_z_scores_and_raw_answers(tiny_checkpoint, se
 
 
 def test_the_bundled_checkpoint_knows_all_scales():
-    config = DALEModel.load_config(bundled_checkpoint(), subfolder="dale")
-    table = np.array(config["ratings_quantiles"])
+    statistics = DALEModel.load_config(bundled_checkpoint(), subfolder="dale")["rating_statistics"]
+    table = np.array(statistics["quantiles"])
     assert table.shape == (3, 21) and (np.diff(table) >= 0).all()
-    np.testing.assert_array_equal(table[:, [0, -1]], config["ratings_range"])
+    np.testing.assert_array_equal(table[:, [0, -1]], statistics["range"])
 
 
-def test_the_table_is_saved_and_loaded(pipe, tmp_path):
+def test_statistics_are_saved_and_loaded(pipe, tmp_path):
     pipe.dale.save_config(tmp_path)
-    assert json.loads((tmp_path / "config.json").read_text())["ratings_quantiles"] == STATISTICS["ratings_quantiles"]
-    assert DALEModel.load_config(tmp_path)["ratings_quantiles"] == STATISTICS["ratings_quantiles"]
+    assert json.loads((tmp_path / "config.json").read_text())["rating_statistics"] == STATISTICS
+    assert DALEModel.load_config(tmp_path)["rating_statistics"] == STATISTICS
 
 
 @pytest.mark.parametrize(
-    "table",
+    ("entries", "message"),
     [
-        [[0.0, 1.0]] * 2,
-        [[0.0, 1.0], [0.0, 1.0], [1.0, 0.0]],
-        [[0.0, 1.0], [0.0, 1.0], [0.0, float("nan")]],
-        [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0, 2.0]],
-        [[0.0]] * 3,
-        [],
+        ({"quantiles": [[0.0, 1.0], [0.0, 1.0], [1.0, 0.0]]}, "`quantiles` must hold rows of ascending numbers"),
+        ({"quantiles": [[0.0, 1.0], [0.0, 1.0], [0.0, float("nan")]]}, "`quantiles` must hold rows of ascending"),
+        ({"quantiles": [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0, 2.0]]}, "`quantiles` must hold rows of ascending numbers"),
+        ({"quantiles": [[0.0]] * 3}, "`quantiles` must hold rows of ascending numbers"),
+        ({"quantiles": [[0.0, 1.0]] * 2}, "`quantiles` must hold one entry for each of 3 axes"),
+        ({"quantiles": []}, "`quantiles` must hold one entry for each of 3 axes"),
+        ({"mean": [4.0, 4.0]}, "`mean` must hold one entry for each of 3 axes"),
+        ({"median": [4.0] * 3}, "`rating_statistics` has unknown entries .'median'."),
     ],
     ids=str,
 )
-def test_a_table_that_is_none_is_refused_when_the_model_is_made(make_dale, table):
-    with pytest.raises(ValueError, match="`ratings_quantiles` must hold one row of ascending numbers"):
-        make_dale(ratings_quantiles=table)
+def test_statistics_that_do_not_fit_are_refused_when_the_model_is_built(make_dale, entries, message):
+    with pytest.raises(ValueError, match=message):
+        make_dale(rating_statistics=entries)

@@ -195,7 +195,8 @@ class TestStream:
             assert changed.options == profile.options and changed.seed == profile.seed
 
     def test_a_change_is_in_the_scale_of_the_profile(self, make_pipeline):
-        pipe = make_pipeline(dale_config={"ratings_mean": [3.0, 4.0, 5.0], "ratings_std": [1.5, 2.0, 1.0]})
+        statistics = {"mean": [3.0, 4.0, 5.0], "std": [1.5, 2.0, 1.0]}
+        pipe = make_pipeline(dale_config={"rating_statistics": statistics})
         with EndlessStream(EndlessProfile(pipe, [6.0, 4.0, 5.0], rating_scale="raw"), 125.0) as stream:
             assert stream.profile.ratings.tolist() == [[2.0, 0.0, 0.0]]
             stream.change([3.0, 8.0, None])

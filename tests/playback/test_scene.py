@@ -172,8 +172,8 @@ def test_what_is_decoded_does_not_wait_for_what_is_not(scene, monkeypatch):
 
 
 def test_ratings_of_any_scale_are_the_same_scene(make_pipeline, tmp_path):
-    statistics = {"ratings_mean": [3.0, 4.0, 5.0], "ratings_std": [1.5, 2.0, 1.0]}
-    pipe = make_pipeline(dale_config=statistics)
+    statistics = {"mean": [3.0, 4.0, 5.0], "std": [1.5, 2.0, 1.0]}
+    pipe = make_pipeline(dale_config={"rating_statistics": statistics})
     given = {"denim": [6.0, 4.0, None], "film": {"slipperiness": 4.0}}
     raw = TextureScene(given, pipe, rating_scale="raw")
     np.testing.assert_allclose(raw.ratings, [[2, 0, np.nan], [np.nan, np.nan, -1]], rtol=1e-6)

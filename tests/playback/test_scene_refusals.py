@@ -21,7 +21,7 @@ GOOD = {"table": [0.5, -0.5, 0.0], "denim": None}
         ({"surfaces": {"denim": [1, 0]}}, "denim.*must have 3 values"),
         ({"surfaces": {"denim": [[1, 0, 0], [1, 0, 0]]}}, "denim.*one texture, got 2 rows"),
         ({"rating_scale": "stars"}, "`rating_scale` must be one of"),
-        ({"rating_scale": "percentile"}, "needs .'ratings_quantiles'. in the config"),
+        ({"rating_scale": "percentile"}, "needs .'quantiles'. in the `rating_statistics`"),
         ({"surfaces": {"denim": [9.0, 0, 0]}, "rating_scale": "raw"}, "denim"),
         ({"patches": [(0, 0, 1, 1)]}, "`patches` must map names"),
         ({"patches": {"silk": (0, 0, 1, 1)}}, r"`patches` names \['silk'\]"),

@@ -38,7 +38,7 @@ def test_ratings_have_as_many_decimals_as_tell_them_apart():
 def test_a_bound_is_asked_for_once(drawn, evaluable_pipe, tmp_path):
     pipe = evaluable_pipe()
     pipe.set_progress_bar_config(disable=True)
-    pipe.dale.register_to_config(ratings_range=[[-0.9, 0.9]] * 3)
+    pipe.dale.register_to_config(rating_statistics={"range": [[-0.9, 0.9]] * 3})
     plot_axis_sweep(pipe, tmp_path / "sweep.png", takes=1, values=(-2.0, -1.0, 0.0, 1.0))
     for labels, lines in drawn[0]:
         assert len(lines) == 3 and [label.split(",")[0] for label in labels] == ["-0.9", "+0.0", "+0.9"]

@@ -80,7 +80,8 @@ def test_the_estimator_is_saved_with_the_pipeline(train, dale_script, tmp_path, 
     pipe = TactileTexturePipeline.from_pretrained(train(tmp_path / "dale", max_train_steps=1, rating_head_steps=2))
     assert np.isfinite(pipe.estimate_ratings(pink_noise(2048, 10_000), 10_000, 0.5)).all()
     # where textures of ratings are is known too, for the warning of others: four surfaces settle no covariance
-    assert np.shape(pipe.dale.config.ratings_range) == (3, 2) and pipe.dale.config.ratings_reach is None
+    statistics = pipe.dale.config.rating_statistics
+    assert np.shape(statistics["range"]) == (3, 2) and "reach" not in statistics
 
 
 def test_single_raters_are_what_dale_hears(dale_script, train, prepared, tmp_path, monkeypatch):
@@ -131,7 +132,7 @@ def test_fewer_training_surfaces(dale_script, train, prepared, tmp_path, monkeyp
     config = json.loads((output / "dale" / "config.json").read_text())
     # statistics are of what is trained on
     expected = np.sort(training.surface_ratings[every[[0, -1]]], axis=0).T
-    np.testing.assert_allclose(config["ratings_range"], expected, atol=1e-6)  # float32
+    np.testing.assert_allclose(config["rating_statistics"]["range"], expected, atol=1e-6)  # float32
     assert config["level_mean"] == pytest.approx(float(training.levels.mean()), rel=1e-5)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from ..io.reading import reading
+from ..models import RatingStatistics
 from ..pipelines.inputs import parse_ratings
 from ..signal import coverage_distance
 from ..signal.rating_scales import from_percentile
@@ -16,7 +17,7 @@ SUFFIXES = (".csv", ".json", ".npy")
 #: ratings drawn at once; a constant, so that the first ratings are the same for any number of textures
 BLOCK = 1024
 #: what the draw needs of DALE's config
-STATISTICS = ("ratings_quantiles", "ratings_centre", "ratings_covariance", "ratings_reach")
+STATISTICS = ("quantiles", "centre", "covariance", "reach")
 
 
 def read_ratings_file(path, config, count):
@@ -100,22 +101,23 @@ def draw_ratings(config, count, seed):
     Raises:
         ValueError: if the checkpoint does not store the distribution.
     """
-    missing = [name for name in STATISTICS if getattr(config, name, None) is None]
+    statistics = RatingStatistics.from_config(config)
+    missing = [name for name in STATISTICS if getattr(statistics, name) is None]
     if missing:
         raise ValueError(
             f"This checkpoint does not say how the ratings of its training surfaces are distributed ({missing} missing "
-            "in the config of `dale`). Give --ratings_file, or train DALE again with examples/train_dale.py on at "
-            "least six rated surfaces."
+            "in the `rating_statistics` of `dale`). Give --ratings_file, or train DALE again with "
+            "examples/train_dale.py on at least six rated surfaces."
         )
-    covariance = np.array(config.ratings_covariance)
+    covariance = np.array(statistics.covariance)
     spread = np.sqrt(np.diag(covariance))
     mixing = np.linalg.cholesky(covariance / np.outer(spread, spread))
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
     kept, total = [], 0
     while total < count:
         normal = generator.standard_normal((BLOCK, len(spread))) @ mixing.T
-        ratings = from_percentile(100 * ndtr(normal), config.ratings_quantiles).astype(np.float32)
-        inside = coverage_distance(ratings, config.ratings_centre, covariance) <= config.ratings_reach
+        ratings = from_percentile(100 * ndtr(normal), statistics.quantiles).astype(np.float32)
+        inside = coverage_distance(ratings, statistics.centre, covariance) <= statistics.reach
         kept.append(ratings[inside])
         total += len(kept[-1])
     return np.concatenate(kept)[:count]

@@ -3,5 +3,6 @@
 from .dale import DALEModel, DALEOutput
 from .lctg import LCTGModel, LCTGOutput
 from .rating_estimator import RatingEstimator
+from .rating_statistics import RatingStatistics
 
-__all__ = ["DALEModel", "DALEOutput", "LCTGModel", "LCTGOutput", "RatingEstimator"]
+__all__ = ["DALEModel", "DALEOutput", "LCTGModel", "LCTGOutput", "RatingEstimator", "RatingStatistics"]

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import torch
@@ -16,20 +15,11 @@ from diffusers.utils import BaseOutput
 from ..signal import RATING_AXES
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
 from .loading import SafeLoadingMixin
+from .rating_statistics import RatingStatistics
 from .unet_1d import UNet1D, from_patches, to_patches
 
 #: numbers that describe a whole texture and are generated with the latents: level and log friction coefficient
 NUM_SCALARS = 2
-
-
-def _check_quantiles(quantiles, axes):
-    lengths = {len(row) for row in quantiles}
-    ascending = all(low <= high for row in quantiles for low, high in pairwise(row))
-    if len(quantiles) != len(axes) or len(lengths) != 1 or min(lengths) < 2 or not ascending:
-        raise ValueError(
-            f"`ratings_quantiles` must hold one row of ascending numbers, at least two and equally many, for each of "
-            f"the axes {list(axes)}, got {quantiles}. `tactile_diffusers.data.ratings.rating_quantiles` makes them."
-        )
 
 
 def _cosines(count, like):
@@ -123,13 +113,7 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N.
         log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient; `None` = unknown in
             training, then it is NaN in what is generated.
-        ratings_mean, ratings_std (`list[float]`, *optional*): mean and standard deviation of a typical rater's raw
-            scores (0-8) per axis: raw = mean + std * z.
-        ratings_range (`list[list[float]]`, *optional*): smallest and largest rating per axis of the training surfaces.
-        ratings_quantiles (`list[list[float]]`, *optional*): for each axis the quantiles of the training surfaces'
-            ratings at equally spaced shares from 0 to 1, ascending (`data.ratings.rating_quantiles`).
-        ratings_centre, ratings_covariance (`list`, *optional*): mean and covariance of the training surfaces' ratings.
-        ratings_reach (`float`, *optional*): their largest Mahalanobis distance from the centre.
+        rating_statistics (`dict`, *optional*): of the training surfaces' ratings, see [`RatingStatistics`].
         reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s; `None` = unknown.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
     """
@@ -160,13 +144,7 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         level_std: float = 0.6,
         log_friction_mean: float | None = -0.4,
         log_friction_std: float | None = 0.4,
-        ratings_mean: list[float] | None = None,
-        ratings_std: list[float] | None = None,
-        ratings_range: list[list[float]] | None = None,
-        ratings_quantiles: list[list[float]] | None = None,
-        ratings_centre: list[float] | None = None,
-        ratings_covariance: list[list[float]] | None = None,
-        ratings_reach: float | None = None,
+        rating_statistics: dict | None = None,
         reference_speed: float | None = 80.0,
         num_train_timesteps: int = 1000,
     ):
@@ -186,8 +164,7 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         ):
             if values is not None and len(values) != count:
                 raise ValueError(f"`{name}` must hold {count} numbers, got {len(values)}.")
-        if ratings_quantiles is not None:
-            _check_quantiles(ratings_quantiles, rating_axes)
+        RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(len(rating_axes), cross_attention_dim)

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from diffusers.utils import logging
 
+from ..models import RatingStatistics
 from ..signal import coverage_distance
 from ..signal.checks import check_number, check_whole_number
 
@@ -39,10 +40,10 @@ def _scale(name):
     from ..signal.rating_scales import RATING_SCALE, from_percentile, from_raw
 
     if name == "raw":
-        remark, statistics = "as the typical rater gives them", ("ratings_mean", "ratings_std")
+        remark, statistics = "as the typical rater gives them", ("mean", "std")
         return _Scale(*RATING_SCALE, "answers", remark, statistics, from_raw)
     remark = "of the training surfaces' ratings"
-    return _Scale(0.0, 100.0, "percentiles", remark, ("ratings_quantiles",), from_percentile)
+    return _Scale(0.0, 100.0, "percentiles", remark, ("quantiles",), from_percentile)
 
 
 def _row_from_mapping(mapping, axes):
@@ -68,8 +69,8 @@ def parse_ratings(ratings, config, rating_scale="z"):
     Args:
         ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array, tensor, table of pandas
             (columns named by axes, or three), or `None` (no axis specified).
-        config: DALE's, with the axes in order (`rating_axes`) and the statistics that "raw" (`ratings_mean`,
-            `ratings_std`) and "percentile" (`ratings_quantiles`) need.
+        config: DALE's, with the axes in order (`rating_axes`) and the `rating_statistics` that "raw" (mean, std) and
+            "percentile" (quantiles) need.
         rating_scale (`str`): `"z"`; `"raw"`, 0-8 of the typical rater; or `"percentile"`, 0-100 of the ratings of the
             training surfaces, where 0 and 100 are the smallest and the largest.
 
@@ -96,20 +97,18 @@ def warn_of_novel_ratings(ratings, config):
 
     Args:
         ratings (`torch.Tensor`): (batch, axes) z-scores, NaN = not specified.
-        config: DALE's, with `ratings_range`, `ratings_centre`, `ratings_covariance` and `ratings_reach`; what it lacks
-            is not checked.
+        config: DALE's; against `rating_statistics` that are unknown nothing is checked.
     """
-    found = []
-    for axis, (low, high) in zip(config.rating_axes, getattr(config, "ratings_range", None) or (), strict=False):
+    found, statistics = [], RatingStatistics.from_config(config)
+    for axis, (low, high) in zip(config.rating_axes, statistics.range or (), strict=False):
         values = ratings[:, list(config.rating_axes).index(axis)]
         beyond = torch.maximum(low - values, values - high).nan_to_num(-1.0)
         if beyond.max() > 0:
             farthest = values[beyond.argmax()].item()
             found.append(f"{axis} {farthest:+.2f} (training surfaces: {low:+.2f} to {high:+.2f})")
-    reach = getattr(config, "ratings_reach", None)
-    if not found and reach is not None:
-        distances = coverage_distance(ratings.numpy(), config.ratings_centre, config.ratings_covariance)
-        if np.nanmax(distances, initial=0.0) > reach:
+    if not found and statistics.reach is not None:
+        distances = coverage_distance(ratings.numpy(), statistics.centre, statistics.covariance)
+        if np.nanmax(distances, initial=0.0) > statistics.reach:
             row = ratings[int(np.nanargmax(distances))].tolist()
             found.append(f"the combination {[round(value, 2) for value in row]}, which no training surface is near to")
     if found:
@@ -120,12 +119,15 @@ def warn_of_novel_ratings(ratings, config):
 
 def _statistics(config, rating_scale, names):
     """Statistics of DALE's config as arrays; an error for what the checkpoint lacks."""
-    found = {name: np.array(getattr(config, name, None), dtype=np.float64) for name in names}  # None becomes NaN
+    if not names:
+        return []
+    statistics = RatingStatistics.from_config(config)
+    found = {name: np.array(getattr(statistics, name), dtype=np.float64) for name in names}  # None becomes NaN
     missing = [name for name, values in found.items() if np.isnan(values).any()]
     if missing:
         raise ValueError(
-            f'`rating_scale="{rating_scale}"` needs {missing} in the config of `dale`, which this checkpoint lacks. '
-            'Give z-scores (`rating_scale="z"`), or train DALE again with examples/train_dale.py, which stores them.'
+            f'`rating_scale="{rating_scale}"` needs {missing} in the `rating_statistics` of `dale`, which the '
+            'checkpoint lacks. Give z-scores (`rating_scale="z"`), or train DALE again with examples/train_dale.py.'
         )
     return list(found.values())
 

@@ -16,6 +16,7 @@ from ..checkpoints import DISTILLED
 from ..data.card.markdown import limits_in_words, table
 from ..data.splits import SPLITS
 from ..io.files import write_text
+from ..models import RatingStatistics
 from ..pipelines.hub import CARD_FILE, forget_folders, upload_checkpoint
 from ..version import __version__
 from ..virtual.generate import SOURCE as VIRTUAL
@@ -307,7 +308,8 @@ def _limits(pipe, dataset):
     if dataset.source == VIRTUAL:
         yield "Virtual surfaces are simulated: they show what the method can do, not how real surfaces feel."
     if pipe.dale is not None:
-        pairs = zip(pipe.dale.config.rating_axes, pipe.dale.config.ratings_range or [], strict=False)
+        statistics = RatingStatistics.from_config(pipe.dale.config)
+        pairs = zip(pipe.dale.config.rating_axes, statistics.range or [], strict=False)
         ranges = ", ".join(f"{axis} {low:.1f} to {high:.1f}" for axis, (low, high) in pairs) or "not recorded"
         yield f"Ratings beyond the training surfaces' range are extrapolated: {ranges}."
     else:

@@ -76,10 +76,11 @@ def plot_axis_sweep(pipe, output_path, takes=8, values=(-2.0, -1.0, 0.0, 1.0, 2.
     import numpy as np
     import torch
 
+    from ..models import RatingStatistics
     from ..signal import power_spectral_density
 
     names = pipe.dale.config.rating_axes
-    ranges = pipe.dale.config.ratings_range or [(min(values), max(values))] * len(names)
+    ranges = RatingStatistics.from_config(pipe.dale.config).range or [(min(values), max(values))] * len(names)
     figure, axes = plt.subplots(1, len(names), figsize=(4.5 * len(names), 3.4), constrained_layout=True, sharey=True)
     for axis, name, (low, high) in zip(axes, names, ranges, strict=True):
         generator = torch.Generator("cpu").manual_seed(0)
