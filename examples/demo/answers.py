@@ -80,15 +80,15 @@ def _remark(result, usual=False):
     note = f"<p><strong>{result.note}</strong></p>" if result.note else ""
     scatter = f"; usual: of {DRAWS} draws of these ratings, the middle 80 %. Other seeds scatter so" if usual else ""
     return (
-        f"{note}<p><small>Heard: what <code>estimate_ratings</code> makes of the texture, shrunk towards the middle as "
-        f"any regression's estimates are{scatter}. Made in {result.made_in:.2f} s.</small></p>"
+        f"{note}<p><small>Estimated: what <code>estimate_ratings</code> finds in the texture, shrunk towards the middle "
+        f"as any regression's estimates are{scatter}. Made in {result.seconds:.2f} s.</small></p>"
     )
 
 
 def _table(textures, scale, config, usual=None):
-    """Asked and heard ratings, friction coefficient and level of textures, by name; `usual`: see [`Result`]."""
+    """Asked and estimated ratings, friction coefficient and level of textures, by name; `usual`: see [`Result`]."""
     asked = all(texture.seed is not None for texture in textures.values())  # nobody asks anything of a recording
-    columns = ["asked"] * asked + ["heard"] + ["usual"] * (usual is not None)
+    columns = ["asked"] * asked + ["estimated"] + ["usual"] * (usual is not None)
     heads = "".join(f'<th scope="col">{f"{name} {column}".strip()}</th>' for name in textures for column in columns)
     decimals = digits(scale)
     low, high = (None, None) if usual is None else (from_z(end, scale, config) for end in usual)
@@ -98,7 +98,7 @@ def _table(textures, scale, config, usual=None):
         for texture in textures.values():
             values = {
                 "asked": _number(from_z(texture.ratings, scale, config)[number], decimals),
-                "heard": _number(from_z(texture.heard, scale, config)[number], decimals),
+                "estimated": _number(from_z(texture.estimated, scale, config)[number], decimals),
             }
             if usual is not None:
                 values["usual"] = f"{_number(low[number], decimals)} to {_number(high[number], decimals)}"

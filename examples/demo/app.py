@@ -1,4 +1,7 @@
-"""`python examples/demo/app.py`: a page, on this machine, to try ratings, see and hear textures and take them away."""
+"""A page to try ratings, see and hear textures and take them away: `python examples/demo/app.py`.
+
+The folder also works as a Hugging Face Space, see README.md.
+"""
 
 import errno
 import ipaddress
@@ -7,40 +10,35 @@ import signal
 import socket
 import sys
 import tempfile
-import threading
-import time
 from pathlib import Path
 
-from guard import Guard, clean
+from tactile_diffusers.cli.program import Parser, add_checkpoint_argument, refuse
 
-from tactile_diffusers.cli.program import Parser, program, refuse
-
-#: Visitors at a time whose last result (a few megabytes) and recording are kept, and requests that may wait.
+#: Visitors at a time whose last result (a few megabytes) is kept, and requests that may wait.
 SESSIONS, WAITING = 50, 20
-#: Seconds after which a file of a visitor is deleted, and between two looks for such files.
+#: Files of visitors are deleted after these seconds, s.
 FILE_SECONDS, CLEANING_SECONDS = 900, 300
+UPLOAD_MIB = 8
 
 
 def parse_arguments(argv=None):
     """Arguments of the command.
 
     Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
+        SystemExit: on bad arguments, with exit code 2 and a line that names the argument.
     """
-    parser = Parser(prog=program("app.py"), description="Ratings to textures in a browser, without internet.")
-    parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
+    parser = Parser(prog="app.py", description="Ratings to textures in a browser, without internet.")
+    add_checkpoint_argument(parser)
     parser.add_argument(
-        "--host", default="127.0.0.1", help="address to listen on; default: 127.0.0.1, this machine only"
+        "--host",
+        default=os.environ.get("GRADIO_SERVER_NAME", "127.0.0.1"),  # a Space sets it
+        help="address to listen on; default: 127.0.0.1, this machine only",
     )
-    parser.add_argument("--port", type=int, default=7860, help="default: 7860")
-    parser.add_argument("--max_upload_mib", type=int, default=8, metavar="N", help="largest recording; default: 8")
+    port = int(os.environ.get("GRADIO_SERVER_PORT", 7860))
+    parser.add_argument("--port", type=int, default=port, help="default: 7860")
     arguments = parser.parse_args(argv)
-    if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
-        parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder")
     if not 1 <= arguments.port <= 65535:
         parser.error(f"argument --port: must be between 1 and 65535, got {arguments.port}")
-    if not 1 <= arguments.max_upload_mib <= 1024:
-        parser.error(f"argument --max_upload_mib: must be between 1 and 1024, got {arguments.max_upload_mib}")
     return arguments
 
 
@@ -56,20 +54,65 @@ def main(argv=None):
         # before gradio is imported: uploads and files to take away lie there
         os.environ["GRADIO_TEMP_DIR"] = folder
         os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"
-        os.environ["HF_HUB_OFFLINE"] = "1"
         try:
             _serve(arguments, Path(folder))
         except ImportError as error:
-            return _refuse(f'{error}. Install what the page needs: pip install "tactile-diffusers[demo]"')
+            return refuse("app.py", f'{error}. Install what the page needs: pip install "tactile-diffusers[demo]"')
         except (ValueError, OSError) as error:
-            return _refuse(error)
+            return refuse("app.py", error)
         except KeyboardInterrupt:
             pass
     return 0
 
 
-def _refuse(reason):
-    return refuse("app.py", reason)
+def _serve(arguments, folder):
+    _check_port(arguments.host, arguments.port)
+    from diffusers.utils import logging
+    from studio import Studio
+
+    logging.disable_progress_bar()
+    page = launch(Studio(arguments.checkpoint), folder, arguments.host, arguments.port)
+    print(f"ready at {page.local_url} (Ctrl+C stops it)", flush=True)
+    if not _is_loopback(arguments.host):
+        print("Everyone who reaches this machine can use the page: it has no password.", flush=True)
+    page.block_thread()
+
+
+def launch(studio, folder, host, port):
+    """Serves the page from threads of its own.
+
+    Args:
+        studio ([`Studio`]): generates what visitors ask for.
+        folder (`Path`): where the environment variable `GRADIO_TEMP_DIR` points.
+        host (`str`), port (`int`): to listen on.
+
+    Returns:
+        `gradio.Blocks`: `close()` ends it.
+    """
+    import gradio as gr
+    from page import CSS, HEAD, build
+
+    page = build(studio, folder, delete_cache=(CLEANING_SECONDS, FILE_SECONDS))
+    page.queue(max_size=WAITING, default_concurrency_limit=1)
+    font, mono = (gr.themes.utils.fonts.Font(name) for name in ("sans-serif", "monospace"))  # others are fetched
+    theme = gr.themes.Default(primary_hue="blue", font=[font], font_mono=[mono])
+    theme.set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")  # readable, not pale
+    page.launch(
+        server_name=host,
+        server_port=port,
+        share=False,
+        ssr_mode=False,
+        theme=theme,
+        css=CSS,
+        head=HEAD,
+        allowed_paths=[],
+        max_file_size=f"{UPLOAD_MIB}mb",
+        state_session_capacity=SESSIONS,
+        footer_links=[],
+        prevent_thread_lock=True,
+        quiet=True,
+    )
+    return page
 
 
 def _check_port(host, port):
@@ -85,66 +128,6 @@ def _check_port(host, port):
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
                 raise ValueError(f"port {port} is in use; give --port") from error
-
-
-def _serve(arguments, folder):
-    _check_port(arguments.host, arguments.port)
-    from diffusers.utils import logging
-    from studio import Studio
-
-    logging.disable_progress_bar()
-    page = launch(Studio(arguments.checkpoint), folder, arguments.host, arguments.port, arguments.max_upload_mib)
-    print(f"ready at {page.local_url} (Ctrl+C stops it)", flush=True)
-    if not _is_loopback(arguments.host):
-        print("Whoever reaches this machine reaches the page: it has no password.", flush=True)
-    page.block_thread()
-
-
-def launch(studio, folder, host, port, upload_mib):
-    """Serves the page from threads of its own, and keeps the folder clean.
-
-    Args:
-        studio ([`Studio`]): answers.
-        folder (`Path`): where the environment variable `GRADIO_TEMP_DIR` points.
-        host (`str`), port (`int`): to listen on.
-        upload_mib (`int`): largest recording.
-
-    Returns:
-        `gradio.Blocks`: `close()` ends it.
-    """
-    import gradio as gr
-    from page import CSS, HEAD, build
-    from starlette.middleware import Middleware
-
-    page = build(studio, folder)
-    page.queue(max_size=WAITING, default_concurrency_limit=1)
-    font, mono = (gr.themes.utils.fonts.Font(name) for name in ("sans-serif", "monospace"))  # others are fetched
-    theme = gr.themes.Default(primary_hue="blue", font=[font], font_mono=[mono])
-    theme.set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")  # readable, not pale
-    guard = Middleware(Guard, folder=folder, upload_bytes=upload_mib * 2**20, uploads=SESSIONS)
-    page.launch(
-        server_name=host,
-        server_port=port,
-        share=False,
-        ssr_mode=False,
-        theme=theme,
-        css=CSS,
-        head=HEAD,
-        max_file_size=f"{upload_mib}mb",
-        state_session_capacity=SESSIONS,
-        footer_links=[],
-        app_kwargs={"middleware": [guard]},
-        prevent_thread_lock=True,
-        quiet=True,
-    )
-    threading.Thread(target=_keep_clean, args=(page, folder), daemon=True).start()
-    return page
-
-
-def _keep_clean(page, folder):
-    while page.is_running:
-        clean(folder, FILE_SECONDS)
-        time.sleep(CLEANING_SECONDS)
 
 
 def _is_loopback(host):

@@ -72,8 +72,8 @@ def rating_range(pipe, drawn):
 
 
 @torch.no_grad()
-def heard_range(pipe, drawn):
-    """Ratings that textures of some ratings, `drawn` by `draw_latents`, are heard with: see `estimate_ratings`.
+def estimated_range(pipe, drawn):
+    """Ratings that textures of some ratings, `drawn` by `draw_latents`, are estimated with: see `estimate_ratings`.
 
     Returns:
         `np.ndarray`: (2, axes) z-scores, lowest and highest of `PERCENTILES`; `None` without an estimator.
@@ -83,8 +83,8 @@ def heard_range(pipe, drawn):
     friction = drawn.friction_coefficient
     latents = drawn.latents[:, : pipe.lctg.base_channels]
     pooled = pipe.dale.pool_state(pipe.dale.pack(latents, drawn.level, friction)).to(pipe.rating_estimator.dtype)
-    heard = pipe.rating_estimator(pooled, torch.isfinite(friction)).double().numpy()
-    return np.percentile(heard, [PERCENTILES[0], PERCENTILES[-1]], axis=0)
+    estimated = pipe.rating_estimator(pooled, torch.isfinite(friction)).double().numpy()
+    return np.percentile(estimated, [PERCENTILES[0], PERCENTILES[-1]], axis=0)
 
 
 def _range(pipe, made):

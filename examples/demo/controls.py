@@ -22,7 +22,7 @@ from tactile_diffusers.signal import RATING_AXES
 REMARK = "Presets are ratings that such a surface may be given, chosen by hand. They are not recordings of it."
 
 
-def said(gr, function):
+def show_errors(gr, function):
     """The function with its `ValueError`s, which are meant for whoever asked, shown on the page."""
 
     @functools.wraps(function)
@@ -147,5 +147,5 @@ def follow_scale(gr, studio, asked):
 
     sliders = asked["ratings"]
     return asked["scale"].input(
-        said(gr, change), [before, asked["scale"], *sliders], [before, *sliders], api_visibility="private"
+        show_errors(gr, change), [before, asked["scale"], *sliders], [before, *sliders], api_visibility="private"
     )

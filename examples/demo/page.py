@@ -4,7 +4,7 @@ import functools
 import html
 
 from answers import comparison_answer, reconstruction_answer
-from controls import leave_checks_of_numbers_to_us, read_ratings, said
+from controls import leave_checks_of_numbers_to_us, read_ratings, show_errors
 from settings import Settings, blend, describe, to_z
 from texture_tab import texture_tab
 from uploads import LONGEST_SECONDS, read_upload
@@ -52,12 +52,13 @@ Say how rough, bumpy and slippery a surface should feel; get the friction force 
 10 kHz. Nothing leaves the computer that runs this page. The bundled checkpoint knows simulated surfaces only."""
 
 
-def build(studio, folder):
+def build(studio, folder, **options):
     """The page, not yet served.
 
     Args:
         studio ([`Studio`]): answers.
         folder (`Path`): gradio's folder of temporary files; for files to take away.
+        options: of `gradio.Blocks`.
 
     Returns:
         `gradio.Blocks`
@@ -65,7 +66,7 @@ def build(studio, folder):
     import gradio as gr
 
     leave_checks_of_numbers_to_us(gr)
-    with gr.Blocks(title="Tactile textures from ratings", analytics_enabled=False, fill_width=True) as page:
+    with gr.Blocks(title="Tactile textures from ratings", analytics_enabled=False, fill_width=True, **options) as page:
         gr.Markdown(ABOUT)
         kept = [gr.State(("glass", PRESETS["glass"])), gr.State(("denim", PRESETS["denim"]))]
         with gr.Tab("Texture"):
@@ -76,7 +77,7 @@ def build(studio, folder):
             _recording_tab(gr, studio, asked)
         for number, button in enumerate(keep_buttons):
             button.click(
-                said(gr, functools.partial(_keep, studio, "AB"[number])),
+                show_errors(gr, functools.partial(_keep, studio, "AB"[number])),
                 [asked["scale"], *asked["ratings"], *asked["open"]],
                 [kept[number], labels[number]],
                 api_visibility="private",
@@ -121,14 +122,14 @@ def _blend_tab(gr, studio, kept, asked):
     wanted = [*kept, share, *asked["settings"]]
     made = gr.on(
         [make.click, share.input],
-        said(gr, generate),
+        show_errors(gr, generate),
         [asked["scale"], *wanted],
         [picture, sound, numbers, made_of],
         api_visibility="private",
         show_progress="minimal",
         trigger_mode="always_last",
     )
-    compare = {"fn": _told_of_blend, "inputs": [made_of, *wanted], "outputs": status}
+    compare = {"fn": _outdated_blend, "inputs": [made_of, *wanted], "outputs": status}
     compare |= {"api_visibility": "private", "show_progress": "hidden", "trigger_mode": "always_last"}
     made.then(**compare)
     gr.on([component.change for component in wanted], **compare)
@@ -141,7 +142,7 @@ def _asked(wanted):
     return [list(first), list(second), *rest]
 
 
-def _told_of_blend(made_of, *wanted):
+def _outdated_blend(made_of, *wanted):
     """What the tab says if what is shown is not what would be made now, as HTML; else nothing."""
     if made_of is None or made_of == _asked(wanted):
         return ""

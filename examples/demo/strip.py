@@ -23,7 +23,7 @@ _PLACE = "/* DATA */ null"
 
 
 def strip_page(texture):
-    """An HTML page that gives the friction force of a finger that is dragged over the texture, seen and heard.
+    """An HTML page that gives the friction force of a finger that is dragged over the texture, seen and estimated.
 
     Nothing is loaded from elsewhere. The profile is the texture's first segment over position, looped and filled as in
     [`TextureProfile`], float32; the laws are those of [`TextureStream`], with a lighter filter of the finger's path.

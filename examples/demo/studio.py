@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from bands import BandRange, draw_latents, heard_range, rating_range, training_range
+from bands import BandRange, draw_latents, estimated_range, rating_range, training_range
 from settings import Settings, novelty
 
 from tactile_diffusers.checkpoints import bundled_checkpoint
@@ -28,7 +28,7 @@ class Texture:
         sampling_rate (`int`): Hz.
         friction_coefficient (`float`): NaN = unknown.
         ratings (`tuple[float, ...]`): asked for, z-scores, NaN = not specified.
-        heard (`tuple[float, ...]`): what `estimate_ratings` hears, z-scores; NaN = the checkpoint cannot tell.
+        estimated (`tuple[float, ...]`): what `estimate_ratings` hears, z-scores; NaN = the checkpoint cannot tell.
         seed (`int`): that made it; `None` = it was recorded.
         reference_speed (`float`): mm/s; NaN = unknown.
         checkpoint (`str`, *optional*): name of the one that made it.
@@ -38,7 +38,7 @@ class Texture:
     sampling_rate: int
     friction_coefficient: float
     ratings: tuple
-    heard: tuple
+    estimated: tuple
     seed: int | None
     reference_speed: float
     checkpoint: str | None = None
@@ -61,16 +61,16 @@ class Result:
     Args:
         textures (`list[Texture]`): rating by rating, take by take.
         settings (`Settings`): that they were made with.
-        made_in (`float`): s.
+        seconds (`float`): s.
         likely (`BandRange`, *optional*): of the first ratings; `None` = the checkpoint cannot tell.
         training (`BandRange`, *optional*): of the training textures.
-        usual (`np.ndarray`, *optional*): (2, axes) z-scores between which textures of the first ratings are heard.
+        usual (`np.ndarray`, *optional*): (2, axes) z-scores between which textures of the first ratings are estimated.
         note (`str`): a warning, or empty.
     """
 
     textures: list[Texture] = field(repr=False)
     settings: Settings
-    made_in: float
+    seconds: float
     likely: BandRange | None
     training: BandRange | None
     usual: np.ndarray | None = None
@@ -154,16 +154,16 @@ class Studio:
                 duration_s=settings.duration_s,
                 generator=[torch.Generator("cpu").manual_seed(seed) for seed in seeds],
             )
-            heard = _heard(pipe, out.textures, out.sampling_rate, out.friction_coefficient)
+            estimated = _estimate(pipe, out.textures, out.sampling_rate, out.friction_coefficient)
             drawn = draw_latents(pipe, ratings[0], settings.latent_steps, settings.guidance, _RANGE_SEED)
-            likely, usual = rating_range(pipe, drawn), heard_range(pipe, drawn)
+            likely, usual = rating_range(pipe, drawn), estimated_range(pipe, drawn)
         textures = [
             Texture(
                 samples=samples,
                 sampling_rate=out.sampling_rate,
                 friction_coefficient=float(out.friction_coefficient[number]),
                 ratings=tuple(ratings[number // settings.takes]),
-                heard=heard[number],
+                estimated=estimated[number],
                 seed=seeds[number],
                 reference_speed=out.reference_speed,
                 checkpoint=self._name,
@@ -194,16 +194,16 @@ class Studio:
             recorded = resample(samples, sampling_rate, rate).astype(np.float32)
             size = min(len(recorded), len(decoded))
             pair = np.stack([recorded[:size], decoded[:size]])
-            heard = _heard(pipe, pair, rate, None)
+            estimated = _estimate(pipe, pair, rate, None)
         unknown = (np.nan,) * len(RATING_AXES)
         textures = [
-            Texture(row, rate, np.nan, unknown, heard[number], seed, out.reference_speed)
+            Texture(row, rate, np.nan, unknown, estimated[number], seed, out.reference_speed)
             for number, (row, seed) in enumerate(zip(pair, (None, settings.seed), strict=True))
         ]
         return Reconstruction(*textures, float(nine_band_error_db(pair[1], pair[0], rate)))
 
 
-def _heard(pipe, textures, sampling_rate, friction_coefficient):
+def _estimate(pipe, textures, sampling_rate, friction_coefficient):
     """Estimated ratings of each texture, as tuples; NaN where the checkpoint cannot tell."""
     if pipe.rating_estimator is None:
         return [(np.nan,) * len(RATING_AXES)] * len(textures)

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from answers import texture_answer
-from controls import agree, follow_scale, make_controls, read_ratings, said, set_preset
+from controls import agree, follow_scale, make_controls, read_ratings, set_preset, show_errors
 from downloads import FORMATS, is_map, write_files
 from settings import Settings
 
@@ -75,11 +75,15 @@ def texture_tab(gr, studio, folder, page):
 
     hidden = {"api_visibility": "private", "show_progress": "hidden"}
     inputs = [asked["scale"], *asked["ratings"], *asked["open"], *asked["settings"]]
-    request = {"fn": said(gr, generate), "inputs": inputs, "outputs": [result, take]}
+    request = {"fn": show_errors(gr, generate), "inputs": inputs, "outputs": [result, take]}
     request |= {"api_visibility": "private", "show_progress": "minimal", "show_progress_on": picture}
     request |= {"trigger_mode": "always_last"}
     # shown by an event of its own, on the scale of that moment: it may change while a texture is made
-    show_again = {"fn": said(gr, show), "inputs": [result, take, asked["scale"]], "outputs": [picture, sound, numbers]}
+    show_again = {
+        "fn": show_errors(gr, show),
+        "inputs": [result, take, asked["scale"]],
+        "outputs": [picture, sound, numbers],
+    }
     show_again["outputs"].append(strip)
     # the last counts: an answer that comes while another is still drawn must be drawn, too
     show_again |= {"api_visibility": "private", "show_progress": "minimal", "trigger_mode": "always_last"}
@@ -105,7 +109,7 @@ def texture_tab(gr, studio, folder, page):
     take.input(**show_again)
     answered(follow_scale(gr, studio, asked))
     name.input(lambda chosen: gr.Number(visible=is_map(chosen)), name, pitch, **hidden)
-    write.click(said(gr, download), [result, take, name, pitch], [files, warned], api_visibility="private")
+    write.click(show_errors(gr, download), [result, take, name, pitch], [files, warned], api_visibility="private")
     return asked, keep_buttons
 
 

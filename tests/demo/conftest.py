@@ -13,7 +13,6 @@ from studio import Studio
 
 NPZ = next(name for name in FORMATS if "npz" in name)
 HOW = [2, 5, 2, 1.0, 0, 1.6, 1]  # steps, steps of DALE, order, guidance, seed, seconds, takes
-UPLOAD_MIB = 1
 
 
 @pytest.fixture(scope="session")
@@ -92,7 +91,7 @@ def page(studio, folder, port):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("GRADIO_TEMP_DIR", str(folder))
         patch.setenv("GRADIO_ANALYTICS_ENABLED", "False")
-        page = serve.launch(studio, folder, "127.0.0.1", port, UPLOAD_MIB)
+        page = serve.launch(studio, folder, "127.0.0.1", port)
         yield page
         page.close()
 

@@ -1,6 +1,5 @@
 """A session of use of the demo in headless Chromium, from the command line to the file that is taken away."""
 
-import json
 import os
 import re
 import shutil
@@ -9,8 +8,6 @@ import socket
 import subprocess
 import sys
 import time
-import urllib.error
-import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +19,7 @@ sync_api = pytest.importorskip("playwright.sync_api")
 ROOT = Path(__file__).parents[2]
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")]
-#: Where the README's picture goes, if anywhere: TACTILE_APP_SCREENSHOT=examples/figures/app.png pytest tests/app
+#: Where the README's picture goes, if anywhere: TACTILE_APP_SCREENSHOT=examples/figures/app.png pytest tests/demo
 SCREENSHOT = os.environ.get("TACTILE_APP_SCREENSHOT")
 #: Seconds that the page may take to load and to answer (issue 9: 10 and 2 on two cores), with room for a busy machine.
 LOADS_IN, ANSWERS_IN = 40, 15
@@ -35,7 +32,7 @@ def server(tmp_path_factory):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    command = [sys.executable, ROOT / "examples" / "app.py", "--port", str(port), "--max_upload_mib", "1"]
+    command = [sys.executable, ROOT / "examples" / "demo" / "app.py", "--port", str(port)]
     log = folder / "log"
     with log.open("w") as file:
         environment = {**os.environ, "TMPDIR": str(folder), "PYTHONPATH": str(ROOT / "src")}
@@ -255,7 +252,7 @@ def test_finger_strip_follows_pointer_and_keys(visit):
     assert button.get_attribute("aria-pressed") == "false" and button.inner_text() == "Sound: off"
     button.click()
     sync_api.expect(button).to_have_text("Sound: on")
-    assert button.get_attribute("aria-pressed") == "true"  # from here on the same numbers are also heard
+    assert button.get_attribute("aria-pressed") == "true"  # from here on the same numbers are also estimated
     box = frame.locator("#strip").bounding_box()
     x, y = box["x"], box["y"] + box["height"] / 2
     page.mouse.move(x + 50, y)
@@ -330,7 +327,7 @@ def test_recording_is_reconstructed_and_uploads_are_bounded(visit, tmp_path, pin
     good, other, large = tmp_path / "good.csv", tmp_path / "other.csv", tmp_path / "large.wav"
     np.savetxt(good, pink_noise(10_000, 10_000)[0])
     other.write_bytes(b"\x89PNG\r\n\x1a\n")
-    large.write_bytes(b"RIFF" + bytes(3 * 2**20))
+    large.write_bytes(b"RIFF" + bytes(9 * 2**20))
     chooser = page.locator("#upload input[type=file]")
     chooser.set_input_files(good)
     page.wait_for_selector("#upload .file-preview")
@@ -358,20 +355,6 @@ def test_recording_is_reconstructed_and_uploads_are_bounded(visit, tmp_path, pin
         page.get_by_text(re.compile(message)).first.wait_for()
 
 
-def test_visitors_do_not_see_each_other(visit):
-    first, second = visit(), visit()
-    before = _picture(second)
-    old = _picture(first)
-    first.bring_to_front()  # a page in the background draws little
-    first.click("#make")
-    first.locator("#bumpiness input[type=range]").focus()
-    first.keyboard.press("End")
-    _wait_for_another(first, old)
-    assert _picture(second) == before
-    with np.load(_download(second)) as file:
-        assert file["ratings"][1] < 1.5  # the preset's, not the first visitor's
-
-
 def test_every_control_is_reached_by_the_keyboard(visit):
     page = visit()
     reached = set()
@@ -379,39 +362,3 @@ def test_every_control_is_reached_by_the_keyboard(visit):
         page.keyboard.press("Tab")
         reached.add(page.evaluate("(document.activeElement.closest('[id]:not([id^=component])') || {}).id || ''"))
     assert {"preset", "roughness", "roughness-open", "make", "write", "format"} <= reached
-
-
-def test_file_of_the_server_cannot_be_asked_for(server):
-    for path in ("/etc/passwd", str(ROOT / "README.md"), "..%2f..%2f..%2fetc%2fpasswd"):
-        with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(f"{server}/gradio_api/file={path}")
-        assert refused.value.code in (403, 404)
-    headers = urllib.request.urlopen(server).headers
-    assert "default-src 'self'" in headers["content-security-policy"]
-
-
-HOW = [2, 5, 2, 1.0, 0]  # steps, steps of DALE, order, guidance, seed
-
-
-@pytest.mark.parametrize(
-    ("name", "values"),
-    [
-        ("download", [None, 0, "../../etc/passwd", 0.15]),
-        ("generate", ["z", 50, 50, 50, False, False, False, *HOW, 9000, 1]),
-        ("generate", ["percentile", 50, 50, 50, False, False, False, *HOW, 9.0, 8]),
-        ("generate", ["z", None, "x", {}, False, False, False, *HOW, 1.6, 1]),
-    ],
-)
-def test_forged_requests_are_refused(server, name, values):
-    """What the page would never send: a path for a format, more work than the sliders allow."""
-    with urllib.request.urlopen(f"{server}/config") as answer:
-        functions = json.load(answer)["dependencies"]
-    number = next(function["id"] for function in functions if function["api_name"] == name)
-    session = f"forged-{os.urandom(4).hex()}"
-    body = json.dumps({"data": values, "fn_index": number, "session_hash": session}).encode()
-    request = urllib.request.Request(f"{server}/gradio_api/queue/join", body, {"content-type": "application/json"})
-    urllib.request.urlopen(request).close()
-    with urllib.request.urlopen(f"{server}/gradio_api/queue/data?session_hash={session}", timeout=ANSWERS_IN) as stream:
-        messages = (json.loads(line[5:]) for line in stream if line.startswith(b"data:"))
-        last = next(message for message in messages if message["msg"] == "process_completed")
-    assert last["success"] is False and "root:" not in json.dumps(last)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from controls import agree, read_ratings
-from page import _asked, _told_of_blend
+from page import _asked, _outdated_blend
 from settings import Settings, from_z, slider_ranges, to_z
 from texture_tab import _compare
 
@@ -56,8 +56,8 @@ def test_what_is_shown_is_told_from_what_is_asked(studio):
 def test_a_blend_is_told_from_what_it_would_be_now():
     given = [("glass", (-1.0, 0.0, 1.0)), ("denim", (1.0, None, 0.0)), 50, *HOW]
     asked = _asked(given)
-    assert _told_of_blend(asked, *given) == "" == _told_of_blend(None, *given)
-    assert _told_of_blend(asked, ("kept", (-1.0, 0.0, 1.0)), *given[1:-1], 8) == ""
+    assert _outdated_blend(asked, *given) == "" == _outdated_blend(None, *given)
+    assert _outdated_blend(asked, ("kept", (-1.0, 0.0, 1.0)), *given[1:-1], 8) == ""
     for number, other in ((0, ("kept", (-1.0, 0.0, 0.9))), (2, 55), (3, 9)):
         changed = [*given[:number], other, *given[number + 1 :]]
-        assert "is the earlier comparison" in _told_of_blend(asked, *changed)
+        assert "is the earlier comparison" in _outdated_blend(asked, *changed)

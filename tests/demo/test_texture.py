@@ -35,7 +35,7 @@ def test_takes_are_those_of_the_pipeline(studio, result):
     assert [texture.seed for texture in result.textures] == [3, 4]
     alone = studio.generate([RATINGS], Settings(seed=4)).textures[0]
     np.testing.assert_allclose(alone.samples, result.textures[1].samples, atol=1e-5)
-    assert alone.seconds == 1.6 and 0 < alone.friction_coefficient < 3 and np.isfinite(alone.heard).all()
+    assert alone.seconds == 1.6 and 0 < alone.friction_coefficient < 3 and np.isfinite(alone.estimated).all()
 
 
 def test_more_steps_than_the_distilled_decoder_takes_are_the_teachers(studio):
@@ -166,11 +166,11 @@ def test_names_of_files_are_of_safe_characters_whatever_was_asked(studio, tmp_pa
 
 
 def test_usual_ratings_hold_most_takes(studio):
-    """What the page calls usual is drawn, not decoded; takes that are decoded must be heard so."""
+    """What the page calls usual is drawn, not decoded; takes that are decoded must be estimated so."""
     made = studio.generate([RATINGS], Settings(takes=8))
-    heard = np.array([texture.heard for texture in made.textures])
+    estimated = np.array([texture.estimated for texture in made.textures])
     low, high = made.usual
-    assert (low < high).all() and 0.5 < ((heard > low) & (heard < high)).mean() <= 1
+    assert (low < high).all() and 0.5 < ((estimated > low) & (estimated < high)).mean() <= 1
     other = studio.generate([RATINGS], Settings(seed=5))
     np.testing.assert_allclose(other.usual, made.usual, atol=1e-4)  # it does not move while seeds are tried
     numbers = texture_answer(made, 0, "percentile", studio.config)[2]
@@ -180,7 +180,7 @@ def test_usual_ratings_hold_most_takes(studio):
 def test_side_by_side(studio):
     made = studio.generate([RATINGS, (0.0, 0.0, 0.0), (-1.0, 0.0, 0.5)])
     picture, sound, numbers = comparison_answer(made, ("A", "blend 50 %", "B"), "z", studio.config)
-    assert sound.count("<audio") == 3 and numbers.count("heard</th>") == 3 and "base64" in picture
+    assert sound.count("<audio") == 3 and numbers.count("estimated</th>") == 3 and "base64" in picture
 
 
 def test_reconstruction_is_compared_with_what_was_recorded(studio, result):
@@ -203,4 +203,4 @@ def test_recordings_louder_than_textures_are_told(studio, pink_noise):
 def test_short_recordings_of_any_rate_are_reconstructed(studio, pink_noise, rate):
     made = studio.reconstruct(pink_noise(int(0.21 * rate), rate)[0], rate)
     assert made.decoded.sampling_rate == 10_000 and made.decoded.seconds == pytest.approx(0.21, abs=0.001)
-    assert all(np.isfinite(texture.heard).all() for texture in (made.recorded, made.decoded))
+    assert all(np.isfinite(texture.estimated).all() for texture in (made.recorded, made.decoded))
