@@ -80,8 +80,8 @@ def _remark(result, usual=False):
     note = f"<p><strong>{result.note}</strong></p>" if result.note else ""
     scatter = f"; usual: of {DRAWS} draws of these ratings, the middle 80 %. Other seeds scatter so" if usual else ""
     return (
-        f"{note}<p><small>Estimated: what <code>estimate_ratings</code> finds in the texture, shrunk towards the middle "
-        f"as any regression's estimates are{scatter}. Made in {result.seconds:.2f} s.</small></p>"
+        f"{note}<p><small>Estimated: what <code>estimate_ratings</code> finds in the texture, shrunk towards the "
+        f"middle as any regression's estimates are{scatter}. Made in {result.seconds:.2f} s.</small></p>"
     )
 
 
