@@ -71,7 +71,7 @@ def folder(tmp_path):
 
 def test_the_template_names_what_is_to_be_filled_in(tmp_path):
     (tmp_path / "layout.toml").write_text(sens3_layout())
-    with pytest.raises(ValueError, match=r"layout.toml: `files\[0\].pattern` = 'TODO: .*' is still to be filled in"):
+    with pytest.raises(ValueError, match=r"`\[\[files\]\] 1, pattern` = 'TODO: .*' is still to be filled in"):
         convert_sens3(tmp_path, tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
 
 

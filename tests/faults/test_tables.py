@@ -162,7 +162,7 @@ def test_what_is_too_wide_is_no_table(tmp_path):
     assert list_tables(tmp_path / "a.h5") == []
 
 
-def test_a_tree_too_deep_is_refused(tmp_path, damaged):
+def test_a_deep_tree_is_read(tmp_path):
     np.savez(tmp_path / "a.npz", **{"/".join("a" * 5000): np.ones(10)})
-    with pytest.raises(ValueError, match="a.npz"):
-        list_tables(tmp_path / "a.npz")
+    (table,) = list_tables(tmp_path / "a.npz")
+    assert table.names == ["a"] and table.rows == 10

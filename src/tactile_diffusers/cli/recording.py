@@ -6,7 +6,7 @@ import numpy as np
 
 from ..data.folder.clocks import on_stamps
 from ..data.folder.draft_columns import UNITS, describe_table, split_unit
-from ..data.folder.layout import FORCE_SCALES, TIME_SCALES
+from ..data.folder.layout import FORCE_UNITS, TIME_UNITS
 from ..data.folder.tables import kind_of, read_table
 from ..export.wav import read_wav, sidecar_path
 from ..signal import BAND_HZ, REFERENCE_FORCE, band_pass
@@ -60,12 +60,12 @@ def read_recording(path, column=None, rate=None, newtons_per_unit=None):
 def _newtons(name, path):
     """Newtons per unit of a column, by the unit in its name; 1 where there is none that is known."""
     unit = split_unit(name)[1]
-    if unit in UNITS.values() and unit not in FORCE_SCALES:
+    if unit in UNITS.values() and unit not in FORCE_UNITS:
         raise ValueError(
             f"{path}: column {name!r} is in {unit}, by its name; a force is needed. Give --newtons_per_unit if it "
             "stands for one."
         )
-    return FORCE_SCALES.get(unit, 1.0)
+    return FORCE_UNITS.get(unit, 1.0)
 
 
 def _on_its_stamps(table, values):
@@ -77,7 +77,7 @@ def _on_its_stamps(table, values):
     if facts.time_unit is None or facts.stamps_coarse:
         fault = "are coarser than the samples" if facts.stamps_coarse else "have no unit in the column's name"
         raise ValueError(f"{table.path}: the time stamps of column {time.name!r} {fault}: give --rate, in Hz.")
-    stamps = table.numbers(time.name) * TIME_SCALES[facts.time_unit]
+    stamps = table.numbers(time.name) * TIME_UNITS[facts.time_unit]
     try:
         clock = on_stamps(values[:, None], stamps, None, table.where, table.place)
     except ValueError as error:

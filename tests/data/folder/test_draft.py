@@ -374,7 +374,7 @@ def test_a_sheet_an_axis(tmp_path, turned):
     assert (ratings["rows"], ratings["columns"]) == (("rater", "surface") if turned else ("surface", "rater"))
     assert ratings["scale"] == [1, 7]
     layout = filled(tmp_path, tmp_path / "l.toml", force="N", velocity="mm/s", rate=1000)
-    assert load_layout(layout).ratings.axes["slipperiness"].turned
+    assert load_layout(layout).ratings.is_turned("slipperiness")
     convert_folder(tmp_path, layout, tmp_path / "r.h5", quiet=True)
     with RecordingsFile(tmp_path / "r.h5") as file:
         assert file.surfaces == file.ratings.surfaces == ("cork", "felt", "glass", "wood")

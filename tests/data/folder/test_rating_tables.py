@@ -1,7 +1,5 @@
 """Tables of answers, long and wide: the same scores from every form, and faults named by file and line."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -42,10 +40,10 @@ def long_table(scores=SCORES):
 
 @pytest.fixture
 def read(tmp_path):
-    def read(described, surfaces=SURFACES, axes=COLUMNS, more="", **changes):
-        (tmp_path / "layout.toml").write_text(HEAD + described + axes + more)
-        layout = load_layout(tmp_path / "layout.toml")
-        return read_ratings(tmp_path, replace(layout, ratings=replace(layout.ratings, **changes)), surfaces)
+    def read(described, surfaces=SURFACES, axes=COLUMNS, more="", scale=(0, 8)):
+        head = HEAD.replace("[0, 8]", str(list(scale)))
+        (tmp_path / "layout.toml").write_text(head + described + axes + more)
+        return read_ratings(tmp_path, load_layout(tmp_path / "layout.toml"), surfaces)
 
     return read
 
@@ -138,7 +136,7 @@ def test_scale_and_direction(tmp_path, read, low, points, turned, data):
     (tmp_path / "ratings.csv").write_text("rater,surface,rough\n" + "\n".join(lines) + "\n")
     word = "smooth" if turned else "rough"
     axes = f'[ratings.axes]\nroughness = {{ column = "rough", high = "{word}" }}\n'
-    scores, notes = read(LONG, axes=axes, scale=(float(low), float(low + points - 1)))
+    scores, notes = read(LONG, axes=axes, scale=(low, low + points - 1))
     share = (np.array(answers) - low) / (points - 1)
     expected = np.float32(8 * (1 - share if turned else share))
     np.testing.assert_array_equal(scores.values[0, :, 0], expected)
@@ -228,8 +226,8 @@ def test_a_scale_that_is_hardly_used_is_noted(tmp_path, read):
     turned = COLUMNS.replace('high = "rough"', 'high = "smooth"')
     note = "the answers run from 0 to 8, less than half of `scale` = [0, 100]: is `scale` right?"
     for axes in (COLUMNS, turned):
-        assert note in read(LONG, axes=axes, scale=(0.0, 100.0))[1]
-        assert not any("is `scale` right" in other for other in read(LONG, axes=axes, scale=(0.0, 16.0))[1])
+        assert note in read(LONG, axes=axes, scale=(0, 100))[1]
+        assert not any("is `scale` right" in other for other in read(LONG, axes=axes, scale=(0, 16))[1])
 
 
 def test_no_recording_is_suggested_for_two_names(tmp_path, read):

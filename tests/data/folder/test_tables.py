@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy import io
 
-from tactile_diffusers.data.folder.delimited import find_header
 from tactile_diffusers.data.folder.tables import KINDS, kind_of, list_tables, paths_inside, read_table
+from tactile_diffusers.data.folder.text_tables import find_header
 
 VALUES = np.random.default_rng(0).standard_normal((120, 3)).astype(np.float32)
 NAMES = ["Fx", "Fy", "Fz"]
@@ -101,7 +101,7 @@ def test_trees_list_groups_of_vectors_and_arrays(tmp_path):
 def test_mat_structs_and_cells(tmp_path):
     cells = np.array([{"t": np.arange(5.0)}, {"t": np.arange(7.0)}], dtype=object)
     io.savemat(tmp_path / "a.mat", {"trials": cells, "names": np.array(["wood", "metal"], dtype=object)})
-    assert [table.inside for table in list_tables(tmp_path / "a.mat")] == [None, "trials/0", "trials/1"]
+    assert {table.inside for table in list_tables(tmp_path / "a.mat")} == {None, "trials/0", "trials/1"}
     assert read_table(tmp_path / "a.mat").text("names") == ["wood", "metal"]
     assert len(read_table(tmp_path / "a.mat", inside="trials/1").numbers("t")) == 7
 
@@ -115,10 +115,10 @@ def test_sheets(tmp_path):
         == ["one", "two"]
         == paths_inside(tmp_path / "a.xlsx")
     )
-    assert read_table(tmp_path / "a.xlsx", sheet="two").text("a") == ["01", "", "1", "1.5"]
+    assert read_table(tmp_path / "a.xlsx", inside="two").text("a") == ["01", "", "1", "1.5"]
     assert read_table(tmp_path / "a.xlsx", max_rows=5).rows == 5
     with pytest.raises(ValueError, match="no sheet 'three', only 'one', 'two'"):
-        read_table(tmp_path / "a.xlsx", sheet="three")
+        read_table(tmp_path / "a.xlsx", inside="three")
 
 
 TEXTS = {

@@ -7,29 +7,44 @@ import numpy as np
 
 #: Attribute of recordings.h5 that holds the report.
 REPORT_ATTRIBUTE = "conversion"
-#: A median lag (s) of more than this is worth an `offset`: less is the shear of the finger pad at reversals (recipe).
-NOTABLE_LAG = 0.005
+#: A median lag (ms) of more than this is worth an `offset`: less is the shear of the finger pad at reversals (recipe).
+NOTABLE_LAG = 5.0
 #: Recordings that are listed by name; attributes of HDF5 hold 64 kB.
 _LISTED = 20
 
 
-def notes_in_words(report):
-    """What `ConversionReport.as_json` holds beyond counts, as a Markdown list.
+def notes_in_words(facts):
+    """What `ConversionReport.facts` holds beyond counts, as a Markdown list.
 
     Args:
-        report (`dict`): parsed.
+        facts (`dict`): as stored.
     """
-    first, lag = report["left_out_first"], report["lag"]
-    notes = [f"{count} {kind}; first {place}" for kind, (count, place) in report["notes"].items()]
-    notes += [f"ratings: {note}" for note in report["rating_notes"]] + report["remarks"]
-    notes += [f"left out: {name}: {reason}" for name, reason in first.items()]
-    if report["left_out"] > len(first):
-        notes.append(f"left out: {report['left_out'] - len(first)} more")
-    if lag["recordings"]:
-        notes.append(f"force behind motion: {lag['median_ms']:+.1f} ms, median of {lag['recordings']} recordings")
-    else:
-        notes.append("the lag between force and motion could not be told")
-    return "\n".join(f"- {note}" for note in notes)
+    return "\n".join(f"- {line.removeprefix('note: ').strip()}" for line in _lines(facts))
+
+
+def _lines(facts):
+    """Notes begin with "note: "."""
+    lines = [f"note: {count} {kind}; first {place}" for kind, (count, place) in facts["notes"].items()]
+    lines += [f"note: ratings: {note}" for note in facts["rating_notes"]]
+    lines += [f"note: {remark}" for remark in facts["remarks"]]
+    first = facts["left_out_first"]
+    lines += [f"left out: {name}: {reason}" for name, reason in first.items()]
+    if facts["left_out"] > len(first):
+        lines.append(f"left out: {facts['left_out'] - len(first)} more")
+    lag = facts["lag"]
+    if not lag["recordings"]:
+        why = "no recording turns, or none shows it" if lag["not_determinable"] else "there is no motion"
+        return [*lines, f"lag between force and motion: not determinable ({why})"]
+    low, high = lag["range_ms"]
+    lines.append(
+        f"force behind motion: median {lag['median_ms']:+.1f} ms ({low:+.1f} to {high:+.1f} ms, correlation "
+        f"{abs(lag['median_correlation']):.2f}) in {lag['recordings']} recordings; not determinable in "
+        f"{lag['not_determinable']}"
+    )
+    if abs(lag["median_ms"]) > NOTABLE_LAG:
+        undone = f"{-lag['median_ms'] / 1000:+.4f} s"
+        lines.append(f"  nothing was shifted; to undo it, add {undone} to `offset` of the files with force")
+    return lines
 
 
 @dataclass
@@ -86,8 +101,9 @@ class ConversionReport:
         seen = [lag.seconds for lag in self.lags.values() if lag is not None]
         return float(np.median(seen)) if seen else float("nan")
 
-    def as_json(self):
-        """The report as a JSON string; of long lists the beginning."""
+    @property
+    def facts(self):
+        """The report as a `dict` that JSON can hold; of long lists the beginning."""
         seen = [lag for lag in self.lags.values() if lag is not None]
         lag = {
             "median_ms": round(1000 * self.lag, 2) if seen else None,
@@ -96,24 +112,15 @@ class ConversionReport:
             "recordings": len(seen),
             "not_determinable": len(self.lags) - len(seen),
         }
-        return json.dumps(
-            {
-                "recordings": self.recordings,
-                "surfaces": len(self.surfaces),
-                "explorers": len(self.explorers),
-                "rates": self.rates,
-                "seconds": round(self.seconds, 4),
-                "left_out": len(self.left_out),
-                "left_out_first": dict(list(self.left_out.items())[:_LISTED]),
-                "notes": self.notes,
-                "raters": len(self.raters),
-                "axes": self.axes,
-                "rating_notes": self.rating_notes,
-                "remarks": self.remarks,
-                "lag": lag,
-            },
-            ensure_ascii=False,
-        )
+        listed = dict(list(self.left_out.items())[:_LISTED])
+        counts = {"surfaces": len(self.surfaces), "explorers": len(self.explorers), "raters": len(self.raters)}
+        counts |= {"left_out": len(self.left_out), "left_out_first": listed, "seconds": round(self.seconds, 4)}
+        same = ("recordings", "rates", "notes", "axes", "rating_notes", "remarks")
+        return {name: getattr(self, name) for name in same} | counts | {"lag": lag}
+
+    def as_json(self):
+        """`facts` as a string."""
+        return json.dumps(self.facts, ensure_ascii=False)
 
     def __str__(self):
         lines = [
@@ -124,31 +131,6 @@ class ConversionReport:
             lines.append(
                 "note: a prepared data set needs one rate of force: `resample` in the layout, or several files"
             )
-        for kind, (count, first) in self.notes.items():
-            lines.append(f"note: {count} {kind}; first {first}")
         if self.raters:
             lines.append(f"ratings by {len(self.raters)} raters on {', '.join(self.axes)}")
-        lines += [f"note: ratings: {note}" for note in self.rating_notes]
-        lines += [f"note: {remark}" for remark in self.remarks]
-        shown = list(self.left_out.items())[:_LISTED]
-        lines += [f"left out: {name}: {reason}" for name, reason in shown]
-        if len(self.left_out) > len(shown):
-            lines.append(f"left out: {len(self.left_out) - len(shown)} more")
-        return "\n".join(lines + self._lag_lines())
-
-    def _lag_lines(self):
-        seen = {name: lag for name, lag in self.lags.items() if lag is not None}
-        if not seen:
-            why = "there is no motion" if not self.lags else "no recording turns, or none shows it"
-            return [f"lag between force and motion: not determinable ({why})"]
-        ends = [1000 * end(lag.seconds for lag in seen.values()) for end in (min, max)]
-        strength = float(np.median([abs(lag.correlation) for lag in seen.values()]))
-        lines = [
-            f"force behind motion: median {1000 * self.lag:+.1f} ms ({ends[0]:+.1f} to {ends[1]:+.1f} ms, correlation "
-            f"{strength:.2f}) in {len(seen)} recordings; not determinable in {len(self.lags) - len(seen)}"
-        ]
-        if abs(self.lag) > NOTABLE_LAG:
-            lines.append(
-                f"  nothing was shifted; to undo it, add {-self.lag:+.4f} s to `offset` of the files with force"
-            )
-        return lines
+        return "\n".join(lines + _lines(self.facts))

@@ -6,11 +6,11 @@ from tqdm import tqdm
 
 from ...io.files import clear_left_behind
 from ..recordings import RecordingsWriter
+from .channels import read_channels
 from .clocks import Unusable
 from .conversion_report import REPORT_ATTRIBUTE, ConversionReport
 from .layout import Layout, load_layout
 from .rating_tables import read_ratings
-from .reading import read_recording
 from .sources import find_recordings
 
 
@@ -38,10 +38,13 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
     """
     if not isinstance(layout, Layout):
         layout = load_layout(layout)
-    recordings, left_out = find_recordings(root, layout)
-    surfaces = tuple(dict.fromkeys(name.split("/")[0] for name in (*map("/".join, recordings), *left_out)))
-    scores, notes = read_ratings(root, layout, surfaces) if layout.ratings else (None, [])
-    report = ConversionReport(left_out=left_out, rating_notes=notes)
+    root, report = Path(root), ConversionReport()
+    recordings, report.left_out = find_recordings(root, layout)
+    scores = None
+    if layout.ratings is not None:
+        names = (*map("/".join, recordings), *report.left_out)
+        surfaces = tuple(dict.fromkeys(name.split("/")[0] for name in names))
+        scores, report.rating_notes = read_ratings(root, layout, surfaces)
     sources = {source.path.resolve() for channels in recordings.values() for source in channels.values()}
     if Path(output).resolve() in sources:
         raise ValueError(f"`output` {output} is one of the files to convert: give another name.")
@@ -49,7 +52,7 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
     with RecordingsWriter(output, source=layout.source, licence=layout.licence) as writer:
         for name, channels in tqdm(recordings.items(), desc="converting", unit="recording", disable=quiet):
             try:
-                arrays = read_recording("/".join(name), channels, layout, report)
+                arrays = read_channels("/".join(name), channels, layout.velocity, report)
             except Unusable as error:
                 report.left_out["/".join(name)] = str(error)
                 continue

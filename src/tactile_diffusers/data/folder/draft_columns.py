@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .draft_names import content_of, words_of
-from .layout import TIME_SCALES
+from .layout import TIME_UNITS
 from .tables import Table
 
 #: Units as people write them in names of columns -> ours; units that a layout cannot use are told as they are.
@@ -219,10 +219,10 @@ def _look_at_time(facts, table):
     facts.stamps_coarse = bool((steps == 0).mean() > MOST_REPEATED)
     period = float(_coarse_period(steps) if facts.stamps_coarse else np.median(steps))
     low, high = LIKELY_RATES
-    units = [unit for unit, scale in TIME_SCALES.items() if period > 0 and low <= 1 / (period * scale) <= high]
-    facts.time_unit = column.unit if column.unit in TIME_SCALES else None
+    units = [unit for unit, scale in TIME_UNITS.items() if period > 0 and low <= 1 / (period * scale) <= high]
+    facts.time_unit = column.unit if column.unit in TIME_UNITS else None
     if facts.time_unit is None and len(units) == 1:
         facts.time_unit = units[0]
         facts.doubts.append(f"time taken as {units[0]}: a step of {period:g} would otherwise be an unlikely rate")
     if facts.time_unit is not None and period > 0:
-        facts.rate, facts.rate_from = 1 / (period * TIME_SCALES[facts.time_unit]), f"column {column.name!r}"
+        facts.rate, facts.rate_from = 1 / (period * TIME_UNITS[facts.time_unit]), f"column {column.name!r}"

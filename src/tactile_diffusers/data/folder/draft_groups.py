@@ -150,8 +150,7 @@ def _open(root, path, kind, size, words, skipped):
 
 
 def _is_ours(path):
-    with open_tree(path, "hdf5") as tree:
-        return str(tree.attrs.get("format", "")).startswith(OUR_FORMATS)
+    return str(open_tree(path, "hdf5").attributes.get("format", "")).startswith(OUR_FORMATS)
 
 
 def _that_tells_apart(names, found):

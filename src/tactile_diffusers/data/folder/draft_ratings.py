@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from ...signal import RATING_AXES
 from .draft_groups import TableGroup
 from .draft_names import FIELD_WORDS, words_of
-from .keys import TODO
-from .rating_layout import AXIS_WORDS
+from .layout import AXIS_WORDS, TODO
 
 #: Words in names of columns, sheets and files that tell of an axis; those of no axis of ours are known as adjectives.
 WORDS_OF_AXIS = {

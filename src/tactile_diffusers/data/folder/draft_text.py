@@ -2,12 +2,9 @@
 
 from .draft_columns import HEAD_ROWS
 from .draft_names import shown
-from .keys import TODO
-from .layout import FORCE_SCALES, FORMAT, LENGTH_SCALES, SPEED_SCALES, VERSION, VelocityLayout
+from .layout import CHANNEL_UNITS, FORMAT, TODO, VERSION, VelocityLayout
 from .toml_text import toml_comment, toml_lines
 
-#: Units that each channel may have.
-CHANNEL_UNITS = {"force": FORCE_SCALES, "lateral": FORCE_SCALES, "position": LENGTH_SCALES, "velocity": SPEED_SCALES}
 #: The mean of z must be this share of its range for its sign to tell which way is pressing (recipe).
 CLEAR_SIGN = 0.1
 #: A rate this close (share) to a whole number of Hz is told as that.

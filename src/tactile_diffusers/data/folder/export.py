@@ -13,8 +13,7 @@ from ...io.files import whole_folder
 from ...signal.rating_scales import RATING_SCALE
 from ..recordings import VELOCITY_UNIT, RecordingsFile
 from .draft_walk import HIDDEN_PREFIXES
-from .layout import FORMAT, VERSION
-from .rating_layout import AXIS_WORDS
+from .layout import AXIS_WORDS, FORMAT, VERSION
 from .tables import TREE_KINDS
 from .toml_text import toml_lines, toml_value
 

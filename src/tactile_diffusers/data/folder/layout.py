@@ -17,7 +17,7 @@
     offset = 0.0               # s, added to this file's time: set it from the lag that the conversion reports
     position = { x = "px", y = "py", unit = "mm" }
 
-    [velocity]                 # of the Savitzky-Golay filter that makes velocity from position
+    [velocity]                 # Savitzky-Golay filter: velocity from position
     window = 0.05              # s
     order = 2
 
@@ -39,94 +39,128 @@ Files of a batch that differ in columns or units get a [[files]] of their own, w
 `where = { surface = "denim", explorer = "02" }`; entries without `where` leave them to it.
 """
 
-import math
+import difflib
 import tomllib
-from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
 
 from ...io.reading import reading
-from .keys import Keys, refuse_todo
-from .patterns import Pattern
-from .rating_layout import RatingsLayout, rating_keys
-from .table_layout import table_keys
+from ...signal import RATING_AXES
+from .layout_keys import Column, Keys, Positive, TableKeys
 
 FORMAT = "tactile-layout"
 VERSION = 1
-#: Of a line: tomllib takes the square of a key's length, minutes for 200 kB of dots.
+#: What a value or name holds that is still to be filled in.
+TODO = "TODO"
+#: Characters of a line: tomllib takes the square of a key's length, minutes for 200 kB of dots.
 LONGEST_LINE = 10_000
 #: N per unit of force; "1" = uncalibrated counts.
-FORCE_SCALES = {"N": 1.0, "mN": 1e-3, "gf": 9.80665e-3, "1": 1.0}
+FORCE_UNITS = {"N": 1.0, "mN": 1e-3, "gf": 9.80665e-3, "1": 1.0}
 #: mm per unit of position, and mm/s per unit of velocity.
-LENGTH_SCALES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3}
-SPEED_SCALES = {"mm/s": 1.0, "cm/s": 10.0, "m/s": 1000.0}
+LENGTH_UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3}
+SPEED_UNITS = {"mm/s": 1.0, "cm/s": 10.0, "m/s": 1000.0}
 #: s per unit of time.
-TIME_SCALES = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+#: The units of each channel.
+CHANNEL_UNITS = {"force": FORCE_UNITS, "lateral": FORCE_UNITS, "position": LENGTH_UNITS, "velocity": SPEED_UNITS}
+#: The words at 0 and at 8 of our axes (pairs of SENS3, arXiv 2401.01818).
+AXIS_WORDS = dict(zip(RATING_AXES, (("smooth", "rough"), ("flat", "bumpy"), ("sticky", "slippery")), strict=True))
 
 
-@dataclass(frozen=True)
-class TimeColumn:
-    """Column (name, or index from 0) with time stamps, and s per unit of it."""
+class _Measured(Keys):
+    """Columns with a unit."""
 
-    column: str | int
-    scale: float
+    @model_validator(mode="after")
+    def _check_columns(self):
+        if len(set(self.columns)) < len(self.columns):
+            raise ValueError(f"the columns {list(self.columns)} must differ")
+        return self
 
+    @property
+    def columns(self):
+        """Names or indices of the columns: of x, y, z; of x and perhaps y; or one."""
+        named = (getattr(self, name, None) for name in ("column", "x", "y", "z"))
+        return tuple(column for column in named if column is not None)
 
-@dataclass(frozen=True)
-class Channel:
-    """One measured quantity in a file.
-
-    Attributes:
-        columns (`tuple`): names or indices from 0: x, y, z of `force`, one of `lateral`, x and perhaps y of the others.
-        unit (`str`): as written.
-        scale (`float`): what turns a number of the file into N, mm or mm/s; for counts into counts.
-        normal_sign (`int`): of `force`: 1 if pressing is positive in z, -1 if it is negative.
-    """
-
-    columns: tuple
-    unit: str
-    scale: float
-    normal_sign: int = 1
+    @property
+    def scale(self):
+        """s, N (or counts), mm or mm/s per number of the file."""
+        units = TIME_UNITS | FORCE_UNITS | LENGTH_UNITS | SPEED_UNITS
+        return getattr(self, "factor", 1.0) * units[self.unit]
 
 
-@dataclass(frozen=True)
-class FilesLayout:
+class TimeColumn(_Measured):
+    """Time stamps."""
+
+    column: Column
+    unit: Literal[tuple(TIME_UNITS)]
+
+
+class Force(_Measured):
+    """Contact force, x and y along the surface; `normal_sign` is 1 if pressing is positive in z, -1 if negative."""
+
+    x: Column
+    y: Column
+    z: Column
+    unit: Literal[tuple(FORCE_UNITS)]
+    normal_sign: Literal[1, -1] = 1
+
+
+class Lateral(_Measured):
+    """Force along the sliding direction; `scale` multiplies the numbers, such as N at full scale of a sound file."""
+
+    column: Column
+    unit: Literal[tuple(FORCE_UNITS)]
+    factor: Positive = Field(1.0, alias="scale")
+
+
+class Position(_Measured):
+    """Position of the finger; a stage may move along x only."""
+
+    x: Column
+    y: Column | None = None
+    unit: Literal[tuple(LENGTH_UNITS)]
+
+
+class Velocity(_Measured):
+    """Velocity of the finger; a stage may move along x only."""
+
+    x: Column
+    y: Column | None = None
+    unit: Literal[tuple(SPEED_UNITS)]
+
+
+class FilesLayout(TableKeys):
     """One `[[files]]`: files of one kind. At least one of the four channels is there.
 
     Attributes:
-        pattern (`Pattern`): relative path with `{surface}` and perhaps `{explorer}` and `{trial}` (default "0"); other
-            fields and `*` are ignored.
-        kind (`str`): of `tables.KINDS`; default: by the extension.
-        where (`tuple[tuple[str, str], ...]`): values of surface, explorer, trial: other files of the pattern are not
-            meant; a field that the pattern lacks has this value. Entries without `where` leave these files out.
-        inside (`Pattern` or `None`): `inside` of mat, hdf5 and npz, `sheet` of xlsx; may hold the fields, too.
-        delimiter, header: of `tables.read_table`.
+        where (`dict[str, str]`): values of surface, explorer, trial: other files of the pattern are not meant; a field
+            that the pattern lacks has this value. Entries without `where` leave these files out. `{surface}` must be
+            in the pattern, in the place inside or here; `{explorer}` and `{trial}` are "0" by default.
         rate (`float` or `None`): Hz; default: from `time`, or what the file itself says.
         resample (`float` or `None`): whole Hz to which the force is brought, where files differ in rate; going up adds
             nothing above half of the old rate.
         time (`TimeColumn` or `None`): the time stamps.
         offset (`float`): s, added to the time of these files.
-        force, lateral, position, velocity (`Channel` or `None`): what they hold.
+        force, lateral, position, velocity: what they hold.
     """
 
-    pattern: Pattern
-    kind: str
-    where: tuple = ()
-    inside: Pattern | None = None
-    delimiter: str | None = None
-    header: int | None = None
-    rate: float | None = None
-    resample: float | None = None
+    where: dict[Literal["surface", "explorer", "trial"], str] = {}
+    rate: Positive | None = None
+    resample: Annotated[float, Field(gt=0, multiple_of=1)] | None = None
     time: TimeColumn | None = None
     offset: float = 0.0
-    force: Channel | None = None
-    lateral: Channel | None = None
-    position: Channel | None = None
-    velocity: Channel | None = None
+    force: Force | None = None
+    lateral: Lateral | None = None
+    position: Position | None = None
+    velocity: Velocity | None = None
 
     @property
     def channels(self):
         """Names of the channels that these files hold."""
-        return tuple(name for name in ("force", "lateral", "position", "velocity") if getattr(self, name))
+        return tuple(name for name in CHANNEL_UNITS if getattr(self, name))
 
     @property
     def columns(self):
@@ -134,35 +168,136 @@ class FilesLayout:
         time = (self.time.column,) if self.time else ()
         return time + tuple(column for name in self.channels for column in getattr(self, name).columns)
 
+    @model_validator(mode="after")
+    def _check_channels(self):
+        if "surface" not in {*self.names, *self.where}:
+            raise ValueError("`pattern` must hold {surface}, unless `inside`, `sheet` or `where` does")
+        if not self.channels:
+            raise ValueError("give `force`, `lateral`, `position` or `velocity`")
+        for pair in (("force", "lateral"), ("position", "velocity")):
+            if set(pair) <= set(self.channels):
+                raise ValueError("`{}` and `{}` exclude each other: remove one of them".format(*pair))
+        if self.resample and not {"force", "lateral"} & set(self.channels):
+            raise ValueError("`resample` is for files with `force` or `lateral`")
+        return self
 
-@dataclass(frozen=True)
-class VelocityLayout:
+
+class VelocityLayout(Keys):
     """Window (s) and order of the Savitzky-Golay filter that makes velocity from position."""
 
-    window: float = 0.05
-    order: int = 2
+    window: Positive = 0.05
+    order: Annotated[int, Field(ge=1)] = 2
 
 
-@dataclass(frozen=True)
-class Layout:
+class AxisLayout(Keys):
+    """Where the answers on an axis are, its two words, and the one that the largest answer means."""
+
+    column: Column
+    high: str
+    words: Annotated[list[str], Field(min_length=2, max_length=2)]
+
+
+class RatingsLayout(TableKeys):
+    """`[ratings]`: tables of answers; the pattern may hold `{rater}`, `{surface}` and `{axis}`.
+
+    Attributes:
+        form (`str`): "long" = one row an answer, or a set of them; "wide" = one table an axis, rows x columns.
+        rater, surface: long: their columns, unless in the pattern.
+        axis, answer: long with one row an answer: the columns of the axis' name and of the answer.
+        rows, columns: wide: "rater" and "surface" or the other way round.
+        scale (`list[float]`): the smallest and largest number used; mapped linearly to 0-8.
+        missing (`list[str]`): what stands for no answer.
+        axes (`dict[str, AxisLayout]`): our name -> theirs. Axes beyond `RATING_AXES` keep 8 = `high`.
+    """
+
+    form: Literal["long", "wide"]
+    header: Annotated[int, Field(ge=0)] = 1
+    rater: Column | None = None
+    surface: Column | None = None
+    axis: Column | None = None
+    answer: Column | None = None
+    rows: Literal["rater", "surface"] | None = None
+    columns: Literal["rater", "surface"] | None = None
+    scale: Annotated[list[float], Field(min_length=2, max_length=2)]
+    missing: list[str] = ["", "NA", "-"]
+    axes: Annotated[dict[str, AxisLayout], Field(min_length=1)]
+
+    def is_turned(self, axis):
+        """Whether the largest answer on an axis means our 0."""
+        return axis in AXIS_WORDS and self.axes[axis].high == AXIS_WORDS[axis][0]
+
+    @field_validator("axes", mode="before")
+    @classmethod
+    def _known_words(cls, axes):
+        known = {name: {"words": list(words)} for name, words in AXIS_WORDS.items()}
+        if not isinstance(axes, dict):
+            return axes
+        return {name: known.get(name, {}) | axis if isinstance(axis, dict) else axis for name, axis in axes.items()}
+
+    @model_validator(mode="after")
+    def _check_answers(self):
+        if not self.scale[0] < self.scale[1]:
+            raise ValueError("`scale` must be the smallest and the largest number, such as [0, 8]")
+        for name, axis in self.axes.items():
+            if axis.high not in axis.words or not set(AXIS_WORDS.get(name, axis.words)) <= set(axis.words):
+                pair = AXIS_WORDS.get(name, ("the two", "words of the axis"))
+                raise ValueError(f"axes.{name}: `words` must be {' and '.join(pair)}, `high` one of them")
+        if self.form == "wide":
+            if "axis" not in self.names:
+                raise ValueError('form = "wide" needs {axis} in `pattern` or `sheet`: one table an axis. Is it "long"?')
+            if {self.rows, self.columns} != {"rater", "surface"}:
+                raise ValueError('`rows` and `columns` must be "rater" and "surface", or the other way round')
+            return self
+        needed = {name: name not in self.names for name in ("rater", "surface")}
+        needed["answer"] = self.axis is not None or "axis" in self.names
+        for name, is_needed in needed.items():
+            if is_needed and getattr(self, name) is None:
+                raise ValueError(f"`{name}` is missing: name its column")
+            if not is_needed and getattr(self, name) is not None:
+                raise ValueError(f"`{name}` is not needed here: remove it")
+        return self
+
+
+class Layout(Keys):
     """A whole `layout.toml`.
 
     Attributes:
-        path (`Path`): of the file, for messages.
         source, licence (`str`): go to the attributes of recordings.h5.
-        files (`tuple[FilesLayout, ...]`): at least one, at least one of them with `force` or `lateral`.
+        files (`list[FilesLayout]`): at least one, at least one of them with `force` or `lateral`.
         velocity (`VelocityLayout`): of the filter.
         ratings (`RatingsLayout` or `None`): the answers.
-        surface_names (`dict[str, str]`): name in the ratings -> name in the recordings.
+        surface_names (`dict[str, str]`): name in the ratings -> name in the recordings; "" = leave them out.
+        path (`Path`): the file, for messages.
     """
 
-    path: Path
+    format: Literal[FORMAT]
+    version: Literal[VERSION]
     source: str
     licence: str
-    files: tuple[FilesLayout, ...]
+    files: Annotated[list[FilesLayout], Field(min_length=1)]
     velocity: VelocityLayout = VelocityLayout()
     ratings: RatingsLayout | None = None
-    surface_names: dict = field(default_factory=dict)
+    surface_names: dict[str, str] = {}
+    _path: Path = PrivateAttr(Path("layout.toml"))
+
+    @property
+    def path(self):
+        return self._path
+
+    @model_validator(mode="after")
+    def _check_together(self):
+        held = {name for files in self.files for name in files.channels}
+        if not held & {"force", "lateral"}:
+            raise ValueError("the files hold neither `force` nor `lateral`")
+        if "force" in held and not held & {"position", "velocity"}:
+            raise ValueError(
+                "the files hold `force` without `position` or `velocity`: the sliding direction is unknown. If x is "
+                "the sliding direction, give it as `lateral`"
+            )
+        units = {channel.unit for files in self.files for channel in (files.force, files.lateral) if channel}
+        if "1" in units and len(units) > 1:
+            raise ValueError(f"the files hold forces in {sorted(units)}: keep counts and newtons in two layouts")
+        return self
 
 
 def load_layout(path):
@@ -176,7 +311,7 @@ def load_layout(path):
 
     Raises:
         FileNotFoundError: if there is no file.
-        ValueError: naming file, key, value and remedy.
+        ValueError: naming the file and every key that is wrong, or still holds "TODO".
     """
     path = Path(path)
     if not path.is_file():
@@ -186,123 +321,43 @@ def load_layout(path):
         if max(map(len, text.splitlines()), default=0) > LONGEST_LINE:
             raise ValueError(f"a line has more than {LONGEST_LINE} characters")
         content = tomllib.loads(text)
-    refuse_todo(path, content)
-    top = Keys(path, "", content)
-    if (top.take("format", str), top.take("version", int)) != (FORMAT, VERSION):
-        top.fail("format", f'must be "{FORMAT}" with version = {VERSION}: this is no layout of that version')
-    layout = Layout(
-        path=path,
-        source=top.take("source", str),
-        licence=top.take("licence", str),
-        files=tuple(_files(keys) for keys in top.tables("files")),
-        velocity=_velocity(top.table("velocity")),
-        ratings=rating_keys(ratings) if (ratings := top.table("ratings")) else None,
-        surface_names=dict(top.take("surface_names", dict, {})),
-    )
-    top.finish()
-    _check_together(layout, top)
-    return layout
+    faults = list(_todos(content))
+    if not faults:
+        try:
+            layout = Layout.model_validate(content)
+        except ValidationError as error:
+            faults = [_in_words(fault) for fault in error.errors(include_url=False)]
+        else:
+            layout._path = path
+            return layout
+    raise ValueError(f"{path}: " + "\n".join(faults))
 
 
-def _files(keys):
-    table, where = table_keys(keys), _where(keys.table("where"))
-    if "surface" not in dict(where) and not any(
-        "surface" in pattern.names for pattern in (table["pattern"], table["inside"]) if pattern
-    ):
-        text = table["pattern"].text
-        keys.fail("pattern", f"= {text!r} must hold {{surface}}, unless `inside`, `sheet` or `where` does")
-    time = keys.table("time")
-    files = FilesLayout(
-        **table,
-        where=where,
-        rate=_positive(keys, "rate", None),
-        resample=_positive(keys, "resample", None),
-        time=_time(time) if time else None,
-        offset=_finite(keys, "offset", 0.0),
-        force=_channel(keys.table("force"), ("x", "y", "z"), FORCE_SCALES),
-        lateral=_channel(keys.table("lateral"), ("column",), FORCE_SCALES),
-        position=_channel(keys.table("position"), ("x", "y"), LENGTH_SCALES),
-        velocity=_channel(keys.table("velocity"), ("x", "y"), SPEED_SCALES),
-    )
-    if not files.channels:
-        keys.fail("force", "is missing: give `force`, `lateral`, `position` or `velocity`")
-    if files.resample is not None and (files.resample % 1 or not {"force", "lateral"} & set(files.channels)):
-        keys.fail("resample", f"= {files.resample} must be a whole number of Hz, of files with `force` or `lateral`")
-    for one, other in (("force", "lateral"), ("position", "velocity")):
-        if one in files.channels and other in files.channels:
-            keys.fail(one, f"and `{other}` exclude each other: remove one of them")
-    keys.finish()
-    return files
+def _todos(value, keys=()):
+    """A sentence for each key whose name or value is still to be filled in."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, item in items:
+        if isinstance(name, str) and TODO in name:
+            yield f"the name of `{_key(keys + (name,))}` is still to be filled in."
+        if isinstance(item, str) and TODO in item:
+            yield f"`{_key(keys + (name,))}` = {item!r} is still to be filled in, or to be removed."
+        yield from _todos(item, keys + (name,))
 
 
-def _where(keys):
-    if keys is None:
-        return ()
-    values = {name: keys.take(name, str, None) for name in ("surface", "explorer", "trial")}
-    keys.finish()
-    return tuple((name, value) for name, value in values.items() if value is not None)
+def _in_words(fault):
+    reason = fault["msg"].removeprefix("Value error, ").rstrip(".")
+    if fault["type"] == "extra_forbidden":
+        known = {key for model in (Layout, FilesLayout, RatingsLayout, Force, Lateral) for key in model.model_fields}
+        near = difflib.get_close_matches(fault["loc"][-1], known, n=1)
+        reason = f"is no key of a layout{f', did you mean `{near[0]}`?' if near else ''}"
+    value = f" = {fault['input']!r}" if isinstance(fault["input"], str | int | float | list) else ""
+    return f"`{_key(fault['loc'])}`{value}: {reason}." if fault["loc"] else f"{reason}."
 
 
-def _positive(keys, name, default):
-    value = keys.take(name, float, default)
-    if value is not None and not 0 < value < math.inf:
-        keys.fail(name, f"= {value} must be a positive number")
-    return value
-
-
-def _finite(keys, name, default):
-    value = keys.take(name, float, default)
-    if not math.isfinite(value):
-        keys.fail(name, f"= {value} must be a finite number")
-    return value
-
-
-def _time(keys):
-    column, unit = keys.take("column", (str, int)), keys.choice("unit", tuple(TIME_SCALES))
-    keys.finish()
-    return TimeColumn(column, TIME_SCALES[unit])
-
-
-def _channel(keys, names, scales):
-    if keys is None:
-        return None
-    optional = names == ("x", "y")  # a stage may move along one axis only
-    columns = [keys.take(name, (str, int), *((None,) if optional and name == "y" else ())) for name in names]
-    columns = tuple(column for column in columns if column is not None)
-    if len(set(columns)) < len(columns):
-        keys.fail(names[-1], f"= {columns[-1]!r} is the column of another axis, too")
-    unit = keys.choice("unit", tuple(scales))
-    sign = keys.take("normal_sign", int, 1) if names == ("x", "y", "z") else 1
-    if sign not in (1, -1):
-        keys.fail("normal_sign", f"= {sign} must be 1 (pressing is positive in z) or -1 (negative)")
-    scale = _positive(keys, "scale", 1.0) if names == ("column",) else 1.0
-    keys.finish()
-    return Channel(columns, unit, scale * scales[unit], sign)
-
-
-def _velocity(keys):
-    if keys is None:
-        return VelocityLayout()
-    velocity = VelocityLayout(_positive(keys, "window", 0.05), keys.take("order", int, 2))
-    if not velocity.order >= 1:
-        keys.fail("order", f"= {velocity.order} must be at least 1, or there is no slope")
-    keys.finish()
-    return velocity
-
-
-def _check_together(layout, top):
-    held = {name for files in layout.files for name in files.channels}
-    if not held & {"force", "lateral"}:
-        top.fail("files", "hold neither `force` nor `lateral`")
-    if "force" in held and not held & {"position", "velocity"}:
-        top.fail(
-            "files",
-            "hold `force` without `position` or `velocity`: the sliding direction is unknown. If x is the "
-            "sliding direction, give it as `lateral`",
-        )
-    units = {channel.unit for files in layout.files for channel in (files.force, files.lateral) if channel}
-    if "1" in units and len(units) > 1:
-        top.fail("files", f"hold forces in {sorted(units)}: keep counts and newtons in two layouts")
-    for name in layout.surface_names.items():
-        if not all(isinstance(text, str) for text in name):
-            top.fail("surface_names", f"{name[0]!r} = {name[1]!r} must be a text")
+def _key(keys):
+    """A key as people find it: "[[files]] 2, time.unit"."""
+    keys = tuple(key for key in keys if key != "[key]")
+    text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)[1:]
+    if keys[0] != "files" or len(keys) < 2:
+        return text
+    return ", ".join([f"[[files]] {keys[1] + 1}", *([_key(keys[2:])] if keys[2:] else [])])

@@ -20,7 +20,7 @@ class Pattern:
         text (`str`): the pattern, relative.
 
     Raises:
-        ValueError: naming the pattern, if a field has no valid name, or the path is absolute or leaves its folder.
+        ValueError: if a field has no valid name, or the path is absolute or leaves its folder.
     """
 
     text: str
@@ -29,7 +29,7 @@ class Pattern:
 
     def __post_init__(self):
         if not self.text or self.text.startswith("/") or "\\" in self.text or ".." in self.text.split("/"):
-            raise ValueError(f"{self.text!r} must be a relative path written with '/' and without '..'.")
+            raise ValueError("must be a relative path written with '/' and without '..'")
         fields, regex, end = {}, "", 0
         for part in _PARTS.finditer(self.text):
             regex += re.escape(self.text[end : part.start()])
@@ -38,14 +38,14 @@ class Pattern:
             if name is None:
                 regex += "[^/]*"
             elif not _FIELD.fullmatch(name):
-                raise ValueError(f"{self.text!r}: {{{name}}} is no name for a field, write for example {{surface}}.")
+                raise ValueError(f"{{{name}}} is no name for a field, write for example {{surface}}")
             else:
                 group = name.replace(".", "__")
                 regex += f"(?P={group})" if name in fields else f"(?P<{group}>[^/]+?)"
                 fields[name] = True
         regex += re.escape(self.text[end:])
-        if "{" in _PARTS.sub("", self.text) or "}" in _PARTS.sub("", self.text):
-            raise ValueError(f"{self.text!r} has a brace without its partner.")
+        if set("{}") & set(_PARTS.sub("", self.text)):
+            raise ValueError("has a brace without its partner")
         object.__setattr__(self, "fields", tuple(fields))
         object.__setattr__(self, "_regex", re.compile(regex))
 

@@ -2,31 +2,20 @@
 
 import difflib
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from ...signal import RATING_AXES
 from ...signal.rating_scales import RATING_SCALE
 from ..recordings import RaterScores
 from .sources import Source, files_below, matching_places
+from .tables import few
 
-#: How many names or places a message lists.
-_FEW = 8
 #: So many answers, or more, that use a smaller share of the scale are probably on another one (recipe).
 LEAST_ANSWERS, LEAST_USED = 10, 0.5
-
-
-@dataclass(frozen=True)
-class _Answer:
-    """One cell of a table: whose answer, on what, and where it stands. `axis` is our name."""
-
-    rater: str
-    surface: str
-    axis: str
-    text: str
-    place: str
+_KEY = ["rater", "surface", "axis"]
 
 
 def read_ratings(root, layout, surfaces):
@@ -47,129 +36,109 @@ def read_ratings(root, layout, surfaces):
         ValueError: naming file, line, value and remedy, if no table matches, a column is missing, an answer is no
             number, off the scale or given twice, or names of surfaces do not match on both sides.
     """
-    root, ratings = Path(root), layout.ratings
-    answers, ignored = [], {}
+    root, ratings, parts = Path(root), layout.ratings, []
     for path, inside, fields in matching_places(root, files_below(root), ratings, f"{layout.path}: [ratings]"):
         table = Source(ratings, path, inside).table()
-        found = (
-            _wide(table, ratings, fields, ignored) if ratings.form == "wide" else _long(table, ratings, fields, ignored)
-        )
-        answers += found
+        parts.append((_wide if ratings.form == "wide" else _long)(table, ratings, fields))
+    answers = pd.concat(parts, ignore_index=True)
+    answers = answers[(answers["text"] != "") & ~answers["text"].isin(ratings.missing)]
+    ours = {str(axis.column): name for name, axis in ratings.axes.items()}
+    ignored = [name for name in answers["axis"].unique() if name and name not in ours]
+    answers = answers[answers["axis"].isin(list(ours))]
+    answers = answers.assign(axis=answers["axis"].map(ours))
+    for name in ("rater", "surface"):
+        for row in answers[answers[name] == ""].head(1).itertuples():
+            raise ValueError(f"{row.place}: the answer {row.text!r} on {row.axis} has no {name}.")
     answers, notes = _on_recorded(answers, layout, surfaces)
-    values = _numbers(answers, ratings)
-    notes += _unused_scale(answers, ratings.scale)
-    _check_axes(values, ratings, ignored, layout)
-    raters = tuple(dict.fromkeys(rater for rater, _, _ in values))
-    answered = {surface for _, surface, _ in values}
-    rated = tuple(surface for surface in surfaces if surface in answered)
+    for axis, theirs in ratings.axes.items():
+        if not (answers["axis"] == axis).any():
+            there = f"; the tables have {few(ignored)}" if ignored else ""
+            raise ValueError(f"{layout.path}: [ratings.axes] {axis} = {theirs.column!r} has no answer{there}.")
+    answers = answers.assign(number=_numbers(answers, ratings))
+    notes += _unused_scale(answers["number"], ratings.scale)
     axes = tuple(sorted(ratings.axes, key=lambda axis: (RATING_AXES + (axis,)).index(axis)))
-    scores = np.full((len(raters), len(rated), len(axes)), np.nan, dtype=np.float32)
-    places = [{name: i for i, name in enumerate(names)} for names in (raters, rated, axes)]
-    for key, value in values.items():
-        scores[tuple(place[name] for place, name in zip(places, key, strict=True))] = value
-    missing = int(np.isnan(scores).sum())
-    if missing:
-        notes.append(f"{missing} of {scores.size} answers (raters x surfaces x axes) are missing")
+    scores = _scores(answers, ratings, surfaces, axes)
+    if missing := int(np.isnan(scores.values).sum()):
+        notes.append(f"{missing} of {scores.values.size} answers (raters x surfaces x axes) are missing")
     absent = [axis for axis in RATING_AXES if axis not in axes]
     if absent:
         notes.append(f"the layout names no {' and no '.join(absent)}")
     if ignored:
-        notes.append(f"axes that the layout does not name are ignored: {', '.join(map(repr, ignored))}")
-    return RaterScores(scores, raters, rated, axes), notes
+        notes.append(f"axes that the layout does not name are ignored: {few(ignored)}")
+    return scores, notes
 
 
-def _long(table, ratings, fields, ignored):
-    """Answers of a table with a row per answer, or per rater and surface."""
-    rows = range(table.rows)
-    raters = [fields["rater"] for _ in rows] if ratings.rater is None else table.text(ratings.rater)
-    surfaces = [fields["surface"] for _ in rows] if ratings.surface is None else table.text(ratings.surface)
-    if ratings.answer is None:
-        columns = [(axis, table.text(layout.column)) for axis, layout in ratings.axes.items()]
-        cells = [(row, axis, texts[row]) for row in rows for axis, texts in columns]
-    else:
-        ours = {str(layout.column): axis for axis, layout in ratings.axes.items()}
-        theirs = [fields["axis"] for _ in rows] if ratings.axis is None else table.text(ratings.axis)
-        ignored.update({name: True for name in theirs if name and name not in ours})
-        texts = table.text(ratings.answer)
-        cells = [(row, ours[theirs[row]], texts[row]) for row in rows if theirs[row] in ours]
-    answers = []
-    for row, axis, text in cells:
-        place = f"{table.where}, {table.place(row)}"
-        if text in ratings.missing or not text:
-            continue
-        if not raters[row] or not surfaces[row]:
-            raise ValueError(f"{place}: the answer {text!r} on {axis} has no {'surface' if raters[row] else 'rater'}.")
-        answers.append(_Answer(raters[row], surfaces[row], axis, text, place))
-    return answers
+def _long(table, ratings, fields):
+    """Answers of a table with a row per answer, or per rater and surface; the axis is called as in the table."""
+
+    def texts(column, name):
+        return fields[name] if column is None else table.text(column)
+
+    frame = pd.DataFrame({"place": [f"{table.where}, {table.place(row)}" for row in range(table.rows)]}, dtype=object)
+    frame = frame.assign(rater=texts(ratings.rater, "rater"), surface=texts(ratings.surface, "surface"))
+    if ratings.answer is not None:
+        return frame.assign(axis=texts(ratings.axis, "axis"), text=table.text(ratings.answer))
+    columns = [frame.assign(axis=str(axis.column), text=table.text(axis.column)) for axis in ratings.axes.values()]
+    return pd.concat(columns).sort_index(kind="stable")  # row by row, so that the first fault is named
 
 
-def _wide(table, ratings, fields, ignored):
+def _wide(table, ratings, fields):
     """Answers of a table of one axis, raters x surfaces or the other way round; the first column names the rows."""
-    axes = [axis for axis, layout in ratings.axes.items() if str(layout.column) == fields["axis"]]
-    if not axes:
-        ignored[fields["axis"]] = True
-        return []
-    answers, rows = [], table.text(0)
-    for column in table.names[1:]:
-        for row, text in enumerate(table.text(column)):
-            if text in ratings.missing or not text:
-                continue
-            names = (rows[row], column) if ratings.rater == "rows" else (column, rows[row])
-            place = f"{table.where}, {table.place(row)}, column {column!r}"
-            if not rows[row]:
-                raise ValueError(f"{place}: the answer {text!r} stands in a row without a name.")
-            answers.append(_Answer(*names, axes[0], text, place))
-    return answers
+    rows, columns = table.text(0), []
+    for name in table.names[1:]:
+        places = [f"{table.where}, {table.place(row)}, column {name!r}" for row in range(table.rows)]
+        columns.append(pd.DataFrame({"place": places, "text": table.text(name)}, dtype=object))
+        columns[-1] = columns[-1].assign(**{ratings.rows: rows, ratings.columns: name, "axis": fields["axis"]})
+    return pd.concat(columns) if columns else pd.DataFrame(columns=[*_KEY, "text", "place"])
 
 
 def _on_recorded(answers, layout, surfaces):
     """The answers on recorded surfaces, under the names of the recordings, and notes on the others."""
     renamed = layout.surface_names
-    rated = list(dict.fromkeys(answer.surface for answer in answers))
+    rated = list(answers["surface"].unique())
     unused = [name for name in renamed if name not in rated]
     if unused:
         raise ValueError(
-            f"{layout.path}: [surface_names] renames {unused}, which the ratings do not hold: {_few(rated)}."
+            f"{layout.path}: [surface_names] renames {unused}, which the ratings do not hold: {few(rated)}."
         )
     # "" as a new name means: leave these answers out
     recorded, meant = {*surfaces, ""}, {renamed.get(name, name) for name in rated}
     unknown = [name for name in rated if renamed.get(name, name) not in recorded]
     unrated = [name for name in surfaces if name not in meant]
     if unknown and unrated:
-        suggested = _suggested(unknown, unrated)
-        lines = "\n".join(f'    "{name}" = "{suggested[name]}"' for name in unknown[:_FEW])
+        suggested = pair_names(unknown, unrated)
+        lines = "\n".join(f'    "{name}" = "{suggested[name]}"' for name in unknown[:8])
         raise ValueError(
-            f"{layout.path}: names of surfaces do not match. Only in the ratings: {_few(unknown)}. Only in the "
-            f"recordings: {_few(unrated)}. Say which is which under [surface_names], for example\n{lines}\n"
+            f"{layout.path}: names of surfaces do not match. Only in the ratings: {few(unknown)}. Only in the "
+            f"recordings: {few(unrated)}. Say which is which under [surface_names], for example\n{lines}\n"
             'where "" leaves the answers on a surface out.'
         )
-    notes = [f"answers on {_few(unknown)} left out: there is no recording"] if unknown else []
-    notes += [f"{len(unrated)} recorded surfaces have no answers: {_few(unrated)}"] if unrated else []
-    kept = []
-    for answer in answers:
-        name = renamed.get(answer.surface, answer.surface)
-        if name and name in recorded:
-            kept.append(_Answer(answer.rater, name, answer.axis, answer.text, answer.place))
-    return kept, notes
+    notes = [f"answers on {few(unknown)} left out: there is no recording"] if unknown else []
+    notes += [f"{len(unrated)} recorded surfaces have no answers: {few(unrated)}"] if unrated else []
+    answers = answers.assign(surface=answers["surface"].map(lambda name: renamed.get(name, name)))
+    return answers[answers["surface"].isin(surfaces)], notes
 
 
-def _few(names):
-    return ", ".join(map(repr, names[:_FEW])) + (f" and {len(names) - _FEW} more" if len(names) > _FEW else "")
+def pair_names(names, candidates):
+    """What each name probably means.
 
+    Args:
+        names, candidates (`list[str]`): names of surfaces that differ in spelling.
 
-def _suggested(names, candidates):
-    """What each of the names probably means, or "": no candidate twice, which would merge two surfaces' answers."""
-    free, suggested = list(candidates), dict.fromkeys(names, "")
+    Returns:
+        `dict[str, str]`: name -> a candidate with the same numbers, or without numbers a close spelling; "" = none. No
+        candidate is given twice, which would merge the answers on two surfaces.
+    """
+    free, paired = list(candidates), dict.fromkeys(names, "")
     for closest in (0.9, 0.6):  # what is spelt almost alike comes first
         for name in names:
-            if not suggested[name]:
-                suggested[name] = _nearest(name, free, closest)
-                free = [other for other in free if other != suggested[name]]
-    return suggested
+            if not paired[name]:
+                paired[name] = _nearest(name, free, closest)
+                free = [other for other in free if other != paired[name]]
+    return paired
 
 
 def _nearest(name, candidates, closest):
-    """The candidate that a name probably means, or "": the same numbers, or else a close spelling without others."""
     numbers = _numbers_in(name)
     same = [other for other in candidates if numbers and _numbers_in(other) == numbers]
     without = [other for other in candidates if not (numbers and _numbers_in(other))]
@@ -183,59 +152,45 @@ def _numbers_in(name):
 
 
 def _numbers(answers, ratings):
-    """(rater, surface, axis) -> answer on the 0-8 scale."""
-    values, places, outside = {}, {}, []
+    """The answers as numbers on their own scale, checked."""
+    numbers = pd.to_numeric(answers["text"].str.replace(",", "."), errors="coerce")
+    for row in answers[numbers.isna()].head(1).itertuples():
+        raise ValueError(
+            f"{row.place}: the answer {row.text!r} on {row.axis} is no number. Correct it, or add it to `missing`."
+        )
+    for row in answers[answers.duplicated(_KEY)].head(1).itertuples():
+        same = (answers[_KEY] == [row.rater, row.surface, row.axis]).all(axis=1)
+        raise ValueError(
+            f"{row.place}: {row.axis} of surface {row.surface!r} by {row.rater!r} was answered before, at "
+            f"{answers['place'][same].iloc[0]}. Keep one of the two answers."
+        )
     low, high = ratings.scale
-    for answer in answers:
-        key = answer.rater, answer.surface, answer.axis
-        if key in values:
-            raise ValueError(
-                f"{answer.place}: {answer.axis} of surface {key[1]!r} by {key[0]!r} was answered before, at "
-                f"{places[key]}. Keep one of the two answers."
-            )
-        value = _number(answer)
-        if not low <= value <= high:
-            outside.append(f"{value:g} at {answer.place}")
-        places[key] = answer.place
-        share = (value - low) / (high - low)
-        bottom, top = RATING_SCALE
-        values[key] = bottom + (top - bottom) * (1 - share if ratings.axes[answer.axis].turned else share)
-    if outside:
+    outside = answers.assign(number=numbers)[~numbers.between(low, high)]
+    if len(outside):
+        listed = "; ".join(f"{row.number:g} at {row.place}" for row in outside.head(8).itertuples())
         raise ValueError(
-            f"{len(outside)} answers lie outside `scale` = [{low:g}, {high:g}]: {'; '.join(outside[:_FEW])}. Correct "
-            "`scale`, or add what stands for no answer to `missing`."
+            f"{len(outside)} answers lie outside `scale` = [{low:g}, {high:g}]: {listed}. Correct `scale`, or add what "
+            "stands for no answer to `missing`."
         )
-    return values
+    return numbers
 
 
-def _unused_scale(answers, scale):
+def _unused_scale(numbers, scale):
     """A note where answers on all axes together leave more than half of the scale unused."""
-    numbers = [_number(answer) for answer in answers]
-    if len(numbers) < LEAST_ANSWERS:
-        return
-    low, high = min(numbers), max(numbers)
-    if high - low < LEAST_USED * (scale[1] - scale[0]):
-        yield (
-            f"the answers run from {low:g} to {high:g}, less than half of `scale` = [{scale[0]:g}, {scale[1]:g}]: is "
-            "`scale` right?"
-        )
+    if len(numbers) < LEAST_ANSWERS or np.ptp(numbers) >= LEAST_USED * (scale[1] - scale[0]):
+        return []
+    used = f"the answers run from {numbers.min():g} to {numbers.max():g}"
+    return [f"{used}, less than half of `scale` = [{scale[0]:g}, {scale[1]:g}]: is `scale` right?"]
 
 
-def _number(answer):
-    try:
-        value = float(answer.text.replace(",", "."))
-    except ValueError:
-        value = float("nan")
-    if value != value:
-        raise ValueError(
-            f"{answer.place}: the answer {answer.text!r} on {answer.axis} is no number. Correct it, or add it to "
-            "`missing`."
-        )
-    return value
-
-
-def _check_axes(values, ratings, ignored, layout):
-    for axis, theirs in ratings.axes.items():
-        if not any(key[2] == axis for key in values):
-            there = f"; the tables have {_few(list(ignored))}" if ignored else ""
-            raise ValueError(f"{layout.path}: [ratings.axes] {axis} = {theirs.column!r} has no answer{there}.")
+def _scores(answers, ratings, surfaces, axes):
+    """The answers on the 0-8 scale, in order of the raters' first answers, the recordings and our axes."""
+    low, high = ratings.scale
+    share = (answers["number"] - low) / (high - low)
+    share = share.where(~answers["axis"].map(ratings.is_turned), 1 - share)
+    raters = tuple(answers["rater"].unique())
+    rated = tuple(name for name in surfaces if name in set(answers["surface"]))
+    values = np.full((len(raters), len(rated), len(axes)), np.nan, dtype=np.float32)
+    places = [pd.Index(names).get_indexer(answers[key]) for key, names in zip(_KEY, (raters, rated, axes), strict=True)]
+    values[tuple(places)] = RATING_SCALE[0] + (RATING_SCALE[1] - RATING_SCALE[0]) * share
+    return RaterScores(values, raters, rated, axes)

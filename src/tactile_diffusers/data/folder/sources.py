@@ -4,20 +4,18 @@ import difflib
 import os
 from collections import defaultdict
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
-from .draft_walk import HIDDEN_PREFIXES
-from .layout import FilesLayout, Layout
-from .tables import paths_inside, read_table
+from .layout import FilesLayout
+from .tables import few, paths_inside, read_table
 
+#: Files of other programs, not of the person who recorded.
+HIDDEN_PREFIXES = (".", "__", "~$")
 #: Rows that are read of the first file of each kind, to see its columns before anything is converted.
 GLANCE_ROWS = 100
-#: How many names a message lists.
-_FEW = 5
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Source:
     """One table: a file, or a place inside one, with what the layout says about it."""
 
@@ -31,10 +29,14 @@ class Source:
 
     def table(self, max_rows=None):
         """Opens it as a `Table`."""
-        kind, place = self.files.kind, "sheet" if self.files.kind == "xlsx" else "inside"
-        options = {place: self.inside} if self.inside is not None else {}
+        files = self.files
         return read_table(
-            self.path, kind, delimiter=self.files.delimiter, header=self.files.header, max_rows=max_rows, **options
+            self.path,
+            files.kind,
+            inside=self.inside,
+            delimiter=files.delimiter,
+            header=files.header,
+            max_rows=max_rows,
         )
 
 
@@ -44,7 +46,6 @@ def files_below(root):
     Raises:
         FileNotFoundError: if there is no folder.
     """
-    root = Path(root)
     if not root.is_dir():
         raise FileNotFoundError(f"There is no folder {root}.")
     found = []
@@ -56,21 +57,8 @@ def files_below(root):
 
 
 def matching_places(root, paths, entry, where):
-    """Tables that an entry of a layout (its `pattern`, `inside` and `kind`) describes.
-
-    Args:
-        root (`Path`): the folder.
-        paths (`list[str]`): of `files_below`.
-        entry (`FilesLayout` or `RatingsLayout`): what is looked for.
-        where (`str`): the entry, for messages.
-
-    Returns:
-        `list[tuple[Path, str | None, dict]]`: file, place inside, and the named fields.
-
-    Raises:
-        ValueError: if there is none.
-    """
-    found, pattern, inside = [], entry.pattern, entry.inside
+    """Tables that an entry of a layout describes: list of file, place inside or `None`, and the named fields."""
+    found, pattern, inside = [], entry.pattern, entry.place
     matched = [(path, fields) for path in paths if (fields := pattern.match(path)) is not None]
     for path, fields in matched:
         if inside is None or inside.literal:
@@ -88,17 +76,13 @@ def matching_places(root, paths, entry, where):
         )
     if not found:
         path = root / matched[0][0]
-        places = list(islice(paths_inside(path, entry.kind), 1, 1 + _FEW))
+        places = few([place for place in paths_inside(path, entry.kind) if place], 5)
         raise ValueError(f"{where}: {inside.text!r} matches no place inside {path}, which has {places}.")
     return found
 
 
-def find_recordings(root, layout: Layout):
-    """Joins the files of a folder to recordings, and looks at the first file of each kind.
-
-    Args:
-        root (`Path`): the folder.
-        layout (`Layout`): its description.
+def find_recordings(root, layout):
+    """Joins files to recordings, and looks at the columns of the first file of each kind.
 
     Returns:
         `tuple[dict, dict]`: (surface, explorer, trial) -> channel -> `Source`, and name -> reason of what lacks a file.
@@ -112,7 +96,7 @@ def find_recordings(root, layout: Layout):
     recordings, claimed = defaultdict(dict), defaultdict(set)
     for number, files in sorted(enumerate(layout.files, 1), key=lambda entry: not entry[1].where):
         where = f"{layout.path}: [[files]] {number}"
-        places = _meant(matching_places(Path(root), paths, files, where), files, where, claimed)
+        places = _meant(matching_places(root, paths, files, where), files, where, claimed)
         for path, inside, fields in places:
             source = Source(files, path, inside)
             name = fields["surface"], fields.get("explorer", "0"), fields.get("trial", "0")
@@ -131,7 +115,7 @@ def find_recordings(root, layout: Layout):
         name, reason = next(iter(left_out.items()))
         raise ValueError(
             f"{layout.path}: no recording in {root} has all its files; {name}, for example, has {reason}. Names found: "
-            f"{list(left_out)[:_FEW]}. Let the fields of the patterns agree between the kinds of files."
+            f"{list(left_out)[:5]}. Let the fields of the patterns agree between the kinds of files."
         )
     return complete, left_out
 
@@ -140,14 +124,13 @@ def _meant(places, files, where, claimed):
     """The places that an entry means: those that fit its `where`, or those that no entry with `where` `claimed`."""
     if not files.where:
         return [place for place in places if not claimed[place[:2]] & set(files.channels)]
-    fixed = dict(files.where)
     meant = [
-        (path, inside, fields | fixed)
+        (path, inside, fields | files.where)
         for path, inside, fields in places
-        if all(fields.get(name, value) == value for name, value in fixed.items())
+        if all(fields.get(name, value) == value for name, value in files.where.items())
     ]
     if not meant:
-        raise ValueError(f"{where}: no file that `pattern` matches has `where` = {fixed}.")
+        raise ValueError(f"{where}: no file that `pattern` matches has `where` = {files.where}.")
     for path, inside, _ in meant:
         claimed[path, inside] |= set(files.channels)
     return meant

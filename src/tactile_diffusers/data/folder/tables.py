@@ -1,6 +1,6 @@
 """Files of other people as tables of named columns: csv, xlsx, mat, hdf5, npy, npz, wav, parquet.
 
-Nothing is guessed about meaning here: `layout.toml` says which column is what. Pickles are never read.
+A layout says which column is what; nothing is guessed here. Pickles are never read.
 """
 
 import difflib
@@ -14,33 +14,18 @@ import pandas as pd
 
 from ...io.reading import check_archive, check_size, reading
 from ..wav_header import check_wav
-from .delimited import DECIMAL_COMMA, delimited_format, find_header
-from .trees import open_tree, tree_columns, tree_node, tree_nodes, tree_rate, tree_tables
+from .text_tables import HEAD_ROWS, find_header, text_format
+from .trees import Tree, open_tree
 
 #: Kind of a file by its extension (lower case).
-KINDS = {
-    ".csv": "csv",
-    ".tsv": "csv",
-    ".txt": "csv",
-    ".dat": "csv",
-    ".xlsx": "xlsx",
-    ".xlsm": "xlsx",
-    ".mat": "mat",
-    ".h5": "hdf5",
-    ".hdf5": "hdf5",
-    ".hdf": "hdf5",
-    ".npy": "npy",
-    ".npz": "npz",
-    ".wav": "wav",
-    ".parquet": "parquet",
-}
+KINDS = dict.fromkeys((".csv", ".tsv", ".txt", ".dat"), "csv") | dict.fromkeys((".xlsx", ".xlsm"), "xlsx")
+KINDS |= dict.fromkeys((".h5", ".hdf5", ".hdf"), "hdf5")
+KINDS |= {".mat": "mat", ".npy": "npy", ".npz": "npz", ".wav": "wav", ".parquet": "parquet"}
 #: Kinds whose files hold a tree of arrays, in which `inside` names one place.
 TREE_KINDS = ("mat", "hdf5", "npz")
 #: Cells of a column of numbers that are empty rather than unreadable.
 EMPTY = ("", "nan", "NaN", "NA")
 _REMEDY = "Check that it is whole, and what its layout says about it."
-#: Rows of a csv or xlsx file in which the delimiter and the names are looked for.
-HEAD_ROWS = 60
 
 
 @dataclass
@@ -54,6 +39,8 @@ class Table:
         rate (`float` or `None`): Hz, where the file itself says so (wav header, HDF5 attribute, scalar beside arrays).
         rows (`int`): of the longest column; arrays of a group or struct may differ in length.
         first_line (`int` or `None`): line of the first row in a csv or xlsx file, for messages; counts from 1.
+        load (`Callable`): from a name to its column, a 1-D array of numbers or str.
+        load_text (`Callable` or `None`): the same, exactly as written, where that differs.
         unreadable (`Counter`): column -> cells that are no finite number, known after `numbers` read them.
     """
 
@@ -63,9 +50,9 @@ class Table:
     rate: float | None
     rows: int
     first_line: int | None = None
+    load: object = field(default=None, repr=False)
+    load_text: object = field(default=None, repr=False)
     unreadable: Counter = field(default_factory=Counter)
-    _load: object = field(default=None, repr=False)  # name -> 1-D array of numbers or str
-    _load_text: object = field(default=None, repr=False)  # the same, exactly as written, where that differs
 
     @property
     def where(self):
@@ -86,10 +73,10 @@ class Table:
             return self.names[column]
         if isinstance(column, str) and column in self.names:
             return column
-        spelt = {name.casefold(): name for name in self.names}
-        near = difflib.get_close_matches(str(column).casefold(), spelt, n=1)
-        hint = f" Did you mean {spelt[near[0]]!r}?" if near else ""
-        raise ValueError(f"{self.where} has no column {column!r}; it has {_listed(self.names)}.{hint}")
+        lower = {name.casefold(): name for name in self.names}
+        near = difflib.get_close_matches(str(column).casefold(), lower, n=1)
+        hint = f" Did you mean {lower[near[0]]!r}?" if near else ""
+        raise ValueError(f"{self.where} has no column {column!r}; it has {few(self.names, 12) or 'none'}.{hint}")
 
     def numbers(self, column):
         """A column as numbers.
@@ -104,8 +91,8 @@ class Table:
             ValueError: if there is no such column, or it holds text only.
         """
         name = self.name(column)
-        with self._reading():
-            values = np.asarray(self._load(name))
+        with reading(self.path, "a whole table", _REMEDY):
+            values = np.asarray(self.load(name))
         if values.dtype.kind in "fiub":
             numbers = values.astype(np.float64)
             odd = np.isinf(numbers)
@@ -123,12 +110,15 @@ class Table:
     def text(self, column):
         """A column as it is written: (rows,) list of `str` in NFC, without spaces around them, "" = empty."""
         name = self.name(column)
-        with self._reading():
-            values = (self._load_text or self._load)(name)
+        with reading(self.path, "a whole table", _REMEDY):
+            values = (self.load_text or self.load)(name)
         return [unicodedata.normalize("NFC", _as_text(value)) for value in values]
 
-    def _reading(self):
-        return reading(self.path, "a whole table", _REMEDY)
+
+def few(names, most=8):
+    """The first of several names for a message, and how many more there are."""
+    names = [repr(name) for name in names]
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def kind_of(path):
@@ -136,14 +126,14 @@ def kind_of(path):
     return KINDS.get(Path(path).suffix.lower())
 
 
-def read_table(path, kind=None, *, inside=None, sheet=None, delimiter=None, header=None, max_rows=None):
+def read_table(path, kind=None, *, inside=None, delimiter=None, header=None, max_rows=None):
     """Opens one table of a file.
 
     Args:
         path (`str` or `Path`): the file.
         kind (`str`, *optional*): one of the values of `KINDS`; default: by the extension.
-        inside (`str`, *optional*): mat, hdf5, npz: the group, struct or array, "a/b"; default: the top.
-        sheet (`str`, *optional*): xlsx; default: the first.
+        inside (`str`, *optional*): mat, hdf5, npz: the group, struct or array, "a/b"; default: the top. xlsx: the
+            sheet; default: the first.
         delimiter (`str`, *optional*): csv; " " = any white space; default: found out.
         header (`int`, *optional*): csv, xlsx: lines before the data; the names are in the last one that has as many
             different names as there are columns; 0 = no names; default: found out.
@@ -167,9 +157,9 @@ def read_table(path, kind=None, *, inside=None, sheet=None, delimiter=None, head
         if kind == "csv":
             return _read_csv(path, delimiter, header, max_rows)
         if kind == "xlsx":
-            return _read_xlsx(path, sheet, header, max_rows)
+            return _read_xlsx(path, inside, header, max_rows)
         if kind in TREE_KINDS:
-            return _read_tree(path, kind, inside)
+            return _tree_table(path, open_tree(path, kind), (inside or "").strip("/"))
         return {"npy": _read_npy, "wav": _read_wav, "parquet": _read_parquet}[kind](path)
 
 
@@ -189,11 +179,11 @@ def list_tables(path, kind=None, **options):
     path = Path(path)
     kind = kind or kind_of(path)
     if kind == "xlsx" and path.is_file():
-        return [read_table(path, kind, sheet=sheet, **options) for sheet in _sheets(path)]
-    if kind in TREE_KINDS and path.is_file():
-        with reading(path, kind, _REMEDY), open_tree(path, kind) as tree:
-            inside = tree_tables(tree)
-        return [read_table(path, kind, inside=name, **options) for name in inside]
+        return [read_table(path, kind, inside=sheet, **options) for sheet in paths_inside(path, kind)]
+    if kind in TREE_KINDS:
+        with reading(path, kind, _REMEDY):
+            tree = open_tree(path, kind)
+            return [_tree_table(path, tree, place) for place in tree.tables]
     return [read_table(path, kind, **options)]
 
 
@@ -204,160 +194,113 @@ def paths_inside(path, kind=None):
         `list[str]`.
     """
     path, kind = Path(path), kind or kind_of(path)
-    if kind == "xlsx":
-        return _sheets(path)
-    with reading(path, kind, _REMEDY), open_tree(path, kind) as tree:
-        return [name for name, _ in tree_nodes(tree)]
-
-
-def _sheets(path):
-    try:
+    with reading(path, kind, _REMEDY):
+        if kind != "xlsx":
+            return open_tree(path, kind).places
         check_archive(path)
         with pd.ExcelFile(path, engine="openpyxl") as book:
             return [str(name) for name in book.sheet_names]
-    except Exception as error:  # openpyxl, zipfile and the XML reader raise many kinds
-        raise _no_workbook(path, error) from error
 
 
 def _read_csv(path, delimiter, header, max_rows):
-    options = delimited_format(path, delimiter, header, HEAD_ROWS)
-    if not options.names:
+    found = text_format(path, delimiter, header)
+    if not found.names:
         return Table(path, None, [], None, 0, first_line=1)
-    common = dict(
-        sep=options.separator,
-        header=None,
-        skiprows=options.header,
-        nrows=max_rows,
-        encoding=options.encoding,
-        skipinitialspace=True,
-    )
+    common = dict(sep=found.separator, header=None, skiprows=found.header, encoding=found.encoding)
+    common |= dict(nrows=max_rows, skipinitialspace=True)
     try:
-        frame = pd.read_csv(path, names=options.names, decimal=options.decimal, low_memory=False, **common)
-        if options.decimal == "." and options.separator != "," and _has_decimal_comma(frame):
-            # the first lines held whole numbers only
-            frame = pd.read_csv(path, names=options.names, decimal=",", low_memory=False, **common)
+        frame = pd.read_csv(path, names=found.names, low_memory=False, **common)
     except pd.errors.EmptyDataError:  # names without any row
-        frame = pd.DataFrame(columns=options.names, dtype=np.float64)
+        frame = pd.DataFrame(columns=found.names, dtype=np.float64)
     if not isinstance(frame.index, pd.RangeIndex):
-        line = options.header + 1
         raise ValueError(
-            f"{path}, line {line}: has more than the {len(options.names)} columns of the other lines. Correct it, or "
-            "give `header`, the lines before the data."
+            f"{path}, line {found.header + 1}: has more than the {len(found.names)} columns of the other lines. Correct"
+            " it, or give `header`, the lines before the data."
         )
+
+    def load(name):  # a comma that separates no columns is that of a decimal number
+        column = frame[name]
+        words = column.dtype.kind not in "fiub" and found.separator != ","
+        return (column.str.replace(",", ".", regex=False) if words else column).to_numpy()
 
     def load_text(name):
         # read again: the numbers 1 and 01 are the same, the names are not
-        column = options.names.index(name)
+        column = found.names.index(name)
         again = pd.read_csv(path, usecols=[column], dtype=str, keep_default_na=False, **common)
         return again.iloc[:, 0].to_numpy(dtype=object)
 
-    return _frame_table(path, None, frame, options.header + 1, load_text)
-
-
-def _has_decimal_comma(frame):
-    text = (frame[name].dropna().astype(str).str.strip() for name in frame if frame[name].dtype.kind not in "fiub")
-    return any(column.str.fullmatch(DECIMAL_COMMA).any() for column in text)
+    return Table(path, None, found.names, None, len(frame), found.header + 1, load, load_text)
 
 
 def _read_xlsx(path, sheet, header, max_rows):
+    check_archive(path)
     rows = None if max_rows is None else max_rows + HEAD_ROWS
-    try:
-        check_archive(path)
-        with pd.ExcelFile(path, engine="openpyxl") as book:
-            name = book.sheet_names[0] if sheet is None else sheet
-            if name not in book.sheet_names:
-                raise ValueError(f"there is no sheet {name!r}, only {_listed(book.sheet_names)}")
-            cells = pd.read_excel(
-                book, sheet_name=name, header=None, dtype=object, nrows=rows, keep_default_na=False, na_values=[""]
-            )
-    except Exception as error:  # openpyxl, zipfile and the XML reader raise many kinds
-        raise _no_workbook(path, error) from error
+    with pd.ExcelFile(path, engine="openpyxl") as book:
+        sheet = book.sheet_names[0] if sheet is None else sheet
+        if sheet not in book.sheet_names:
+            raise ValueError(f"there is no sheet {sheet!r}, only {few(book.sheet_names, 12)}")
+        cells = pd.read_excel(
+            book, sheet_name=sheet, header=None, dtype=object, nrows=rows, keep_default_na=False, na_values=[""]
+        )
     head = [[_as_text(value) for value in row] for row in cells.head(HEAD_ROWS).itertuples(index=False)]
     lines, names = find_header(head, header)
     frame = cells.iloc[lines:].reset_index(drop=True)
     frame.columns = names
-    return _frame_table(path, name, frame if max_rows is None else frame.head(max_rows), lines + 1)
-
-
-def _no_workbook(path, error):
-    return ValueError(f"{path} cannot be read as xlsx: {error}. Save it as .xlsx again, or name a sheet it has.")
+    return _frame_table(path, sheet, frame if max_rows is None else frame.head(max_rows), lines + 1)
 
 
 def _read_parquet(path):
     try:
         import pyarrow.parquet
-
-        described = pyarrow.parquet.read_metadata(path)
-        check_size(path, 8 * described.num_rows * described.num_columns)  # equal numbers take no room
-        frame = pd.read_parquet(path)
     except ImportError as error:
         raise ValueError(f'{path}: parquet files need pyarrow: pip install "tactile-diffusers[parquet]"') from error
-    except ValueError as error:
-        raise ValueError(f"{path} cannot be read as parquet ({error}). Copy it again, or write it again.") from error
+    described = pyarrow.parquet.read_metadata(path)
+    check_size(path, 8 * described.num_rows * described.num_columns)  # equal numbers take no room
+    frame = pd.read_parquet(path)
     frame.columns = [str(name) for name in frame.columns]
     return _frame_table(path, None, frame, None)
 
 
-def _frame_table(path, inside, frame, first_line, load_text=None):
-    def load(name):
-        return frame[name].to_numpy()
-
-    return Table(path, inside, list(frame.columns), None, len(frame), first_line, _load=load, _load_text=load_text)
+def _frame_table(path, inside, frame, first_line):
+    return Table(path, inside, list(frame), None, len(frame), first_line, lambda name: frame[name].to_numpy())
 
 
 def _read_npy(path):
-    try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-        if not isinstance(array, np.ndarray):
-            raise ValueError("it is an archive, npz")
-    except ValueError as error:
-        raise ValueError(f"{path} cannot be read as npy ({error}). Save it as numbers, not as objects.") from error
-    columns = tree_columns(array)
-    return Table(path, None, list(columns), None, _longest(columns), _load=lambda name: np.array(columns[name][1]()))
+    array = np.load(path, mmap_mode="r", allow_pickle=False)
+    if not isinstance(array, np.ndarray):
+        raise ValueError("it is an archive, npz")
+    return _tree_table(path, Tree({"": array}), "")
 
 
 def _read_wav(path):
     import soundfile
 
-    with reading(path, "wav", "Copy it again, or save it as PCM or float WAV."):
-        with path.open("rb") as file:
-            check_wav(file)
-        info = soundfile.info(path)
-        check_size(path, 8 * info.frames * info.channels)
+    with path.open("rb") as file:
+        check_wav(file)
+    info = soundfile.info(path)
+    check_size(path, 8 * info.frames * info.channels)
 
     def load(name):
         return soundfile.read(path, dtype="float64", always_2d=True)[0][:, int(name)]
 
     names = [str(channel) for channel in range(info.channels)]
-    return Table(path, None, names, float(info.samplerate), info.frames, _load=load)
+    return Table(path, None, names, float(info.samplerate), info.frames, load=load)
 
 
-def _read_tree(path, kind, inside):
-    inside = (inside or "").strip("/")
-    with open_tree(path, kind) as tree:
-        node = tree_node(tree, inside)
-        if node is None:
-            names = [name for name, _ in tree_nodes(tree) if name]
-            near = difflib.get_close_matches(inside, names, n=3) or names
-            raise ValueError(f"{path} has no group, struct or array {inside!r}; it has {_listed(near)}.")
-        columns = tree_columns(node)
-        rate = tree_rate(node) or tree_rate(tree_node(tree, inside.rpartition("/")[0]))
+def _tree_table(path, tree, inside):
+    columns = tree.columns(inside)
+    if columns is None:
+        names = tree.places[1:]
+        near = difflib.get_close_matches(inside, names, n=3) or names
+        raise ValueError(f"{path} has no group, struct or array {inside!r}; it has {few(near, 12) or 'none'}.")
 
     def load(name):
-        with open_tree(path, kind) as again:
-            check_size(path, 8 * columns[name][0])
-            return tree_columns(tree_node(again, inside))[name][1]()
+        length, read = columns[name]
+        check_size(path, 8 * length)
+        return np.array(read())
 
-    return Table(path, inside or None, list(columns), rate, _longest(columns), _load=load)
-
-
-def _longest(columns):
-    return max((length for length, _ in columns.values()), default=0)
-
-
-def _listed(names, most=12):
-    names = [repr(name) for name in names]
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "") or "none"
+    rows = max((length for length, _ in columns.values()), default=0)
+    return Table(path, inside or None, list(columns), tree.rate(inside), rows, load=load)
 
 
 def _as_text(value):

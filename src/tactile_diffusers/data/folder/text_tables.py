@@ -1,4 +1,4 @@
-"""How a text table is written: encoding, delimiter, decimal sign, and which of its first lines are names."""
+"""How a text table is written: encoding, delimiter, and which of its first lines are names."""
 
 import codecs
 import csv
@@ -6,54 +6,47 @@ import re
 from collections import Counter
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
 
 #: Delimiters that are tried, the likeliest first; " " stands for any white space.
 DELIMITERS = ("\t", ";", "|", ",", " ")
-#: What stands for a missing number in a column of numbers.
-MISSING = ("", "na", "n/a", "nan", "-nan", "inf", "-inf", "null", "none")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
-#: A number with a decimal comma.
-DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.IGNORECASE)
+#: Rows in which the delimiter and the names are looked for.
+HEAD_ROWS = 60
+#: A number, also with a decimal comma, or what stands for a missing one.
+_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?|-?nan|-?inf|na|n/a|null|none|", re.IGNORECASE)
 
 
 @dataclass
-class DelimitedFormat:
-    """Arguments for `pandas.read_csv`: separator, decimal sign, encoding, lines before the data, and the names."""
+class TextFormat:
+    """Arguments for `pandas.read_csv`: separator, encoding, lines before the data, and names of the columns."""
 
     separator: str
-    decimal: str
     encoding: str
     header: int
     names: list[str]
 
 
-def delimited_format(path, delimiter, header, head_lines):
+def text_format(path, delimiter=None, header=None):
     """Looks at the first lines of a text table; no names = the file is empty.
 
     Args:
         path (`Path`): the file.
-        delimiter (`str` or `None`): `None` = find out; " " = any white space.
-        header (`int` or `None`): lines before the data; `None` = find out.
-        head_lines (`int`): lines to look at.
+        delimiter (`str`, *optional*): default: the one that gives the most columns of numbers; " " = any white space.
+        header (`int`, *optional*): lines before the data; default: as `find_header` finds.
 
     Returns:
-        `DelimitedFormat`.
+        `TextFormat`.
 
     Raises:
         ValueError: if the file is no text.
     """
     encoding = _encoding(path)
     with path.open(encoding=encoding, newline="") as file:
-        lines = [line.rstrip("\r\n") for line in islice(file, head_lines + (header or 0))]
+        lines = [line.rstrip("\r\n") for line in islice(file, HEAD_ROWS + (header or 0))]
     filled = [line for line in lines if line.strip()]
     sample = filled[len(filled) // 2 :]  # behind what may stand before the data
     delimiter = delimiter or max(DELIMITERS, key=lambda candidate: _fit(sample, candidate))
-    rows = [_split(line.lstrip("#% "), delimiter) for line in lines]
-    numbers = [value for line in sample for value in _split(line, delimiter)]
-    comma = delimiter != "," and any(DECIMAL_COMMA.fullmatch(value) for value in numbers)
-    lines_before, names = find_header(rows, header)
-    return DelimitedFormat(r"\s+" if delimiter == " " else delimiter, ",."[not comma], encoding, lines_before, names)
+    header, names = find_header([_split(line.lstrip("#% "), delimiter) for line in lines], header)
+    return TextFormat(r"\s+" if delimiter == " " else delimiter, encoding, header, names)
 
 
 def find_header(rows, header=None):
@@ -61,8 +54,8 @@ def find_header(rows, header=None):
 
     Args:
         rows (`list[list[str]]`): the first rows of a table.
-        header (`int`, *optional*): lines before the data; default: found out. A table of numbers starts with the
-            first row of numbers; a table with words has at least one line of names.
+        header (`int`, *optional*): lines before the data. Default: a table of numbers starts with the first row of
+            numbers; a table with words has at least one line of names.
 
     Returns:
         `tuple[int, list[str]]`: lines before the data, and one name per column: from the last of these lines that has
@@ -83,11 +76,10 @@ def find_header(rows, header=None):
 
 def is_number(text):
     """Whether a cell can stand in a column of numbers: a number, also with a decimal comma, or a missing one."""
-    return bool(text.lower() in MISSING or _NUMBER.fullmatch(text) or DECIMAL_COMMA.fullmatch(text))
+    return bool(_NUMBER.fullmatch(text))
 
 
 def _lines_before_data(rows, body):
-    """Lines before the data, whose later rows are `body`."""
     columns = len(body[0])
     only_numbers = all(Counter(tuple(map(is_number, row)) for row in body).most_common(1)[0][0])
     for line, row in enumerate(rows):
@@ -102,7 +94,7 @@ def _lines_before_data(rows, body):
 
 
 def _encoding(path):
-    with Path(path).open("rb") as file:
+    with path.open("rb") as file:
         start = file.read(1 << 16)
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
@@ -122,7 +114,7 @@ def _split(line, delimiter):
 
 
 def _fit(lines, delimiter):
-    """How well a delimiter explains lines: share of cells that are numbers, 0 if lines differ in their columns."""
+    """How well a delimiter explains lines: 1 if most have as many columns, and the share of cells that are numbers."""
     rows = [_split(line, delimiter) for line in lines]
     if not rows:
         return 0, 0
@@ -130,6 +122,4 @@ def _fit(lines, delimiter):
     if count < 2 or times < 0.6 * len(rows):
         return 0, 0
     cells = [value for row in rows for value in row]
-    comma_counts = delimiter != ","
-    numbers = sum(is_number(value) and (comma_counts or "," not in value) for value in cells)
-    return 1, numbers / len(cells)
+    return 1, sum(is_number(value) and not (delimiter == "," and "," in value) for value in cells) / len(cells)

@@ -27,13 +27,13 @@ LIKELY_FORCE = (0.01, 30.0)
 LARGEST_SPAN, LARGEST_SPEED = 5000.0, 10_000.0
 
 
-def read_recording(name, channels, layout, report):
+def read_channels(name, channels, filter, report):
     """Reads one recording.
 
     Args:
         name (`str`): "surface/explorer/trial".
-        channels (`dict[str, Source]`): of `find_recordings`.
-        layout (`Layout`): for the velocity filter.
+        channels (`dict[str, Source]`): the tables that hold "force" or "lateral", and "position" or "velocity".
+        filter (`VelocityLayout`): makes velocity from position.
         report (`ConversionReport`): where notes and the lag go.
 
     Returns:
@@ -45,15 +45,15 @@ def read_recording(name, channels, layout, report):
     """
     read = {}
     for source in dict.fromkeys(channels.values()):
-        read |= _read_source(source, [channel for channel in channels if channels[channel] == source], report)
+        read |= _read_source(source, [channel for channel in channels if channels[channel] is source], report)
     kind = "force" if "force" in read else "lateral"
     force, unit = read[kind], "1" if getattr(channels[kind].files, kind).unit == "1" else "N"
     motion = read.get("velocity")
     if "position" in read:
-        position, (window, order) = read["position"], (layout.velocity.window, layout.velocity.order)
+        position = read["position"]
         _check_usable(position)
         _check_span(position, channels["position"])
-        slope = velocity_from_position(position.values, position.true_rate, window, order)
+        slope = velocity_from_position(position.values, position.true_rate, filter.window, filter.order)
         motion = replace(position, values=slope)
     if motion is not None:
         force, motion = on_one_clock(force, motion)
@@ -68,8 +68,7 @@ def read_recording(name, channels, layout, report):
         force = _resampled(force, wanted)
     arrays = {kind: _shaped(force.values, kind), f"{kind}_rate": force.rate, "unit": unit}
     if motion is not None:
-        _check_speed(motion, channels.get("position") or channels["velocity"])
-        _note_speed(motion, report)
+        _check_speed(motion, channels.get("position") or channels["velocity"], report)
         report.lags[name] = _lag(force, motion)
         arrays |= {"velocity": _in_plane(motion.values), "velocity_rate": motion.rate}
     return arrays
@@ -102,15 +101,15 @@ def _read_source(source, channels, report):
         report.note("samples missing in the files, NaN", missing.sum(), place)
     clock = _on_clock(values, stamps, table, files)
     report.note_counts(clock.counts, clock.where)
-    split, start = {}, 0
+    parts, start = {}, 0
     for channel in channels:
         described = getattr(files, channel)
         part = clock.values[:, start : start + len(described.columns)]
         start += len(described.columns)
         part = part if described.scale == 1 else part * described.scale
         part = part * [1, 1, described.normal_sign] if channel == "force" else part
-        split[channel] = replace(clock, values=part, counts={})
-    return split
+        parts[channel] = replace(clock, values=part, counts={})
+    return parts
 
 
 def _on_clock(values, stamps, table, files):
@@ -209,23 +208,16 @@ def _check_span(position, source):
         )
 
 
-def _check_speed(motion, source):
-    """Refuses speeds that no finger has, before anything is computed from the distance."""
-    speed = _median_speed(motion)
+def _check_speed(motion, source, report):
+    """Refuses speeds that no finger has, before anything is computed from the distance, and notes unlikely ones."""
+    speed = float(np.nanmedian(np.linalg.norm(motion.values, axis=1)))
     if speed > LARGEST_SPEED:
         name = "velocity" if source.files.velocity else "position"
         raise ValueError(
             f"{motion.where}: with `unit` = {getattr(source.files, name).unit!r} of `{name}` the median speed is "
             f"{speed:,.0f} mm/s: is that unit right, and that of `time`? At most {LARGEST_SPEED:,.0f} mm/s are taken."
         )
-
-
-def _median_speed(motion):
-    return float(np.nanmedian(np.linalg.norm(motion.values, axis=1)))
-
-
-def _note_speed(motion, report):
-    if not LIKELY_SPEED[0] <= _median_speed(motion) <= LIKELY_SPEED[1]:
+    if not LIKELY_SPEED[0] <= speed <= LIKELY_SPEED[1]:
         report.note(f"recordings with a median speed outside {LIKELY_SPEED} mm/s: is the unit right?", 1, motion.where)
 
 
