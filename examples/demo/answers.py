@@ -9,7 +9,7 @@ from settings import SCALES, digits, from_z
 from sound import sound_html
 from strip import strip_html
 
-from tactile_diffusers.cli.recording import LARGEST_RMS
+from tactile_diffusers.data.folder.recording import LARGEST_RMS
 from tactile_diffusers.signal import RATING_AXES, REFERENCE_FORCE
 
 #: Stands under every player.

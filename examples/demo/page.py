@@ -163,7 +163,9 @@ def _recording_tab(gr, studio, asked):
         upload = gr.File(label="Recording (.csv, .wav)", file_types=[".csv", ".wav"], type="binary", elem_id="upload")
         with gr.Column():
             rate = gr.Number(10_000, label="Sampling rate, Hz", info="of a CSV file with one column")
-            newtons = gr.Number(1.0, label="Newtons per unit", info="1 = the file holds newtons; WAV: per full scale")
+            newtons = gr.Number(
+                1.0, label="Newtons per unit", info="1 = as the column's name says, else newtons; WAV: per full scale"
+            )
             make = gr.Button("Reconstruct and compare", variant="primary", elem_id="reconstruct")
     picture, sound, numbers = (
         gr.HTML(elem_id="recording-picture"),
@@ -177,13 +179,14 @@ def _recording_tab(gr, studio, asked):
                 raise ValueError("Choose a file first.")
             check_number("newtons per unit", newtons_per_unit, above=0)
             check_number("sampling rate", csv_rate, "Hz", above=0)
-            samples, sampling_rate = read_upload(content, csv_rate, newtons_per_unit)
+            samples, sampling_rate, notes = read_upload(content, csv_rate, newtons_per_unit)
             made = studio.reconstruct(samples, sampling_rate, Settings(*values))
         except ValueError as error:
             # what an earlier recording gave would pass for this one's
             yield f'<p role="status"><strong>Not made:</strong> {html.escape(str(error))}</p>', "", ""
             raise gr.Error(str(error), print_exception=False) from error
-        yield reconstruction_answer(made, scale, studio.config)
+        picture, sound, numbers = reconstruction_answer(made, scale, studio.config)
+        yield picture, sound, "".join(f"<p>{html.escape(note)}</p>" for note in notes) + numbers
 
     make.click(
         reconstruct,

@@ -8,7 +8,7 @@ import soundfile
 from scipy import io
 from uploads import read_upload
 
-from tactile_diffusers.cli.recording import read_recording
+from tactile_diffusers.data.folder import read_recording
 from tactile_diffusers.data.folder.tables import list_tables, read_table
 
 RATE, SAMPLES = 5000, 2500

@@ -1,24 +1,222 @@
-"""Command line: make or convert recordings and prepare a data set from them."""
+"""`tactile-diffusers prepare`: generates or converts recordings, and prepares a data set from them."""
 
+import argparse
 import json
 from pathlib import Path
 
 from .. import virtual
 from ..data import HoldOut, SegmentLimits, prepare_recordings, split_surfaces
-from ..data.folder import convert_folder, draft_layout, export_folder, inspect_folder
+from ..data.folder import EXPORT_KINDS, convert_folder, draft_layout, export_folder, inspect_folder
 from ..data.sens3 import convert_sens3
-from ..io.files import write_text
-from ..signal import BAND_HZ, DEVICE_RATE
-from ..virtual import generate_recordings
-from .prepare_data_args import SOURCE_FLAGS, build_parser, check, check_alone, check_export
+from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
+from ..io.files import check_parent, write_text
+from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
+from ..virtual.raters import RATERS
+from .program import Parser, count, existing_file, existing_folder, positive_number, program, seed
+
+#: Options of each source with their defaults; `None` = required.
+SOURCE_OPTIONS = {
+    "virtual": {
+        "surfaces": 50,
+        "seconds": 30.0,
+        "explorers": 2,
+        "seed": 0,
+        "agreement": 1.0,
+        "raters": RATERS,
+        "rater_moisture": 0.0,
+        "axis_correlation": 0.0,
+        "duration_spread": 0.0,
+        "workers": 1,
+        "output": None,
+    },
+    "sens3": {"root": None, "layout": None, "output": None},
+    "folder": {"root": None, "layout": None, "output": None},
+    "recordings": {"recordings": None},
+}
+#: Options that stand for work of their own, and options of sources that they need.
+ALONE = {"inspect": set(), "export_folder": {"recordings"}, "calibrate": set()}
+DESCRIPTION = """\
+Brings recordings into one file (recordings.h5) and prepares a data set from it.
+
+  --source virtual     virtual surfaces, explored and rated, are written to --output
+  --source sens3       the folder --root, described by --layout, is converted to --output, and compared with SENS3
+  --source folder      likewise, anyone's folder; the keys of a layout are explained at the top of
+                       src/tactile_diffusers/data/folder/layout.py (pydoc tactile_diffusers.data.folder.layout)
+  --source recordings  an existing recordings.h5
+
+With --prepared the recordings are then filtered, cut into segments and split by surface. On their own:
+
+  --inspect DIR        lists what is in a folder; --draft layout.toml writes a layout with TODO where it could not tell
+  --export_folder DIR  writes --recordings as a plain folder with its layout
+  --calibrate          recomputes the constants of the virtual percepts
+"""
+
+
+def build_parser():
+    """The parser, with defaults and units in --help."""
+    parser = Parser(
+        prog=program("prepare_data.py"),
+        usage="%(prog)s [--source SOURCE] [options of the source; --help lists them]",
+        description=DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--source", choices=tuple(SOURCE_OPTIONS), default="virtual", help="default: virtual")
+    parser.add_argument("--quiet", action="store_true", help="no progress bars")
+    _add_files(parser.add_argument_group("files").add_argument)
+    _add_virtual(parser.add_argument_group("virtual surfaces").add_argument)
+    _add_segments(parser.add_argument_group("segments").add_argument)
+    _add_splits(parser.add_argument_group("split by surface").add_argument)
+    return parser
+
+
+def _add_files(add):
+    file, folder = {"type": existing_file, "metavar": "FILE"}, {"type": existing_folder, "metavar": "FOLDER"}
+    add("--output", type=Path, metavar="FILE", help="recordings.h5 to write; required unless --source recordings")
+    add("--recordings", **file, help="recordings.h5 to read; required by --source recordings and --export_folder")
+    add("--root", **folder, help="folder of the recordings; required by --source sens3 and folder")
+    add("--layout", **file, help="layout.toml of the folder; required by --source sens3 and folder")
+    add("--prepared", type=Path, metavar="FILE", help="prepared data set to write; default: none")
+    add("--inspect", **folder, help="list what is in a folder, and stop")
+    add("--draft", type=Path, metavar="FILE", help="with --inspect: layout to write; default: none")
+    add("--export_folder", type=Path, metavar="FOLDER", help="write --recordings as a folder, and stop")
+    add("--export_kind", choices=EXPORT_KINDS, help="files of the exported folder; default: csv")
+
+
+def _add_virtual(add):
+    def number(name, convert, purpose):
+        add(f"--{name}", type=convert, metavar="N", help=f"{purpose}; default: {SOURCE_OPTIONS['virtual'][name]:g}")
+
+    number("surfaces", count, "number of surfaces")
+    number("seconds", positive_number, "mean duration of a recording, s")
+    number("explorers", count, "recordings per surface, by other fingers from the third on")
+    number("raters", count, "number of raters")
+    number("seed", seed, "seed of surfaces, explorations and raters")
+    number("agreement", positive_number, "divides the raters' disagreement")
+    number("rater_moisture", float, "standard deviation of the raters' own moisture; try 0.25")
+    number("axis_correlation", float, "halo: the axes of a rater correlate by up to this; at most 0.6")
+    number("duration_spread", float, "uneven sampling: standard deviation of the log duration")
+    number("workers", count, "processes; the result does not depend on it")
+    add("--calibrate", action="store_true", help="recompute the constants of the percepts, and stop")
+
+
+def _add_segments(add):
+    limits = SegmentLimits()
+
+    def pair(name, purpose, default):
+        shown = "{}; default: {} {}".format(purpose, *default)
+        add(f"--{name}", nargs=2, type=float, metavar=("LOW", "HIGH"), help=shown)
+
+    pair("normal_force", "normal force of a segment, N", limits.normal_force)
+    pair("speed", "speed of a segment, mm/s", limits.speed)
+    add("--no_limits", action="store_true", help="any normal force and speed")
+    add(
+        "--longest_excursion",
+        type=float,
+        default=limits.longest_excursion,
+        metavar="SECONDS",
+        help="longest time outside the limits that is bridged, s; default: %(default)s",
+    )
+    add(
+        "--turnarounds",
+        choices=TURNAROUNDS,
+        default=DEFAULT_TURNAROUNDS,
+        help="how reversals inside a segment are treated (keep = the paper); default: %(default)s",
+    )
+    length = {"type": float, "default": SEGMENT_SECONDS, "metavar": "SECONDS"}
+    add("--segment_seconds", **length, help="length of a segment, s; default: %(default)s")
+    overlap = "overlap of segments, share of a segment; default: %(default)s"
+    add("--overlap", type=float, default=limits.overlap, metavar="SHARE", help=overlap)
+    pair("band", "band-pass, Hz", BAND_HZ)
+    add("--filter_order", type=int, default=4, metavar="N", help="Butterworth, per edge; default: %(default)s")
+    passes = "2 = forward and backward, zero phase; default: %(default)s"
+    add("--filter_passes", type=int, default=2, choices=(1, 2), help=passes)
+
+
+def _add_splits(add):
+    for name in ("validation", "test"):
+        held = f"{name} surfaces: a share below 1, or a number; default: %(default)s"
+        add(f"--{name}", type=float, default=0.1, metavar="N", help=held)
+    add("--split_seed", type=int, default=0, metavar="N", help="seed of the split; default: %(default)s")
+    for kind, example in (("surfaces", "'*-rubber'"), ("explorers", "explorer-2"), ("raters", "rater-10 rater-11")):
+        held = f"{kind} kept for the split 'hard', for example {example}; default: none"
+        add(f"--hold_out_{kind}", nargs="+", default=(), metavar="PATTERN", help=held)
+
+
+def main(arguments=None):
+    """Runs the command; exits with a message, not a traceback, on bad input.
+
+    Args:
+        arguments (`list[str]`, *optional*): defaults to the command line.
+    """
+    parser = build_parser()
+    args = parser.parse_args(arguments)
+    try:
+        _check_alone(parser, args)
+        if args.calibrate:
+            _calibrate()
+        elif args.inspect is not None:
+            _inspect(args)
+        elif args.export_folder is not None:
+            export_folder(args.recordings, args.export_folder, args.export_kind or "csv", quiet=args.quiet)
+            print(f"wrote {args.export_folder}")
+        else:
+            _check_source(parser, args)
+            preparation = _preparation(args) if args.prepared is not None else None
+            recordings = _recordings(args)
+            if preparation is not None:
+                _print_report(prepare_recordings(recordings, args.prepared, **preparation), args.prepared)
+    except (ValueError, OSError) as error:
+        parser.exit(2, f"{parser.prog}: error: {error}\n")
+
+
+def _check_alone(parser, args):
+    """Refuses options of other work beside --inspect, --export_folder or --calibrate, and theirs without them."""
+    for name, owner in (("draft", "inspect"), ("export_kind", "export_folder")):
+        if getattr(args, name) is not None and getattr(args, owner) is None:
+            parser.error(f"--{name} belongs to --{owner}.")
+    used = [name for name, value in vars(args).items() if value is not None and value is not False]
+    alone = next((name for name in ALONE if name in used), None)
+    if alone is None:
+        return
+    others = {name for options in SOURCE_OPTIONS.values() for name in options} | {"prepared", *ALONE}
+    unused = ", ".join(f"--{name}" for name in sorted(used) if name in others - ALONE[alone] - {alone})
+    if unused:
+        parser.error(f"--{alone} does one thing, and stops: leave out {unused}.")
+    for name in ALONE[alone]:
+        if getattr(args, name) is None:
+            parser.error(f"--{alone} needs --{name}.")
+
+
+def _check_source(parser, args):
+    """Fills the defaults of the source and refuses what does not fit it, before any work."""
+    options = SOURCE_OPTIONS[args.source]
+    for name in dict.fromkeys(name for others in SOURCE_OPTIONS.values() for name in others):
+        if name not in options and getattr(args, name) is not None:
+            owners = [source for source, others in SOURCE_OPTIONS.items() if name in others]
+            own = " Files of your own: --source folder." if "folder" in owners else ""
+            parser.error(f"--{name} belongs to --source {' or '.join(owners)}, not to {args.source}.{own}")
+    for name, default in options.items():
+        if getattr(args, name) is None:
+            if default is None:
+                hint = " Write one with --inspect DIR --draft layout.toml." if name == "layout" else ""
+                parser.error(f"--source {args.source} needs --{name}.{hint}")
+            setattr(args, name, default)
+    if args.source == "recordings" and args.prepared is None:
+        parser.error("--source recordings needs --prepared.")
+    if args.no_limits and (args.normal_force or args.speed):
+        parser.error("--no_limits contradicts --normal_force and --speed: give one or the other.")
+    written = [path for path in (args.output, args.prepared) if path is not None]
+    for path in written:
+        check_parent(path)
+    paths = [path.resolve() for path in (*written, args.recordings, args.root, args.layout) if path is not None]
+    if len(set(paths)) < len(paths):
+        parser.error("the files to read and to write must differ.")
 
 
 def _preparation(args):
     """Keyword arguments of `prepare_recordings`, checked as far as they can be without the data."""
     default = SegmentLimits()
-    force, speed = default.normal_force, default.speed
-    if args.no_limits:
-        force = speed = None
+    force, speed = (None, None) if args.no_limits else (default.normal_force, default.speed)
     limits = SegmentLimits(
         normal_force=tuple(args.normal_force) if args.normal_force else force,
         speed=tuple(args.speed) if args.speed else speed,
@@ -29,10 +227,8 @@ def _preparation(args):
     band = tuple(args.band) if args.band else BAND_HZ
     if not 0 < band[0] < band[1] < DEVICE_RATE / 2:
         raise ValueError(f"--band must satisfy 0 < LOW < HIGH < {DEVICE_RATE / 2:g} Hz, got {band}.")
-    test = args.test if args.test is not None else 0.1
-    validation = 0.1 if args.validation is None else args.validation
     if args.source == "virtual":
-        split_surfaces(args.surfaces, validation, test, args.split_seed)
+        split_surfaces(args.surfaces, args.validation, args.test, args.split_seed)
         if args.seconds < limits.seconds:
             raise ValueError(f"--seconds must be at least one segment, {limits.seconds} s, got {args.seconds}.")
     return dict(
@@ -40,8 +236,8 @@ def _preparation(args):
         band=band,
         order=args.filter_order,
         passes=args.filter_passes,
-        validation=validation,
-        test=test,
+        validation=args.validation,
+        test=args.test,
         split_seed=args.split_seed,
         turnarounds=args.turnarounds,
         hold_out=_hold_out(args),
@@ -50,7 +246,7 @@ def _preparation(args):
 
 
 def _hold_out(args):
-    """What is held out; of a virtual collection the names are known before it is made, so they are checked."""
+    """What is held out; of a virtual collection the names are known in advance, so they are checked."""
     held = {kind: tuple(getattr(args, f"hold_out_{kind}")) for kind in ("surfaces", "explorers", "raters")}
     if not any(held.values()):
         return None
@@ -71,8 +267,10 @@ def _calibrate():
 
 
 def _inspect(args):
-    if args.draft is not None and args.draft.exists():
-        raise ValueError(f"--draft {args.draft} exists: give another name, a layout may hold work of yours.")
+    if args.draft is not None:
+        check_parent(args.draft)
+        if args.draft.exists():
+            raise ValueError(f"--draft {args.draft} exists: give another name, a layout may hold work of yours.")
     inventory = inspect_folder(args.inspect, quiet=args.quiet)
     print(inventory)
     if not inventory.groups:
@@ -83,61 +281,25 @@ def _inspect(args):
     print(f"\nwrote {args.draft}: fill in every TODO, then --source folder --root {args.inspect} --layout {args.draft}")
 
 
-def _export(args):
-    export_folder(args.recordings, args.export_folder, args.export_kind or "csv", quiet=args.quiet)
-    print(f"wrote {args.export_folder}")
-
-
 def _recordings(args):
-    """Makes or converts recordings; returns the file."""
-    if args.source == "virtual":
-        settings = {name: getattr(args, name) for name in SOURCE_FLAGS["virtual"] if name != "output"}
-        generate_recordings(args.output, quiet=args.quiet, **settings)
-    elif args.source in ("sens3", "folder"):
-        convert = convert_sens3 if args.source == "sens3" else convert_folder
-        _told(convert(args.root, args.layout, args.output, quiet=args.quiet), args.output)
-        return args.output
-    else:
+    """Generates or converts recordings; returns the file."""
+    if args.source == "recordings":
         return args.recordings
-    print(f"wrote {args.output}")
+    if args.source == "virtual":
+        settings = {name: getattr(args, name) for name in SOURCE_OPTIONS["virtual"] if name != "output"}
+        virtual.generate_recordings(args.output, quiet=args.quiet, **settings)
+        print(f"wrote {args.output}")
+    else:
+        convert = convert_sens3 if args.source == "sens3" else convert_folder
+        _print_report(convert(args.root, args.layout, args.output, quiet=args.quiet), args.output)
     return args.output
 
 
-def _told(report, written):
-    """Prints a report, and how many of its lines are to be read: they scroll away."""
+def _print_report(report, written):
+    """Prints a report, and the number of its notes: they scroll away."""
     text = str(report)
     notes = sum(line.startswith("note: ") for line in text.splitlines())
     print(f"{text}\nwrote {written}" + (f"; {notes} note{'s' * (notes > 1)} above: read them first" if notes else ""))
-
-
-def _run(parser, args):
-    check_alone(parser, args)
-    if args.calibrate:
-        return _calibrate()
-    if args.inspect is not None:
-        return _inspect(args)
-    if args.export_folder is not None:
-        check_export(parser, args)
-        return _export(args)
-    check(parser, args)
-    preparation = _preparation(args) if args.prepared is not None else None
-    recordings = _recordings(args)
-    if preparation is not None:
-        _told(prepare_recordings(recordings, args.prepared, **preparation), args.prepared)
-
-
-def main(arguments=None):
-    """Entry point; exits with a message, not a traceback, on bad input.
-
-    Args:
-        arguments (`list[str]`, *optional*): defaults to the command line.
-    """
-    parser = build_parser()
-    args = parser.parse_args(arguments)
-    try:
-        _run(parser, args)
-    except (ValueError, OSError) as error:
-        parser.exit(2, f"{parser.prog}: error: {error}\n")
 
 
 if __name__ == "__main__":

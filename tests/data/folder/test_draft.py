@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_diffusers.data import RecordingsFile
-from tactile_diffusers.data.folder import draft_groups, draft_walk
+from tactile_diffusers.data.folder import draft_groups
 from tactile_diffusers.data.folder.convert import convert_folder
 from tactile_diffusers.data.folder.draft import draft_layout, inspect_folder
 from tactile_diffusers.data.folder.layout import load_layout
@@ -463,7 +463,7 @@ def test_few_files_are_opened(tmp_path, monkeypatch):
 
 
 def test_large_folders_and_tables_are_cut_short(tmp_path, monkeypatch):
-    monkeypatch.setattr(draft_walk, "MOST_FILES", 10)
+    monkeypatch.setattr(draft_groups, "MOST_FILES", 10)
     monkeypatch.setattr(draft_groups, "HEAD_ROWS", 50)
     monkeypatch.setattr("tactile_diffusers.data.folder.draft_columns.HEAD_ROWS", 50)
     for surface in range(20):
@@ -476,7 +476,7 @@ def test_large_folders_and_tables_are_cut_short(tmp_path, monkeypatch):
 
 
 def test_many_files_of_one_sensor_do_not_hide_another(tmp_path, monkeypatch):
-    monkeypatch.setattr(draft_walk, "MOST_IN_FOLDER", 10)
+    monkeypatch.setattr(draft_groups, "MOST_IN_FOLDER", 10)
     for kind in ("force", "position"):
         for surface in range(15):
             table(tmp_path / kind / f"{surface:02d}.csv", {"x": [1.0, 2.0], "y": [3.0, 4.0], "z": [1.0, 1.0]})

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from tactile_diffusers.data import RecordingsFile, RecordingsWriter
-from tactile_diffusers.data.folder import export
+from tactile_diffusers.data.folder import folder_export
 from tactile_diffusers.data.folder.convert import convert_folder
-from tactile_diffusers.data.folder.export import EXPORT_KINDS, export_folder
+from tactile_diffusers.data.folder.folder_export import EXPORT_KINDS, export_folder
 from tactile_diffusers.data.folder.layout import load_layout
 from tactile_diffusers.data.folder.tables import read_table
 
@@ -83,7 +83,7 @@ def test_ratings_with_gaps_and_further_axes(tmp_path, recording_maker):
 @settings(max_examples=200, deadline=None)
 def test_every_float32_survives_in_text(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("float") / "t.csv"
-    export._write_csv(path, {"force": export._Channel(values, ["fx_N", "fy_N", "fz_N"], 1, "N")})
+    folder_export._write_csv(path, {"force": folder_export._Channel(values, ["fx_N", "fy_N", "fz_N"], 1, "N")})
     table = read_table(path, header=1)
     for column, expected in zip(table.names, values.T, strict=True):
         np.testing.assert_array_equal(np.float32(table.numbers(column)), expected)

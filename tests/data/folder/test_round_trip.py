@@ -9,7 +9,7 @@ import pytest
 from tactile_diffusers.data import RecordingsFile, prepare_recordings
 from tactile_diffusers.data.folder.convert import convert_folder
 from tactile_diffusers.data.folder.draft import draft_layout, inspect_folder
-from tactile_diffusers.data.folder.export import EXPORT_KINDS, export_folder
+from tactile_diffusers.data.folder.folder_export import EXPORT_KINDS, export_folder
 from tactile_diffusers.data.folder.layout import load_layout
 from tactile_diffusers.virtual import generate_recordings
 

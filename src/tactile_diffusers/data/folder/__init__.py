@@ -3,8 +3,9 @@
 from .conversion_report import ConversionReport
 from .convert import convert_folder
 from .draft import draft_layout, inspect_folder
-from .export import EXPORT_KINDS, export_folder
+from .folder_export import EXPORT_KINDS, export_folder
 from .layout import Layout, load_layout
+from .recording import read_recording
 
 __all__ = [
     "EXPORT_KINDS",
@@ -15,4 +16,5 @@ __all__ = [
     "export_folder",
     "inspect_folder",
     "load_layout",
+    "read_recording",
 ]

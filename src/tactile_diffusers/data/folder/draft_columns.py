@@ -1,6 +1,6 @@
 """What the columns of a table look like: units in names, ranges, rates, and what each probably measures.
 
-Everything here is a guess from names and numbers (recipe), and is told as one.
+Everything here is a guess from names and numbers (recipe), and is reported as one.
 """
 
 import re
@@ -12,12 +12,13 @@ from .draft_names import content_of, words_of
 from .layout import TIME_UNITS
 from .tables import Table
 
-#: Units as people write them in names of columns -> ours; units that a layout cannot use are told as they are.
+#: Units as people write them in names of columns -> ours; units that a layout cannot use are shown as they are.
 UNITS = {unit: unit for unit in "N mN gf s ms us mm cm m um mm/s cm/s m/s Nm Nmm V mV g deg rad Hz".split()} | {
     **{"newton": "N", "newtons": "N", "gram": "gf", "grams": "gf", "counts": "1", "raw": "1", "a.u.": "1"},
     **{"sec": "s", "seconds": "s", "msec": "ms", "usec": "us", "µs": "us", "μs": "us", "µm": "um", "μm": "um"},
     **{"mm_s": "mm/s", "mmps": "mm/s", "cm_s": "cm/s", "m_s": "m/s", "m_s2": "m/s2", "m/s^2": "m/s2", "m/s2": "m/s2"},
 }
+_LOWER_UNITS = {name.lower(): unit for name, unit in UNITS.items()}
 _UNIT_AT_END = re.compile(
     rf"(.+?)(?:\s*[/,]\s*|\s+in\s+|[_\s-]+)({'|'.join(map(re.escape, sorted(UNITS, key=len, reverse=True)))})",
     re.IGNORECASE,
@@ -86,7 +87,7 @@ class TableFacts:
         table (`Table`): itself.
         columns (`list[Column]`): no more than `MOST_COLUMNS`.
         complete (`bool`): whether all rows were read.
-        rate (`float` or `None`): Hz, and `rate_from` where that is known from.
+        rate (`float` or `None`): Hz, and `rate_from`, where it is known from.
         stamps_coarse (`bool`): whether more than `MOST_REPEATED` of the time stamps are repeated.
         time_unit (`str` or `None`): of the time stamps; `None` = unknown.
         doubts (`list[str]`): what was only guessed.
@@ -111,23 +112,20 @@ def split_unit(name):
     if name.lower() in ("f_n", "f_t"):  # normal and tangential
         return name, None
     found = re.fullmatch(r"(.*?)[\s_]*[\[(<]\s*([^\])>]+?)\s*[\])>]\s*", name)
-    if found:
-        return found.group(1), _unit(found.group(2)) or found.group(2)
-    found = _UNIT_AT_END.fullmatch(name)
-    return (found.group(1), _unit(found.group(2))) if found else (name, None)
+    if not found:
+        found = _UNIT_AT_END.fullmatch(name)
+    if not found:
+        return name, None
+    base, unit = found.groups()
+    return base, UNITS.get(unit) or _LOWER_UNITS.get(unit.lower(), unit)  # names are often in lower case
 
 
-def _unit(text):
-    # "N" and "n", "mN" and "mn" are the same to those who write names in lower case
-    return UNITS.get(text) or {name.lower(): unit for name, unit in UNITS.items()}.get(text.lower())
-
-
-def describe_table(table, words, head_only):
+def describe_table(table, words=(), head_only=False):
     """Looks at the columns of a table.
 
     Args:
         table (`Table`): opened with at most `HEAD_ROWS` rows if `head_only`.
-        words (`list[str]`): of the name of its file and the place inside: they tell what "x" measures.
+        words (`Sequence[str]`): of the name of its file and the place inside: they say what "x" measures.
         head_only (`bool`): whether there may be more rows.
 
     Returns:
@@ -135,14 +133,13 @@ def describe_table(table, words, head_only):
     """
     facts = TableFacts(table, complete=not (head_only and table.rows >= HEAD_ROWS))
     for name in table.names[:MOST_COLUMNS]:
-        column = Column(name)
-        base, column.unit = split_unit(name)
-        column.measures, column.axis = _measured(base)
+        base, unit = split_unit(name)
+        column = Column(name, unit, *_measured(base))
         if table.rows <= MOST_ROWS:
             _look_at_values(column, table)
         facts.columns.append(column)
     _name_bare(facts, content_of(words))
-    _look_at_time(facts, table)
+    _look_at_time(facts)
     if table.rate is not None:
         facts.rate, facts.rate_from = table.rate, "the file"
     return facts
@@ -152,11 +149,10 @@ def _measured(base):
     """What a column measures by its name, and along which axis."""
     compact = re.sub(r"[^a-z0-9]", "", base.lower())
     for measures, regex in NAMES.items():
-        found = re.fullmatch(regex, compact)
-        if found:
+        if found := re.fullmatch(regex, compact):
             groups = found.groupdict()
             axis = groups.get("axis") or groups.get("last") or ""
-            return {"normal": ("force", "z")}.get(measures, (measures, axis))
+            return ("force", "z") if measures == "normal" else (measures, axis)
     return content_of(words_of(base)) or "number", ""
 
 
@@ -201,23 +197,21 @@ def _is_clock(table, name):
         steps = np.diff(table.numbers(name)[:HEAD_ROWS])
     except ValueError:
         return False
-    return len(steps) > 1 and bool((steps > 0).all() and steps.max() < 3 * np.median(steps))
+    return len(steps) > 1 and bool((steps > 0).all() and np.quantile(steps, 0.9) < 3 * np.median(steps))
 
 
-def _coarse_period(steps):
-    """Period of samples whose stamps repeat, counted from the first new stamp to the last."""
-    first, *_, last = np.flatnonzero(steps) if np.count_nonzero(steps) > 1 else (-1, len(steps) - 1)
-    return steps[first + 1 : last + 1].sum() / (last - first)
-
-
-def _look_at_time(facts, table):
+def _look_at_time(facts):
+    """Sets the unit of the time stamps and the rate."""
     column = facts.measuring("time").get("")
     if column is None or not column.high > column.low:
         return
-    stamps = table.numbers(column.name)
+    stamps = facts.table.numbers(column.name)
     steps = np.diff(stamps[~np.isnan(stamps)])
     facts.stamps_coarse = bool((steps == 0).mean() > MOST_REPEATED)
-    period = float(_coarse_period(steps) if facts.stamps_coarse else np.median(steps))
+    period = float(np.median(steps))
+    if facts.stamps_coarse:  # counted from the first new stamp to the last
+        first, *_, last = np.flatnonzero(steps) if np.count_nonzero(steps) > 1 else (-1, len(steps) - 1)
+        period = float(steps[first + 1 : last + 1].sum() / (last - first))
     low, high = LIKELY_RATES
     units = [unit for unit, scale in TIME_UNITS.items() if period > 0 and low <= 1 / (period * scale) <= high]
     facts.time_unit = column.unit if column.unit in TIME_UNITS else None

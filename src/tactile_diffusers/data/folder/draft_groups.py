@@ -1,5 +1,6 @@
-"""Groups of tables of one kind, a few of each opened, and what they probably are in a recording."""
+"""The tables of a folder in groups of one kind, a few files of each opened."""
 
+import os
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -8,9 +9,16 @@ from tqdm import tqdm
 
 from .draft_columns import HEAD_ROWS, Column, TableFacts, describe_table
 from .draft_names import NameField, NameGroup, group_names
+from .sources import HIDDEN_PREFIXES
 from .tables import kind_of, list_tables
 from .trees import open_tree
 
+#: No more files than this are listed: enough to see how they are named.
+MOST_FILES = 5000
+#: Nor more of one folder, so that one sensor's files do not hide another's.
+MOST_IN_FOLDER = 1000
+#: Text files that are no tables.
+TEXT_NAMES = ("readme", "license", "licence", "changelog", "requirements")
 #: Files of a kind that are opened: the first, the one in the middle, the last.
 FILES_OPENED = 3
 #: Files that are opened in all.
@@ -20,9 +28,24 @@ LARGEST_OPENED = 500_000_000
 READ_WHOLE = ("mat", "npz", "parquet", "xlsx")
 #: Names that may turn out to be of several kinds, such as "forces.csv" beside "subjects.csv".
 MOST_SPLIT = 6
-#: Attribute `format` of HDF5 files that this package writes.
-OUR_FORMATS = "tactile-"
 _HERTZ = re.compile(r"(\d+(?:\.\d+)?)[ _]?(k?)Hz", re.IGNORECASE)
+
+
+@dataclass
+class FileList:
+    """Files of a folder; paths are relative and written with "/".
+
+    Attributes:
+        files (`dict[str, int]`): files of a kind that can be read -> bytes.
+        others (`list[str]`): files of other kinds.
+        skipped (`dict[str, str]`): file or folder that was not looked at -> why.
+        truncated (`bool`): whether there are more files than that.
+    """
+
+    files: dict = field(default_factory=dict)
+    others: list = field(default_factory=list)
+    skipped: dict = field(default_factory=dict)
+    truncated: bool = False
 
 
 @dataclass
@@ -63,8 +86,14 @@ class TableGroup:
 
     @property
     def place(self):
-        """How messages name it."""
+        """Its name in messages."""
         return self.files.pattern + (f" [{self.inside.pattern}]" if self.inside else "")
+
+    @property
+    def surfaces(self):
+        """Names of the surfaces, without what is written beside them: `set[str]`."""
+        surface = self.field_of("surface")
+        return set(surface.bare) if surface is not None else set()
 
     def field_of(self, role):
         """The `NameField` with a role, or `None`."""
@@ -85,6 +114,58 @@ class TableGroup:
         return self.first.table.rows / rate if rate and self.first.complete else None
 
 
+def list_files(root):
+    """Lists a folder and all below it, sorted, without following links to folders.
+
+    Args:
+        root (`Path`): the folder.
+
+    Returns:
+        `FileList`.
+
+    Raises:
+        FileNotFoundError: if there is no folder.
+    """
+    if not root.is_dir():
+        raise FileNotFoundError(f"There is no folder {root}.")
+    found = FileList()
+
+    def refused(error):
+        found.skipped[Path(error.filename).relative_to(root).as_posix()] = error.strerror
+
+    for place, folders, names in os.walk(root, onerror=refused):
+        here = Path(place).relative_to(root)
+        for name in sorted(folders):
+            if name.startswith(HIDDEN_PREFIXES):
+                found.skipped[(here / name).as_posix()] = "hidden folder"
+            elif Path(place, name).is_symlink():
+                found.skipped[(here / name).as_posix()] = "link to a folder"
+        folders[:] = sorted(name for name in folders if (here / name).as_posix() not in found.skipped)
+        found.truncated |= len(names) > MOST_IN_FOLDER
+        for name in sorted(names)[:MOST_IN_FOLDER]:
+            if len(found.files) + len(found.others) + len(found.skipped) >= MOST_FILES:
+                found.truncated = True
+                return found
+            _sort_in(found, root, (here / name).as_posix())
+    return found
+
+
+def _sort_in(found, root, path):
+    name = path.rpartition("/")[2]
+    if (readable := path.encode(errors="replace").decode()) != path:
+        found.skipped[readable] = "its name is not valid UTF-8"
+    elif name.startswith(HIDDEN_PREFIXES):
+        found.skipped[path] = "hidden"
+    elif kind_of(name) is None or name.lower().startswith(TEXT_NAMES):
+        found.others.append(path)
+    elif not os.access(root / path, os.R_OK):
+        found.skipped[path] = "may not be read, or is a broken link"
+    elif not (size := (root / path).stat().st_size):
+        found.skipped[path] = "empty"
+    else:
+        found.files[path] = size
+
+
 def open_groups(root, sizes, skipped, quiet):
     """Groups files by their names, and opens a few of each kind.
 
@@ -101,27 +182,21 @@ def open_groups(root, sizes, skipped, quiet):
     bar = tqdm(desc="looking at files", unit="file", disable=quiet)
     while waiting:
         names = waiting.pop(0)
-        kind = kind_of(names.names[0])
-        found = []
-        for path in _few(names.names):
+        kind, found, last = kind_of(names.names[0]), [], len(names.names) - 1
+        for path in dict.fromkeys(names.names[i * last // (FILES_OPENED - 1)] for i in range(FILES_OPENED)):
             if path not in opened and len(opened) < MOST_OPENED:
                 opened[path] = _open(root, path, kind, sizes[path], names.words, skipped)
                 bar.update()
             if opened.get(path):
                 found.append(opened[path])
-        varying = _that_tells_apart(names, found)
+        varying = _varying_kind(names, found)
         if varying is not None:
-            waiting = names.split(varying) + waiting
+            waiting = names.by_value(varying) + waiting
             continue
         size = sum(sizes[name] for name in names.names)
-        groups += _tables(names, kind, size, found) or [TableGroup(names, kind, size)]
+        groups += _groups_inside(names, kind, size, found) or [TableGroup(names, kind, size)]
     bar.close()
     return groups
-
-
-def _few(names):
-    """First, middle and last of a list."""
-    return list(dict.fromkeys(names[i * (len(names) - 1) // (FILES_OPENED - 1)] for i in range(FILES_OPENED)))
 
 
 def _open(root, path, kind, size, words, skipped):
@@ -129,19 +204,18 @@ def _open(root, path, kind, size, words, skipped):
     if kind in READ_WHOLE and size > LARGEST_OPENED:
         skipped[path] = f"{size / 1e6:.0f} MB of a kind that is read as a whole: not opened"
         return {}
-    head_only = kind in ("csv", "xlsx")
     try:
-        if kind == "hdf5" and _is_ours(Path(root, path)):
+        if kind == "hdf5" and str(open_tree(root / path, kind).attributes.get("format", "")).startswith("tactile-"):
             skipped[path] = "a file of this package, already converted"
             return {}
-        tables = list_tables(Path(root, path), kind, max_rows=HEAD_ROWS)
-        inside = group_names([table.inside or "" for table in tables])
-        firsts = {places.names[0]: places.words for places in inside}
+        tables = list_tables(root / path, kind, max_rows=HEAD_ROWS)
+        firsts = {places.names[0]: places.words for places in group_names([table.inside or "" for table in tables])}
         facts = {}
         for table in tables:
             place = table.inside or ""
-            known = place in firsts and table.names and table.rows
-            facts[place] = describe_table(table, words + firsts[place], head_only) if known else TableFacts(table)
+            looked_at = place in firsts and table.names and table.rows
+            more = (words + firsts[place], kind in ("csv", "xlsx")) if looked_at else ()
+            facts[place] = describe_table(table, *more) if looked_at else TableFacts(table)
         return facts
     except Exception as error:  # readers of ten formats, and files of anyone: the other files are to be listed
         kind_of_error = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
@@ -149,26 +223,21 @@ def _open(root, path, kind, size, words, skipped):
         return {}
 
 
-def _is_ours(path):
-    return str(open_tree(path, "hdf5").attributes.get("format", "")).startswith(OUR_FORMATS)
-
-
-def _that_tells_apart(names, found):
+def _varying_kind(names, found):
     """A field by whose values files with other columns differ, or `None`."""
     shapes = {frozenset(tuple(facts.table.names) for facts in tables.values()) for tables in found}
     words = [item for item in names.fields if 1 < len(set(item.bare)) <= MOST_SPLIT and not item.bare[0].isdigit()]
     return min(words, key=lambda item: len(set(item.bare))) if len(shapes) > 1 and words else None
 
 
-def _tables(names, kind, size, found):
+def _groups_inside(names, kind, size, found):
     """One `TableGroup` for each kind of place inside the files."""
-    if not found:
-        return []
-    groups, only_sheet = [], kind == "xlsx" and len(found[0]) == 1
-    for places in group_names(list(found[0])):
+    groups = []
+    for places in group_names(list(found[0])) if found else ():
         first = places.names[0]
         tables = [tables[first] for tables in found if tables.get(first) and tables[first].columns]
         if tables:
             files = replace(names, items=[replace(i) if isinstance(i, NameField) else i for i in names.items])
-            groups.append(TableGroup(files, kind, size, places if first and not only_sheet else None, tables))
+            is_whole = not first or (kind == "xlsx" and len(found[0]) == 1)
+            groups.append(TableGroup(files, kind, size, None if is_whole else places, tables))
     return groups

@@ -1,6 +1,6 @@
 """From many names to few patterns: "sliding/texture_01/P1_force.csv", .. to "sliding/{surface}/P{explorer}_force.csv".
 
-Everything here is a guess from names alone (recipe), and is told as one.
+Everything here is a guess from names alone (recipe), and is reported as one.
 """
 
 import re
@@ -9,35 +9,35 @@ from dataclasses import dataclass, field
 
 #: What a varying part of a name probably is, by the word before it; plurals count too.
 FIELD_WORDS = {
-    "surface": ("surface", "surf", "texture", "tex", "material", "mat", "sample", "specimen", "stimulus", "stim", "s"),
-    "explorer": ("explorer", "participant", "subject", "subj", "sub", "user", "finger", "person", "rater", "p"),
-    "trial": ("trial", "rep", "repeat", "repetition", "run", "take", "block", "session", "t", "r"),
+    "surface": "surface surf texture tex material mat sample specimen stimulus stim s".split(),
+    "explorer": "explorer participant subject subj sub user finger person rater p".split(),
+    "trial": "trial rep repeat repetition run take block session t r".split(),
 }
 #: Words of units: a number before one is a condition of the trial, such as a speed.
-UNIT_WORDS = ("hz", "khz", "n", "mn", "gf", "mm", "cm", "um", "mms", "mmps", "ms", "s", "deg", "rpm")
-#: Words that tell what a file holds: two files that differ in them are of two kinds.
+UNIT_WORDS = "hz khz n mn gf mm cm um mms mmps ms s deg rpm".split()
+#: Words that say what a file holds: two files that differ in them are of two kinds.
 CONTENT_WORDS = {
-    "force": ("force", "forces", "ft", "ati", "loadcell", "load", "nano", "wrench"),
-    "lateral": ("lateral", "friction", "tangential", "shear"),
-    "torque": ("torque", "torques", "moment"),
-    "position": ("position", "positions", "pos", "stage", "track", "tracking", "trajectory", "mocap", "displacement"),
-    "velocity": ("velocity", "velocities", "vel", "speed"),
-    "acceleration": ("acceleration", "acc", "accel", "accelerometer", "imu"),
-    "sound": ("audio", "sound", "mic", "microphone"),
-    "ratings": ("rating", "ratings", "answers", "questionnaire", "perception", "perceptual", "scores"),
+    "force": "force forces ft ati loadcell load nano wrench".split(),
+    "lateral": "lateral friction tangential shear".split(),
+    "torque": "torque torques moment".split(),
+    "position": "position positions pos stage track tracking trajectory mocap displacement".split(),
+    "velocity": "velocity velocities vel speed".split(),
+    "acceleration": "acceleration acc accel accelerometer imu".split(),
+    "sound": "audio sound mic microphone".split(),
+    "ratings": "rating ratings answers questionnaire perception perceptual scores".split(),
 }
 #: Words of the stage of an experiment or of a kind of exploration: never the name of a surface.
-OTHER_WORDS = tuple(
+OTHER_WORDS = (
     "data raw processed filtered calibrated signal signals sensor sensors recording recordings record motion "
     "sliding slide static tapping tap pressing press pressure contact stroke circular free x y z".split()
 )
 _FIELD_OF_WORD = {word: role for role, words in FIELD_WORDS.items() for word in words}
 _CONTENT_OF_WORD = {word: content for content, words in CONTENT_WORDS.items() for word in words}
-_JOINERS = "-_ +&,()"
 _LITERAL_WORDS = {*_CONTENT_OF_WORD, *OTHER_WORDS, *(word for word in _FIELD_OF_WORD if len(word) > 1)}
+_JOINERS = "-_ +&,()"
 #: Numbers (with a decimal point), words (parts of camelCase apart), single other characters.
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]|.", re.DOTALL)
-#: In the kinds of tokens: words that may vary with what joins them, and numbers that touch them.
+#: In the classes of tokens: words that may vary with what joins them, and numbers that touch them.
 _WORD_RUN = re.compile(r"#?@([-_ +&,()]*@)*#?")
 _LAST_WORD = re.compile(r"([A-Za-z]+)[-_ ]*$")
 _EXTENSION = re.compile(r"(.*?)(\.[A-Za-z]\w*)?", re.DOTALL)
@@ -69,14 +69,19 @@ class NameField:
 
     @property
     def distinct(self):
-        """Values, each once, sorted."""
-        return sorted(set(self.values), key=natural_order)
+        """Values, each once, "9" before "10"."""
+        parts = {value: re.split(r"(\d+)", value) for value in self.values}
+        return sorted(parts, key=lambda value: [(p.isdigit(), int(p) if p.isdigit() else p) for p in parts[value]])
 
     @property
     def text(self):
         """As it stands in the pattern."""
         name = f"{{{self.role or 'part'}}}"
         return name if self.whole else f"{_literal(self.before)}{name}{_literal(self.after)}"
+
+    def __str__(self):
+        distinct = self.distinct
+        return f"{', '.join(distinct[:3])}{', ..' * (len(distinct) > 3)} ({len(distinct)} values)"
 
 
 @dataclass
@@ -99,7 +104,7 @@ class NameGroup:
         """Words of the parts that do not vary, lower case."""
         return words_of(" ".join(item for item in self.items if isinstance(item, str)))
 
-    def split(self, varying):
+    def by_value(self, varying):
         """One group for each value of a field."""
         parts = defaultdict(list)
         for name, value in zip(self.names, varying.bare, strict=True):
@@ -112,26 +117,18 @@ def _literal(text):
     return re.sub(r"[{}*\\]", "*", text)
 
 
-def natural_order(text):
-    """Key for sorting by which "9" comes before "10"."""
-    return [(part.isdigit(), int(part) if part.isdigit() else part) for part in re.split(r"(\d+)", text)]
-
-
 def words_of(text):
     """Words of a text, camelCase apart, lower case: `list[str]`."""
     return [token.lower() for token in _TOKEN.findall(text) if token[0].isalpha()]
 
 
 def content_of(words):
-    """What a file holds by its words: the key of `CONTENT_WORDS` of the last word that tells, or `None`."""
+    """What a file holds by its words: the key of `CONTENT_WORDS` of the last known word, or `None`."""
     return next((_CONTENT_OF_WORD[word] for word in reversed(words) if word in _CONTENT_OF_WORD), None)
 
 
 def group_names(names):
-    """Groups names (paths with "/") of the same kind.
-
-    Args:
-        names (`list[str]`): paths of files, or of places inside a file.
+    """Groups names (paths of files with "/", or of places inside a file) of the same kind.
 
     Returns:
         `list[NameGroup]`: in the order of their first names.
@@ -148,37 +145,37 @@ def _components(name):
     return [_TOKEN.findall(component) for component in stem.split("/")], extension
 
 
-def _kinds(tokens):
+def _classes(tokens):
     """One character a token: "#" a number, "@" a word that may vary, "w" one that does not, else itself."""
-    kinds = ""
+    classes = ""
     for token, following in zip(tokens, [*tokens[1:], "."], strict=False):
         if token[0].isdigit():
-            kinds += "#"
+            classes += "#"
         elif not token[0].isalpha():
-            kinds += token
+            classes += token
         elif token.lower() in _LITERAL_WORDS or (len(token) == 1 and following[0].isdigit()):
-            kinds += "w"
+            classes += "w"
         else:
-            kinds += "w" if kinds[-1:] == "#" and token.lower() in UNIT_WORDS else "@"  # 10000Hz
-    return kinds
+            classes += "w" if classes[-1:] == "#" and token.lower() in UNIT_WORDS else "@"  # 10000Hz
+    return classes
 
 
 def _chunks(tokens):
-    """Tokens, where words that may vary with what joins them, and numbers that touch them, are one; their kinds."""
-    kinds, chunks, end = _kinds(tokens), [], 0
-    for run in _WORD_RUN.finditer(kinds):
+    """Tokens, where words that may vary with what joins them, and numbers that touch them, are one; their classes."""
+    classes, chunks, end = _classes(tokens), [], 0
+    for run in _WORD_RUN.finditer(classes):
         chunks += tokens[end : run.start()] + ["".join(tokens[run.start() : run.end()])]
         end = run.end()
-    return chunks + tokens[end:], _WORD_RUN.sub("@", kinds)
+    return chunks + tokens[end:], _WORD_RUN.sub("@", classes)
 
 
 def _skeleton(name):
     """What names of one kind share. A folder whose name may vary matches any other."""
     (*folders, stem), extension = _components(name)
-    shape = ["@" if set(_kinds(tokens)) & set("#@") else "".join(tokens) for tokens in folders]
-    chunks, kinds = _chunks(stem)
-    fixed = [chunk for chunk, kind in zip(chunks, kinds, strict=True) if kind == "w"]
-    return tuple(shape), kinds, tuple(fixed), extension
+    shape = ["@" if set(_classes(tokens)) & set("#@") else "".join(tokens) for tokens in folders]
+    chunks, classes = _chunks(stem)
+    fixed = [chunk for chunk, kind in zip(chunks, classes, strict=True) if kind == "w"]
+    return tuple(shape), classes, tuple(fixed), extension
 
 
 def _make_group(names):
@@ -195,7 +192,7 @@ def _make_group(names):
 
 def _component_items(rows, is_folder, parent):
     """Items of one component of the paths; `parent` is the name of the folder it is in, "" where that varies."""
-    if len({_kinds(row) for row in rows}) > 1:
+    if len({_classes(row) for row in rows}) > 1:
         rows = [_chunks(row)[0] for row in rows]
     if len({len(row) for row in rows}) > 1:
         rows = [["".join(row)] for row in rows]
@@ -208,10 +205,9 @@ def _component_items(rows, is_folder, parent):
             items[-1] += column[0]
         else:
             items.append(column[0])
-    for i, item in enumerate(items):
-        if isinstance(item, NameField):
-            _look_beside(items, i, parent)
     fields = [i for i, item in enumerate(items) if isinstance(item, NameField)]
+    for i in fields:
+        _look_beside(items, i, parent)
     if is_folder and len(fields) == 1:  # a folder's name is a name as a whole
         (i,), varying = fields, items[fields[0]]
         varying.before, varying.after = "".join(items[:i]) + varying.before, "".join(items[i + 1 :])
@@ -241,7 +237,7 @@ def _appended(items, new):
 
 
 def _look_beside(items, i, parent):
-    """Takes from the words beside a field what they tell about it."""
+    """Sets the hint of a field from the words beside it."""
     varying, after = items[i], items[i + 1] if i + 1 < len(items) else ""
     if i and isinstance(items[i - 1], str) and (found := _field_word(items[i - 1])):
         varying.hint, varying.before = _FIELD_OF_WORD[found.group(1).lower()], found.group(0)
@@ -262,7 +258,7 @@ def assign_roles(fields):
         `list[str]`: what was only guessed.
     """
     doubts, roles = [], {}
-    for item in sorted(fields, key=_is_hinted_by_a_letter):
+    for item in sorted(fields, key=lambda item: len((words_of(item.before) or [""])[-1]) == 1):  # whole words first
         if item.hint in FIELD_WORDS and item.hint not in roles:
             roles[item.hint] = item
         elif item.hint == "surface" and item.before.lower() == "s":  # S1 beside a texture is a subject
@@ -273,24 +269,12 @@ def assign_roles(fields):
         surface = max(free, key=lambda item: (not "".join(item.distinct).isdigit(), len(item.distinct)))
         roles["surface"] = surface
         rest = [item for item in rest if item is not surface]
-        doubts.append(f"{shown(surface)} taken as the surface: it has the most values, or words")
+        doubts.append(f"{surface} taken as the surface: it has the most values, or words")
     for role, item in roles.items():
         item.role = role
     parts = [item for item in fields if any(item is other for other in (*rest, roles.get("trial")))]
     for number, item in enumerate(parts, 1):
         item.role = "trial" if len(parts) == 1 else f"trial.{number}"
     if rest:
-        values = "; ".join(shown(item) for item in rest)
-        doubts.append(f"{values} taken as the trial: no word tells what it is")
+        doubts.append(f"{'; '.join(map(str, rest))} taken as the trial: no word says what it is")
     return doubts
-
-
-def _is_hinted_by_a_letter(item):
-    words = words_of(item.before)
-    return bool(words) and len(words[-1]) == 1
-
-
-def shown(item):
-    """The first values of a field, and how many there are."""
-    distinct = item.distinct
-    return f"{', '.join(distinct[:3])}{', ..' if len(distinct) > 3 else ''} ({len(distinct)} values)"

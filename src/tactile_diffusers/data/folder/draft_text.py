@@ -1,40 +1,110 @@
-"""The draft of a `layout.toml` as text, with the evidence as comments."""
+"""What was found in a folder as text: a listing for a terminal, and the draft of a `layout.toml`."""
+
+from collections import Counter
 
 from .draft_columns import HEAD_ROWS
-from .draft_names import shown
 from .layout import CHANNEL_UNITS, FORMAT, TODO, VERSION, VelocityLayout
-from .toml_text import toml_comment, toml_lines
+from .toml_text import toml_comment, toml_table
 
-#: The mean of z must be this share of its range for its sign to tell which way is pressing (recipe).
+#: Kinds of tables, columns of one, and other things that are listed.
+MOST_GROUPS, MOST_COLUMNS, MOST_LISTED = 40, 24, 12
+#: The mean of z must be this share of its range for its sign to decide which way is pressing (recipe).
 CLEAR_SIGN = 0.1
-#: A rate this close (share) to a whole number of Hz is told as that.
+#: A rate this close (share) to a whole number of Hz is written as that.
 WHOLE_RATE = 1e-3
+
+
+def listing(inventory):
+    """The listing; see `draft.FolderInventory`."""
+    files = inventory.files
+    total = len(files.files) + len(files.others) + len(files.skipped)
+    lines = [
+        f"{inventory.root}: {total} files, {len(inventory.groups)} kinds of tables" + " (and more)" * files.truncated
+    ]
+    shared = set()  # files of force and of motion share their names, and what was guessed from these
+    for group in inventory.groups[:MOST_GROUPS]:
+        lines += ["", *_listed_group(group, inventory.ratings, shared)]
+    if len(inventory.groups) > MOST_GROUPS:
+        lines += ["", f"and {len(inventory.groups) - MOST_GROUPS} more kinds of tables"]
+    lines.append("")
+    if files.others:
+        endings = Counter("." + path.rpartition(".")[2] if "." in path else path for path in files.others)
+        lines.append("no tables: " + ", ".join(f"{count} {ending}" for ending, count in endings.most_common()))
+    lines += _first(f"not looked at: {path}: {reason}" for path, reason in files.skipped.items())
+    pairs = inventory.surface_names.items()
+    lines += _first(f"{theirs!r} in the ratings is {ours!r} in the recordings (guess)" for theirs, ours in pairs)
+    return "\n".join(lines + [f"check: {doubt}" for doubt in inventory.doubts])
+
+
+def _first(lines):
+    lines = list(lines)
+    return lines[:MOST_LISTED] + [f"and {len(lines) - MOST_LISTED} more such lines"] * (len(lines) > MOST_LISTED)
+
+
+def _listed_group(group, ratings, shared):
+    count = len(group.files.names)
+    size = f"{group.bytes / 1e6:.1f} MB" if group.bytes >= 1e5 else f"{group.bytes / 1e3:.1f} kB"
+    lines = [f"{group.place}   {count} file{'s' * (count > 1)}, {size}, {group.kind}"]
+    lines += [f"    {item.role or 'varies'}: {item}" for item in group.fields]
+    if not group.tables:
+        return [*lines, "    not opened"]
+    facts = group.first
+    rows = f"{facts.table.rows} rows" if facts.complete else f"{HEAD_ROWS} rows and more"
+    rate, rate_from = group.rate
+    clock = f", {rate:.6g} Hz (from {rate_from})" if rate else ""
+    seconds = f", {group.seconds:.1f} s" if group.seconds else ""
+    lines.append(f"    {rows}{clock}{seconds}; {len(group.tables)} opened, ranges of all of them:")
+    meaning, doubts = ", ".join(group.channels), group.doubts
+    rated = ratings is not None and ratings.group is group
+    if rated:
+        meaning, doubts = f"ratings ({ratings.keys['form']}) on {', '.join(ratings.axes)}", doubts + ratings.doubts
+    lines += _listed_columns(group, rated)
+    lines.append(f"    guess: {meaning or 'not used'}")
+    new = [doubt for doubt in doubts if doubt not in shared]
+    shared.update(doubt for doubt in new if " taken as the " in doubt)
+    return lines + [f"    check: {doubt}" for doubt in new]
+
+
+def _listed_columns(group, rated):
+    columns = group.first.columns[:MOST_COLUMNS]
+    used = {
+        column.name: f"{name} {axis}".strip() for name, axes in group.channels.items() for axis, column in axes.items()
+    }
+    width = max(len(column.name) for column in columns)
+    lines = []
+    for column in columns:
+        same = [other for facts in group.tables for other in facts.columns if other.name == column.name]
+        span = f"{min(c.low for c in same):.4g} .. {max(c.high for c in same):.4g}"
+        if column.measures == "text":
+            span = f"text, {column.distinct} different"
+        missing = f", {column.missing} missing" if column.missing else ""
+        measures = "" if column.measures in ("text", "number") else f"({column.measures} {column.axis}".strip() + ")"
+        known = used.get(column.name) or ("" if rated else measures)
+        lines.append(f"      {column.name:<{width}}  {column.unit or '-':<5} {span + missing:<28} {known}".rstrip())
+    more = len(group.first.table.names) - len(columns)
+    return lines + [f"      and {more} more columns"] * (more > 0)
 
 
 def layout_text(inventory):
     """The whole draft; see `draft.draft_layout`."""
     recorded = inventory.recorded
-    blocks = [_head(inventory), *(_files(group) for group in recorded)]
+    blocks = [_head(inventory), *map(_files, recorded)]
     held = {name for group in recorded for name in group.channels}
     if not held & {"force", "lateral"}:
         blocks.append(_unknown_files(inventory))
     elif "force" in held and not held & {"position", "velocity"}:
-        ask = (
-            f"{TODO}: the files with position or velocity; or, if x is the sliding direction, give it as lateral above"
-        )
-        blocks.append("\n".join(["[[files]]", *toml_lines({"pattern": ask})]))
-    unused = [group.place for group in inventory.groups if not group.channels and not _holds_ratings(inventory, group)]
-    if unused:
-        blocks.append("\n".join(["# Not used:", *(toml_comment(place) for place in unused)]))
+        ask = "the files with position or velocity; or, if x is the sliding direction, give it as lateral above"
+        blocks.append(toml_table({"pattern": f"{TODO}: {ask}"}, header="[[files]]"))
+    if inventory.unused:
+        blocks.append("\n".join(["# Not used:", *(toml_comment(group.place) for group in inventory.unused)]))
     if "position" in held:
-        filter_ = VelocityLayout()
-        lines = toml_lines({"window": filter_.window, "order": filter_.order}, {"window": "s"})
-        blocks.append("\n".join(["[velocity]  # of the filter that makes velocity from position", *lines]))
+        header = "[velocity]  # of the filter that makes velocity from position"
+        blocks.append(toml_table(VelocityLayout().model_dump(), {"window": "s"}, header))
     if inventory.ratings is not None:
         blocks.append(_ratings(inventory.ratings))
     if inventory.surface_names:
-        lines = ["# name in the ratings = name in the recordings: paired by numbers or spelling, check them"]
-        blocks.append("\n".join([*lines, "[surface_names]", *toml_lines(inventory.surface_names)]))
+        header = "# name in the ratings = name in the recordings: paired by numbers or spelling, check them"
+        blocks.append(toml_table(inventory.surface_names, header=f"{header}\n[surface_names]"))
     return "\n\n".join(blocks) + "\n"
 
 
@@ -47,12 +117,8 @@ def _head(inventory):
         "source": f"{TODO}: what these data are and where they come from",
         "licence": f"{TODO}: under which licence{see}",
     }
-    lines = [
-        toml_comment(f"Drafted from {inventory.root.resolve().name}: check every line, fill in what holds {TODO}."),
-        *_checks(inventory.doubts),
-        *toml_lines(facts),
-    ]
-    return "\n".join(lines)
+    drafted = f"Drafted from {inventory.root.resolve().name}: check every line, fill in what holds {TODO}."
+    return "\n".join([toml_comment(drafted), *_checks(inventory.doubts), toml_table(facts)])
 
 
 def _checks(doubts):
@@ -64,21 +130,19 @@ def _files(group):
     facts, comments = group.first, {}
     rows = f"first {HEAD_ROWS} rows" if not facts.complete else f"{facts.table.rows} rows"
     lines = [f"# files: {len(group.files.names)}; {rows} of {len(group.tables)} looked at"]
-    lines += [toml_comment(f"{item.role}: {shown(item)}") for item in group.fields if item.role]
-    lines += _checks(group.doubts)
+    lines += [toml_comment(f"{item.role}: {item}") for item in group.fields if item.role]
     keys = {"pattern": group.files.pattern, **_inside(group)}
     if group.field_of("surface") is None:
         keys["pattern"] = f"{TODO}: put {{surface}} where its name stands in {group.files.pattern}"
     keys |= _clock(group, comments)
     for name, columns in group.channels.items():
         keys[name], comments[name] = _channel(group, name, columns)
-    return "\n".join([*lines, "[[files]]", *toml_lines(keys, comments)])
+    return "\n".join([*lines, *_checks(group.doubts), toml_table(keys, comments, "[[files]]")])
 
 
 def _inside(group):
-    if group.inside is None:
-        return {}
-    return {"sheet" if group.kind == "xlsx" else "inside": group.inside.pattern}
+    key = "sheet" if group.kind == "xlsx" else "inside"
+    return {key: group.inside.pattern} if group.inside else {}
 
 
 def _clock(group, comments):
@@ -86,17 +150,15 @@ def _clock(group, comments):
     facts = group.first
     time = facts.measuring("time").get("")
     rate, rate_from = group.rate
+    if rate is not None:
+        rate = round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else float(f"{rate:.6g}")
     if time is not None and not facts.stamps_coarse and time.high > time.low:
-        comments["time"] = f"{_hertz(rate)} Hz" if rate else "the unit is unknown"
+        comments["time"] = f"{rate} Hz" if rate else "the unit is unknown"
         return {"time": {"column": _column(facts, time), "unit": facts.time_unit or f"{TODO}: s, ms or us"}}
     if rate is None:
         return {"rate": f"{TODO}: samples per second"}
     comments["rate"] = f"Hz, from {rate_from}" + ", whose stamps are coarser than the samples" * facts.stamps_coarse
-    return {"rate": _hertz(rate)}
-
-
-def _hertz(rate):
-    return round(rate) if abs(rate - round(rate)) <= WHOLE_RATE * rate else float(f"{rate:.6g}")
+    return {"rate": rate}
 
 
 def _column(facts, column):
@@ -108,57 +170,45 @@ def _column(facts, column):
 def _channel(group, name, columns):
     """Inline table of a channel, and the evidence."""
     axes = {axis or "column": _column(group.first, column) for axis, column in columns.items()}
-    first = next(iter(columns.values()))
+    unit = next(iter(columns.values())).unit
     largest = max(max(abs(column.low), abs(column.high)) for column in columns.values())
-    channel, evidence = axes | {"unit": first.unit}, f"up to {largest:.3g}"
-    if first.unit not in CHANNEL_UNITS[name]:
-        named = f"; the name says {first.unit}" if first.unit else ""
-        choices = ", ".join(CHANNEL_UNITS[name])
-        channel["unit"] = f"{TODO}: {choices}{' for counts' if name in ('force', 'lateral') else ''}{named}"
+    channel, evidence = axes | {"unit": unit}, f"up to {largest:.3g}"
+    if unit not in CHANNEL_UNITS[name]:
+        named = f"; the name says {unit}" if unit else ""
+        counts = " for counts" if "1" in CHANNEL_UNITS[name] else ""
+        channel["unit"] = f"{TODO}: {', '.join(CHANNEL_UNITS[name])}{counts}{named}"
     if group.kind == "wav":
         channel["scale"] = f"{TODO}: N at full scale of the sound file"
     if name == "force":
-        sign, evidence = _normal_sign(columns["z"])
-        channel["normal_sign"] = sign
+        z = columns["z"]
+        evidence = f"z is {z.mean:.4g} on average, from {z.low:.4g} to {z.high:.4g}"
+        if abs(z.mean) >= CLEAR_SIGN * max(z.high - z.low, 1e-30):
+            channel["normal_sign"] = 1 if z.mean > 0 else -1
+            evidence += f": pressing is {'positive' if z.mean > 0 else 'negative'}"
+        else:
+            channel["normal_sign"] = f"{TODO}: 1 if pressing is positive in z, else -1"
     return channel, evidence
 
 
-def _normal_sign(z):
-    spread = max(z.high - z.low, 1e-30)
-    evidence = f"z is {z.mean:.4g} on average, from {z.low:.4g} to {z.high:.4g}"
-    if not abs(z.mean) >= CLEAR_SIGN * spread:
-        return f"{TODO}: 1 if pressing is positive in z, else -1", evidence
-    return (1, f"{evidence}: pressing is positive") if z.mean > 0 else (-1, f"{evidence}: pressing is negative")
-
-
 def _unknown_files(inventory):
-    """A `[[files]]` to be filled in, of the largest kind of file that nothing is known about."""
-    unknown = [g for g in inventory.groups if not g.channels and not _holds_ratings(inventory, g)]
+    """A `[[files]]` to be filled in, with the largest kind of file that nothing is known about."""
     lines = ["# no force was recognised"]
-    keys = {"pattern": f"{TODO}: the files with force, such as {{surface}}/{{explorer}}_force.csv"}
-    if unknown:
-        group = max(unknown, key=lambda g: g.bytes)
+    if inventory.unused:
+        group = max(inventory.unused, key=lambda g: g.bytes)
         names = ", ".join(group.first.table.names[:12]) if group.tables else "unknown"
         lines.append(toml_comment(f"the largest files are {group.place}, with columns {names}"))
-    keys["force"] = f"{TODO}: {{ x, y, z = columns, unit, normal_sign }}, or remove this and give lateral"
-    return "\n".join([*lines, "[[files]]", *toml_lines(keys)])
-
-
-def _holds_ratings(inventory, group):
-    return inventory.ratings is not None and inventory.ratings.group is group
+    keys = {
+        "pattern": f"{TODO}: the files with force, such as {{surface}}/{{explorer}}_force.csv",
+        "force": f"{TODO}: {{ x, y, z = columns, unit, normal_sign }}, or remove this and give lateral",
+    }
+    return "\n".join([*lines, toml_table(keys, header="[[files]]")])
 
 
 def _ratings(guess):
     group = guess.group
     keys = {"pattern": group.files.pattern, **_inside(group), **guess.keys}
     first_line = group.first.table.first_line
-    if first_line is not None and first_line != 2:
+    if first_line not in (None, 2):
         keys["header"] = first_line - 1
-    lines = [
-        *_checks(guess.doubts),
-        "[ratings]",
-        *toml_lines(keys, guess.comments),
-        "[ratings.axes]",
-        *toml_lines(guess.axes),
-    ]
-    return "\n".join(lines)
+    axes = toml_table(guess.axes, header="[ratings.axes]")
+    return "\n".join([*_checks(guess.doubts), toml_table(keys, guess.comments, "[ratings]"), axes])

@@ -5,13 +5,12 @@ import re
 
 #: A comment that makes a line longer than this stands before it.
 LONGEST_LINE = 100
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def toml_value(value):
     """A `str`, `int`, `float`, `list` or `dict` (as an inline table) as TOML text; whole floats lose their point."""
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{toml_key(name)} = {toml_value(item)}" for name, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(name)} = {toml_value(item)}" for name, item in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(toml_value, value)) + "]"
     if isinstance(value, str):
@@ -20,9 +19,8 @@ def toml_value(value):
     return str(int(value)) if value == int(value) else repr(float(value))
 
 
-def toml_key(name):
-    """A key: bare where TOML allows it, else quoted."""
-    return name if _BARE_KEY.fullmatch(name) else toml_value(name)
+def _key(name):
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
 
 
 def toml_comment(text):
@@ -30,25 +28,26 @@ def toml_comment(text):
     return "# " + re.sub(r"[\s\x00-\x1f\x7f]+", " ", text)
 
 
-def toml_lines(values, comments=()):
-    """Lines "key = value" of a mapping.
+def toml_table(values, comments=None, header=None):
+    """A table of TOML.
 
     Args:
         values (`dict`): name -> value; `None` is left out.
         comments (`dict`, *optional*): name -> text of a comment, behind the value or on a line before a long one.
+        header (`str`, *optional*): first line, such as "[ratings]".
 
     Returns:
-        `list[str]`.
+        `str`: lines "key = value".
     """
-    comments, lines = dict(comments), []
+    lines = [] if header is None else [header]
     for name, value in values.items():
-        if value is None:
+        line, comment = f"{_key(name)} = {toml_value(value)}" if value is not None else None, (comments or {}).get(name)
+        if line is None:
             continue
-        line = f"{toml_key(name)} = {toml_value(value)}"
-        if name not in comments:
+        if comment is None:
             lines.append(line)
-        elif len(line) + len(comments[name]) > LONGEST_LINE:
-            lines += [toml_comment(comments[name]), line]
+        elif len(line) + len(comment) > LONGEST_LINE:
+            lines += [toml_comment(comment), line]
         else:
-            lines.append(f"{line}  {toml_comment(comments[name])}")
-    return lines
+            lines.append(f"{line}  {toml_comment(comment)}")
+    return "\n".join(lines)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import io
 
 from ...io.hdf5 import open_whole, plain_attributes
-from ...io.reading import check_archive, check_size
+from ...io.reading import check_archive, check_size, reading
 
 #: Attributes of HDF5 groups and arrays, and scalars beside arrays, that give the sampling rate in Hz.
 RATE_NAMES = ("rate", "sampling_rate", "sampling_rate_hz", "fs", "Fs")
@@ -115,7 +115,8 @@ def open_tree(path, kind):
     """
     if not path.is_file():
         raise FileNotFoundError(f"There is no file {path}.")
-    return _open_tree(path, kind, path.stat().st_mtime_ns)
+    with reading(path, kind, "Write it again, with arrays of numbers and no objects."):
+        return _open_tree(path, kind, path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=1)  # the recordings of one file are read one after the other

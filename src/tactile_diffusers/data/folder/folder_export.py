@@ -9,13 +9,13 @@ import numpy as np
 from scipy import io
 from tqdm import tqdm
 
-from ...io.files import whole_folder
+from ...io.files import check_parent, whole_folder
 from ...signal.rating_scales import RATING_SCALE
 from ..recordings import VELOCITY_UNIT, RecordingsFile
-from .draft_walk import HIDDEN_PREFIXES
 from .layout import AXIS_WORDS, FORMAT, VERSION
+from .sources import HIDDEN_PREFIXES
 from .tables import TREE_KINDS
-from .toml_text import toml_lines, toml_value
+from .toml_text import toml_table, toml_value
 
 #: Kind of the files and their extension.
 EXPORT_KINDS = {"csv": ".csv", "npy": ".npy", "hdf5": ".h5", "mat": ".mat"}
@@ -56,7 +56,9 @@ def export_folder(recordings, folder, kind="csv", quiet=False):
     if kind not in EXPORT_KINDS:
         raise ValueError(f"`kind` must be one of {', '.join(EXPORT_KINDS)}, got {kind!r}.")
     folder = Path(folder)
-    _check_target(folder)
+    check_parent(folder)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ValueError(f"`folder` must be new or empty, {folder} exists: remove it, or give another name.")
     with RecordingsFile(recordings) as source:
         _check_names(source)
         with whole_folder(folder) as temporary:
@@ -68,13 +70,6 @@ def export_folder(recordings, folder, kind="csv", quiet=False):
                 _write_ratings(temporary / "ratings.csv", source.ratings)
             (temporary / "layout.toml").write_text(_layout_text(source, entries), encoding="utf-8")
             (temporary / "README.txt").write_text(_README, encoding="utf-8")
-
-
-def _check_target(folder):
-    if not folder.parent.is_dir():
-        raise FileNotFoundError(f"The folder {folder.parent} of {folder.name} does not exist: create it first.")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ValueError(f"`folder` must be new or empty, {folder} exists: remove it, or give another name.")
 
 
 def _check_names(source):
@@ -144,7 +139,7 @@ def _files_text(kind, ending, name, channel):
         "rate": channel.rate,
         name: described,
     }
-    return "\n".join(["[[files]]", *toml_lines(keys)])
+    return toml_table(keys, header="[[files]]")
 
 
 def _write_csv(path, channels):
@@ -196,7 +191,7 @@ def _layout_text(source, entries):
     """The whole `layout.toml`."""
     facts = {"format": FORMAT, "version": VERSION}
     facts |= {name: str(source.attributes.get(name, "not stated")) for name in ("source", "licence")}
-    blocks = ["\n".join(toml_lines(facts)), *entries]
+    blocks = [toml_table(facts), *entries]
     if source.ratings is not None:
         ratings = {"pattern": "ratings.csv", "form": "long", "rater": "rater", "surface": "surface"}
         ratings["scale"] = list(RATING_SCALE)
@@ -204,5 +199,5 @@ def _layout_text(source, entries):
         for axis in source.ratings.axes:
             words = AXIS_WORDS.get(axis, (f"not {axis}", axis))
             axes[axis] = {"column": axis, "high": words[1], "words": list(words)}
-        blocks.append("\n".join(["[ratings]", *toml_lines(ratings), "[ratings.axes]", *toml_lines(axes)]))
+        blocks += [toml_table(ratings, header="[ratings]"), toml_table(axes, header="[ratings.axes]")]
     return "\n\n".join(blocks) + "\n"
