@@ -56,7 +56,7 @@ def test_flags_reach_the_virtual_collection(tmp_path):
 
 def test_out_into_a_folder_and_back(tmp_path, virtual_recordings, capsys):
     folder, back = tmp_path / "folder", tmp_path / "back.h5"
-    run("--export-folder {f} --export-kind npy --recordings {r} --quiet", f=folder, r=virtual_recordings)
+    run("--export-folder {f} --recordings {r} --quiet", f=folder, r=virtual_recordings)
     run("--source folder --root {f} --layout {f}/layout.toml --output {b} --quiet", f=folder, b=back)
     assert "6 recordings" in capsys.readouterr().out
     with RecordingsFile(virtual_recordings) as a, RecordingsFile(back) as b:
@@ -88,9 +88,11 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--source folder --root {tmp}/no --layout " + __file__ + " --output {tmp}/r.h5", "is not a folder"),
         ("--source recordings --workers 2 --recordings " + __file__, "--workers belongs to --source virtual"),
         ("--draft {tmp}/l.toml --output {tmp}/r.h5", "--draft belongs to --inspect"),
-        ("--export-kind csv --output {tmp}/r.h5", "--export_kind belongs to --export_folder"),
         ("--export-folder {tmp}/f", "needs --recordings"),
-        (f"--export-folder {{tmp}}/f --recordings {__file__} --root {{tmp}} --output {{tmp}}/r.h5", "leave out --output, --root"),
+        (
+            f"--export-folder {{tmp}}/f --recordings {__file__} --root {{tmp}} --output {{tmp}}/r.h5",
+            "leave out --output, --root",
+        ),
         ("--inspect {tmp} --prepared {tmp}/p.h5 --seed 1", "--inspect does one thing, and stops: leave out"),
         ("--inspect {tmp} --draft {tmp}/nowhere/l.toml", "nowhere of l.toml does not exist"),
         ("--calibrate --surfaces 3", "leave out --surfaces"),

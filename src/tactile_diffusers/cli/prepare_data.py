@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .. import virtual
 from ..data import HoldOut, SegmentLimits, prepare_recordings, split_surfaces
-from ..data.folder import EXPORT_KINDS, convert_folder, draft_layout, export_folder, inspect_folder
+from ..data.folder import convert_folder, draft_layout, export_folder, inspect_folder
 from ..data.sens3 import convert_sens3
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
@@ -47,7 +47,7 @@ Brings recordings into one file (recordings.h5) and prepares a data set from it.
 With --prepared the recordings are then filtered, cut into segments and split by surface. On their own:
 
   --inspect DIR        lists what is in a folder; --draft layout.toml writes a layout with TODO where it could not tell
-  --export_folder DIR  writes --recordings as a plain folder with its layout
+  --export_folder DIR  writes --recordings as a folder of csv files with its layout
   --calibrate          recomputes the constants of the virtual percepts
 """
 
@@ -78,8 +78,7 @@ def _add_files(add):
     add("--prepared", type=Path, metavar="FILE", help="prepared data set to write; default: none")
     add("--inspect", **folder, help="list what is in a folder, and stop")
     add("--draft", type=Path, metavar="FILE", help="with --inspect: layout to write; default: none")
-    add("--export_folder", type=Path, metavar="FOLDER", help="write --recordings as a folder, and stop")
-    add("--export_kind", choices=EXPORT_KINDS, help="files of the exported folder; default: csv")
+    add("--export_folder", type=Path, metavar="FOLDER", help="write --recordings as a folder of csv files, and stop")
 
 
 def _add_virtual(add):
@@ -157,7 +156,7 @@ def main(arguments=None):
         elif args.inspect is not None:
             _inspect(args)
         elif args.export_folder is not None:
-            export_folder(args.recordings, args.export_folder, args.export_kind or "csv", quiet=args.quiet)
+            export_folder(args.recordings, args.export_folder, quiet=args.quiet)
             print(f"wrote {args.export_folder}")
         else:
             _check_source(parser, args)
@@ -170,10 +169,9 @@ def main(arguments=None):
 
 
 def _check_alone(parser, args):
-    """Refuses options of other work beside --inspect, --export_folder or --calibrate, and theirs without them."""
-    for name, owner in (("draft", "inspect"), ("export_kind", "export_folder")):
-        if getattr(args, name) is not None and getattr(args, owner) is None:
-            parser.error(f"--{name} belongs to --{owner}.")
+    """Refuses options of other work beside --inspect, --export_folder or --calibrate."""
+    if args.draft is not None and args.inspect is None:
+        parser.error("--draft belongs to --inspect.")
     used = [name for name, value in vars(args).items() if value is not None and value is not False]
     alone = next((name for name in ALONE if name in used), None)
     if alone is None:

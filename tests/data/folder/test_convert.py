@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import soundfile
-from scipy import io
 
 from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.data.folder import convert_folder
@@ -98,60 +97,6 @@ def test_csv_with_time_stamps(rig):
         assert file.attributes["source"] == "a rig" and file.attributes["licence"] == "CC0-1.0"
         assert json.loads(file.attributes["conversion"])["recordings"] == 2
     assert "2 recordings of 2 surfaces by 1 explorers, 6.0 s of force at 1000 Hz" in str(report)
-
-
-def save_mat5(path, arrays):
-    io.savemat(path, {"run": arrays})
-
-
-def save_mat73(path, arrays):
-    with h5py.File(path, "w") as file:
-        for name, values in arrays.items():
-            file[f"run/{name}"] = values.T
-
-
-def save_hdf5(path, arrays):
-    with h5py.File(path, "w") as file:
-        for name, values in arrays.items():
-            file[f"run/{name}"] = values
-
-
-def save_columns(path, arrays):
-    with h5py.File(path, "w") as file:
-        for name, values in arrays.items():
-            for axis, column in zip("xyz", values.T, strict=False):
-                file[f"run/{name[0]}{axis}"] = column
-
-
-TREES = {
-    "mat": (save_mat5, 'inside = "run"', "force/{}", "velocity/{}"),
-    "mat v7.3": (save_mat73, 'inside = "run"', "force/{}", "velocity/{}"),
-    "hdf5": (save_hdf5, 'inside = "run"', "force/{}", "velocity/{}"),
-    "hdf5 columns": (save_columns, 'inside = "run"', "f{}", "v{}"),
-    "npz": (lambda path, arrays: np.savez(path, **arrays), "", "force/{}", "velocity/{}"),
-}
-EXTENSIONS = {"mat": "mat", "mat v7.3": "mat", "hdf5": "h5", "hdf5 columns": "h5", "npz": "npz"}
-
-
-@pytest.mark.parametrize("kind", TREES)
-def test_both_channels_in_one_file(tmp_path, kind):
-    save, inside, force_name, velocity_name = TREES[kind]
-    force, velocity, _ = explore()
-    extension = EXTENSIONS[kind]
-    (tmp_path / "root").mkdir()
-    save(tmp_path / "root" / f"wood.{extension}", {"force": force, "velocity": velocity})
-    keys = "xyz" if kind == "hdf5 columns" else "012"
-    names = [force_name.format(key) for key in keys], [velocity_name.format(key) for key in keys[:2]]
-    (tmp_path / "layout.toml").write_text(
-        f'{HEAD}[[files]]\npattern = "{{surface}}.{extension}"\n{inside}\nrate = {RATE}\n'
-        + 'force = {{ x = "{}", y = "{}", z = "{}", unit = "N" }}\n'.format(*names[0])
-        + f'[[files]]\npattern = "{{surface}}.{extension}"\n{inside}\nrate = {MOTION_RATE}\n'
-        + 'velocity = {{ x = "{}", y = "{}", unit = "mm/s" }}\n'.format(*names[1])
-    )
-    convert_folder(tmp_path / "root", tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
-    recording = recorded(tmp_path / "r.h5")
-    np.testing.assert_array_equal(recording.force, force)
-    np.testing.assert_array_equal(recording.velocity, velocity)
 
 
 FLAT = {

@@ -3,12 +3,11 @@
 from .conversion_report import ConversionReport
 from .convert import convert_folder
 from .draft import draft_layout, inspect_folder
-from .folder_export import EXPORT_KINDS, export_folder
+from .folder_export import export_folder
 from .layout import Layout, load_layout
 from .recording import read_recording
 
 __all__ = [
-    "EXPORT_KINDS",
     "ConversionReport",
     "Layout",
     "convert_folder",

@@ -34,14 +34,14 @@ def read_channels(name, channels, filter, report):
         name (`str`): "surface/explorer/trial".
         channels (`dict[str, Source]`): the tables that hold "force" or "lateral", and "position" or "velocity".
         filter (`VelocityLayout`): makes velocity from position.
-        report (`ConversionReport`): where notes and the lag go.
+        report (`ConversionReport`): receives notes and the lag.
 
     Returns:
         `dict`: keyword arguments of `RecordingsWriter.add_recording`.
 
     Raises:
         Unusable: if it is to be left out.
-        ValueError: naming file and place, if a unit, an axis or a clock is wrong.
+        ValueError: if a unit, an axis or a clock is wrong.
     """
     read = {}
     for source in dict.fromkeys(channels.values()):

@@ -33,16 +33,11 @@ class Unusable(ValueError):
 
 @dataclass
 class Timed:
-    """A channel, uniformly sampled.
+    """A channel, uniformly sampled: `values` (samples, columns) float64, NaN = missing.
 
-    Attributes:
-        values (`np.ndarray`): (samples, columns) float64; NaN = missing.
-        start (`float` or `None`): time of the first sample, s; `None` = no time stamps.
-        rate (`float`): Hz, whole where it is whole within 0.1 %.
-        true_rate (`float`): Hz on the clock of the time stamps; `rate` without any.
-        where (`str`): the file, for messages.
-        offset (`float`): s, added to the start.
-        counts (`dict`): what happened -> (samples, first place).
+    `start` is the time of the first sample in s (`None` = no time stamps), `rate` in Hz is whole where it is whole
+    within 0.1 %, `true_rate` is that on the clock of the stamps, `offset` in s is added to the start, and `counts` is
+    what happened -> (samples, first place). `where` names the file in messages.
     """
 
     values: np.ndarray
@@ -69,24 +64,15 @@ def whole(rate):
 
 
 def on_stamps(values, stamps, rate, where, place=str):
-    """Puts samples with time stamps on a uniform clock.
+    """Puts samples (n, columns) with time stamps (n,) in s on a uniform clock: `Timed`.
 
     Jitter is taken for what it is: samples are uniform. Steps of more than 1.5 sample periods are dropped samples and
-    become NaN; a repeated stamp is dropped with its sample.
-
-    Args:
-        values (`np.ndarray`): (n, columns).
-        stamps (`np.ndarray`): (n,) s; NaN = unreadable, its sample is dropped.
-        rate (`float` or `None`): Hz, declared; `None` = found from the stamps.
-        where (`str`): the file, for messages.
-        place (`Callable`): from a row to how messages name it.
-
-    Returns:
-        `Timed`.
+    become NaN; a repeated or unreadable (NaN) stamp is dropped with its sample. `rate` in Hz is declared, or `None`;
+    `place` turns a row into how messages name it.
 
     Raises:
-        ValueError: naming file and place, if time runs backward, the stamps are coarser than the samples, or the
-            declared rate is more than 1 % off.
+        ValueError: if time runs backward, the stamps are coarser than the samples, or the declared rate is more than
+            1 % off.
         Unusable: if less than two stamps are left, or too many samples are missing.
     """
     rows, counts = _distinct(stamps, where, place)
@@ -162,16 +148,10 @@ def _wrong_rate(where, rate, found):
 
 
 def on_one_clock(force, motion):
-    """Crops two channels to a common first instant, a sample of the slower one; the other is within half a sample.
+    """Crops two `Timed` to a common first instant, a sample of the slower one; the other is within half a sample.
 
     A channel without time stamps starts with the other one, if that has some. Where both have, and their clocks run
     apart by more than a sample of `motion`, time is counted in samples of the force: the rate of `motion` is adapted.
-
-    Args:
-        force, motion (`Timed`): the channels.
-
-    Returns:
-        `tuple[Timed, Timed]`: cropped.
 
     Raises:
         Unusable: if they do not overlap.
@@ -201,20 +181,12 @@ def _start(channel, other):
 
 
 def velocity_from_position(position, rate, window=0.05, order=2):
-    """Velocity by a Savitzky-Golay filter (Savitzky and Golay, Anal. Chem. 36, 1964); the ends are extrapolated.
+    """Velocity (m, axes) in mm/s from position in mm; NaN stays NaN, the ends are extrapolated.
 
-    White noise of the position of standard deviation s becomes noise of the velocity of about s * rate * sqrt(12 / n^3)
-    with n = window * rate samples and order 1 or 2; a movement of frequency f loses (pi * f * window)^2 / 10 of its
-    amplitude (0.25 % at 1 Hz and 50 ms).
-
-    Args:
-        position (`np.ndarray`): (m, axes) mm; NaN = missing.
-        rate (`float`): Hz.
-        window (`float`): s; at least order + 1 samples are taken, and an odd number.
-        order (`int`): of the polynomial.
-
-    Returns:
-        `np.ndarray`: (m, axes) mm/s; NaN where `position` is.
+    A Savitzky-Golay filter (Anal. Chem. 36, 1964) over `window` s, an odd number of samples of at least order + 1.
+    White noise of standard deviation s becomes noise of the velocity of about s * rate * sqrt(12 / n^3) for n samples
+    and order 1 or 2; a movement of frequency f loses (pi * f * window)^2 / 10 of its amplitude (0.25 % at 1 Hz and
+    50 ms).
 
     Raises:
         Unusable: if there are fewer samples than one window.

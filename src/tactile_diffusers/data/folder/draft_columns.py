@@ -53,18 +53,10 @@ MOST_REPEATED = 0.1
 
 @dataclass
 class Column:
-    """One column.
+    """One column: its name, the unit in it, what it measures along which axis, and its values.
 
-    Attributes:
-        name (`str`): as in the table.
-        unit (`str` or `None`): in the name, as in `UNITS` if it is known; `None` = there is none.
-        measures (`str`): "time", "counter", "force" and so on, as in `NAMES`; "ratings" or "sound"; else "text" or
-            "number".
-        axis (`str`): "x", "y", "z" or "".
-        low, high, mean (`float`): over what was read; NaN for text, and where nothing was.
-        missing (`int`): empty cells.
-        distinct (`int`): different values.
-        whole (`bool`): whether all values are whole numbers.
+    `measures` is a key of `NAMES`, "ratings", "sound", "text" or "number". `low`, `high` and `mean` are NaN for text;
+    `missing` counts empty cells, `distinct` different values, and `whole` says whether all are whole numbers.
     """
 
     name: str
@@ -81,16 +73,10 @@ class Column:
 
 @dataclass
 class TableFacts:
-    """One table.
+    """One table: its columns (no more than `MOST_COLUMNS`), its rate in Hz and where that is known from.
 
-    Attributes:
-        table (`Table`): itself.
-        columns (`list[Column]`): no more than `MOST_COLUMNS`.
-        complete (`bool`): whether all rows were read.
-        rate (`float` or `None`): Hz, and `rate_from`, where it is known from.
-        stamps_coarse (`bool`): whether more than `MOST_REPEATED` of the time stamps are repeated.
-        time_unit (`str` or `None`): of the time stamps; `None` = unknown.
-        doubts (`list[str]`): what was only guessed.
+    `complete` = all rows were read; `stamps_coarse` = more than `MOST_REPEATED` of the time stamps are repeated;
+    `time_unit` of the stamps, `None` = unknown; `doubts` = what was only guessed.
     """
 
     table: Table
@@ -121,15 +107,9 @@ def split_unit(name):
 
 
 def describe_table(table, words=(), head_only=False):
-    """Looks at the columns of a table.
+    """Looks at the columns of a table: `TableFacts`.
 
-    Args:
-        table (`Table`): opened with at most `HEAD_ROWS` rows if `head_only`.
-        words (`Sequence[str]`): of the name of its file and the place inside: they say what "x" measures.
-        head_only (`bool`): whether there may be more rows.
-
-    Returns:
-        `TableFacts`.
+    `words` of the name of its file say what "x" measures; with `head_only` there may be more than `HEAD_ROWS` rows.
     """
     facts = TableFacts(table, complete=not (head_only and table.rows >= HEAD_ROWS))
     for name in table.names[:MOST_COLUMNS]:

@@ -33,13 +33,9 @@ _HERTZ = re.compile(r"(\d+(?:\.\d+)?)[ _]?(k?)Hz", re.IGNORECASE)
 
 @dataclass
 class FileList:
-    """Files of a folder; paths are relative and written with "/".
+    """Files of a folder: those that can be read with their bytes, others, and those `skipped` with the reason.
 
-    Attributes:
-        files (`dict[str, int]`): files of a kind that can be read -> bytes.
-        others (`list[str]`): files of other kinds.
-        skipped (`dict[str, str]`): file or folder that was not looked at -> why.
-        truncated (`bool`): whether there are more files than that.
+    Paths are relative and written with "/". `truncated` = there are more files.
     """
 
     files: dict = field(default_factory=dict)
@@ -52,14 +48,9 @@ class FileList:
 class TableGroup:
     """Tables of one kind.
 
-    Attributes:
-        files (`NameGroup`): names of the files.
-        kind (`str`): of the files, as in `tables.KINDS`.
-        bytes (`int`): of all files.
-        inside (`NameGroup` or `None`): places inside a file, or sheets; `None` = a file is one table.
-        tables (`list[TableFacts]`): of the files that were opened, the first place inside each.
-        channels (`dict[str, dict[str, Column]]`): "force", "lateral", "position", "velocity" -> axis -> column.
-        doubts (`list[str]`): what was only guessed, or looks wrong.
+    `files` are the names of the files, `inside` those of places or sheets in a file (`None` = a file is one table),
+    `tables` the facts of those that were opened, `channels` "force", "lateral", "position", "velocity" -> axis ->
+    column, and `doubts` what was only guessed, or looks wrong.
     """
 
     files: NameGroup
@@ -115,13 +106,7 @@ class TableGroup:
 
 
 def list_files(root):
-    """Lists a folder and all below it, sorted, without following links to folders.
-
-    Args:
-        root (`Path`): the folder.
-
-    Returns:
-        `FileList`.
+    """Lists a folder and all below it, sorted, without following links to folders: `FileList`.
 
     Raises:
         FileNotFoundError: if there is no folder.
@@ -167,16 +152,9 @@ def _sort_in(found, root, path):
 
 
 def open_groups(root, sizes, skipped, quiet):
-    """Groups files by their names, and opens a few of each kind.
+    """Groups files (relative path -> bytes) by their names, and opens a few of each kind: `list[TableGroup]`.
 
-    Args:
-        root (`Path`): the folder.
-        sizes (`dict[str, int]`): relative path -> bytes.
-        skipped (`dict[str, str]`): path -> reason; files that cannot be read are added.
-        quiet (`bool`): no progress bar.
-
-    Returns:
-        `list[TableGroup]`: without channels.
+    Files that cannot be read are added to `skipped` with the reason.
     """
     groups, waiting, opened = [], group_names(list(sizes)), {}
     bar = tqdm(desc="looking at files", unit="file", disable=quiet)

@@ -45,14 +45,10 @@ _EXTENSION = re.compile(r"(.*?)(\.[A-Za-z]\w*)?", re.DOTALL)
 
 @dataclass
 class NameField:
-    """A part of names that varies.
+    """A part of names that varies: `bare` is its value in each name.
 
-    Attributes:
-        bare (`list[str]`): its value in each name.
-        before, after (`str`): text beside it that is part of the value if `whole`.
-        whole (`bool`): whether it is.
-        hint (`str` or `None`): a key of `FIELD_WORDS`, or "condition", from the words beside it.
-        role (`str`): name in the pattern; "" = not decided.
+    The text `before` and `after` it is part of the value if `whole`. The words beside it give a `hint`, a key of
+    `FIELD_WORDS` or "condition"; `role` is its name in the pattern, "" = not decided.
     """
 
     bare: list[str]
@@ -128,11 +124,7 @@ def content_of(words):
 
 
 def group_names(names):
-    """Groups names (paths of files with "/", or of places inside a file) of the same kind.
-
-    Returns:
-        `list[NameGroup]`: in the order of their first names.
-    """
+    """Groups names (paths of files, or of places inside a file) of the same kind, in the order of the first."""
     groups = defaultdict(list)
     for name in names:
         groups[_skeleton(name)].append(name)
@@ -251,11 +243,7 @@ def _look_beside(items, i, parent):
 def assign_roles(fields):
     """Decides which field is the surface, the explorer and the trial; what is left are parts of the trial.
 
-    Args:
-        fields (`list[NameField]`): their `role` is set.
-
-    Returns:
-        `list[str]`: what was only guessed.
+    Sets the `role` of each; returns what was only guessed.
     """
     doubts, roles = [], {}
     for item in sorted(fields, key=lambda item: len((words_of(item.before) or [""])[-1]) == 1):  # whole words first

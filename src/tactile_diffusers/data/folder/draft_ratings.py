@@ -29,12 +29,9 @@ LIKELY_ANSWERS, MOST_ANSWERS = (-100, 100), 101
 class RatingsGuess:
     """What `[ratings]` of a layout may say.
 
-    Attributes:
-        group (`TableGroup`): the tables; the roles of its fields are "rater", "surface", "axis".
-        keys, axes (`dict`): of `[ratings]` and `[ratings.axes]`; values that hold "TODO" are unknown.
-        comments (`dict[str, str]`): key -> evidence.
-        surfaces (`list[str]`): names of surfaces in the answers.
-        doubts (`list[str]`): what was only guessed, or is left out.
+    `keys` and `axes` are those of `[ratings]` and `[ratings.axes]`, "TODO" where unknown, `comments` their evidence,
+    `surfaces` the names in the answers, `doubts` what was only guessed, or is left out. The roles of the fields of
+    `group` are "rater", "surface", "axis".
     """
 
     group: TableGroup
@@ -52,15 +49,7 @@ def axis_of(text):
 
 
 def guess_ratings(group, surfaces):
-    """Looks whether tables hold answers.
-
-    Args:
-        group (`TableGroup`): the tables; the roles of its fields are set if they do.
-        surfaces (`set[str]`): names of recorded surfaces, as far as they are known.
-
-    Returns:
-        `RatingsGuess`, or `None`.
-    """
+    """`RatingsGuess` if tables look like answers, else `None`; `surfaces` are the recorded ones, if known."""
     facts = group.first
     is_force = facts.measuring("force").keys() >= {"x", "y", "z"}
     if facts.table.rate is not None or not facts.columns or not facts.complete or is_force:

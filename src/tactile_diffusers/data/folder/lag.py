@@ -32,12 +32,8 @@ LEAST_TURNING = 0.1
 
 @dataclass
 class Lag:
-    """What turns tell about force and motion.
-
-    Attributes:
-        seconds (`float`): time of the force behind the motion, positive = later.
-        shear (`float`): mm of travel in which the force follows a new direction.
-        correlation (`float`): of force and direction there, -1 to 1; negative = the force on the finger was recorded.
+    """Time of the force behind the motion (`seconds`), travel in which it follows a new direction (`shear`, mm), and
+    the correlation of force and direction there; a negative one means that the force on the finger was recorded.
     """
 
     seconds: float
@@ -49,20 +45,18 @@ def residual_lag(force, force_rate, velocity, velocity_rate):
     """Lag between force and motion, from turns: friction follows the sliding direction.
 
     A contact shears before it slides: after a turn the force follows the new direction within some travel, first-order
-    in distance (Dahl, Aerospace Corp. TOR-0158(3107-18)-1, 1968). That delay in distance is told apart from the lag in
-    time, because speed varies: the force along the surface, low-passed at 25 Hz, is correlated with the direction of
-    the velocity, delayed by each of `SHEAR_TRAVELS` and by up to +-0.25 s, all without their means; the best pair
-    counts (recipe).
+    in distance (Dahl, Aerospace Corp. TOR-0158(3107-18)-1, 1968). Speed varies, so a delay in distance differs from a
+    lag in time: the force along the surface, low-passed at 25 Hz, is correlated with the direction of the velocity,
+    delayed by each of `SHEAR_TRAVELS` and by up to +-0.25 s; the best pair counts (recipe).
 
     Args:
         force (`np.ndarray`): (n, 2) along the surface, or (n, 1) with a movement along x; NaN = missing.
-        force_rate (`float`): Hz.
-        velocity (`np.ndarray`): (m, 2) mm/s, or (m, 1), starting at the same instant.
-        velocity_rate (`float`): Hz.
+        force_rate, velocity_rate (`float`): Hz.
+        velocity (`np.ndarray`): (m, 2) or (m, 1) mm/s, starting at the same instant.
 
     Returns:
-        `Lag`, or `None` if the recording hardly turns, the force does not follow the turns, lag and shear cannot be
-        told apart, or the way is too long to be one of a finger.
+        `Lag`, or `None` if the recording hardly turns, the force does not follow, lag and shear cannot be told apart,
+        or the way is too long to be one of a finger.
     """
     seconds = min(len(force) / force_rate, len(velocity) / velocity_rate, LAG_SECONDS)
     force, velocity = force[: math.ceil(seconds * force_rate)], velocity[: math.ceil(seconds * velocity_rate)]

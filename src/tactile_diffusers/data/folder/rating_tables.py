@@ -120,14 +120,10 @@ def _on_recorded(answers, layout, surfaces):
 
 
 def pair_names(names, candidates):
-    """What each name probably means.
+    """What each name of a surface probably means: name -> a candidate, or "".
 
-    Args:
-        names, candidates (`list[str]`): names of surfaces that differ in spelling.
-
-    Returns:
-        `dict[str, str]`: name -> a candidate with the same numbers, or without numbers a close spelling; "" = none. No
-        candidate is given twice, which would merge the answers on two surfaces.
+    It has the same numbers, or without numbers a close spelling. No candidate is given twice, which would merge the
+    answers on two surfaces.
     """
     free, paired = list(candidates), dict.fromkeys(names, "")
     for closest in (0.9, 0.6):  # what is spelt almost alike comes first

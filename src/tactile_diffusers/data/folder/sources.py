@@ -41,11 +41,7 @@ class Source:
 
 
 def files_below(root):
-    """Relative paths, written with "/", of all files below a folder that are not hidden: sorted `list[str]`.
-
-    Raises:
-        FileNotFoundError: if there is no folder.
-    """
+    """Relative paths, written with "/", of all files below a folder that are not hidden: sorted `list[str]`."""
     if not root.is_dir():
         raise FileNotFoundError(f"There is no folder {root}.")
     found = []
@@ -82,7 +78,7 @@ def matching_places(root, paths, entry, where):
 
 
 def find_recordings(root, layout):
-    """Joins files to recordings, and looks at the columns of the first file of each kind.
+    """Joins the files of a folder to recordings, and looks at the columns of the first file of each kind.
 
     Returns:
         `tuple[dict, dict]`: (surface, explorer, trial) -> channel -> `Source`, and name -> reason of what lacks a file.

@@ -30,18 +30,12 @@ _REMEDY = "Check that it is whole, and what its layout says about it."
 
 @dataclass
 class Table:
-    """Columns of numbers or text; what is not in memory already is read when asked for.
+    """Columns of numbers or text; those that are not in memory are read when they are needed.
 
-    Attributes:
-        path (`Path`): the file.
-        inside (`str` or `None`): sheet of an xlsx file, or path of the group, struct or array inside a file.
-        names (`list[str]`): of the columns; "0", "1", .. where there are none.
-        rate (`float` or `None`): Hz, where the file itself says so (wav header, HDF5 attribute, scalar beside arrays).
-        rows (`int`): of the longest column; arrays of a group or struct may differ in length.
-        first_line (`int` or `None`): line of the first row in a csv or xlsx file, for messages; counts from 1.
-        load (`Callable`): from a name to its column, a 1-D array of numbers or str.
-        load_text (`Callable` or `None`): the same, exactly as written, where that differs.
-        unreadable (`Counter`): column -> cells that are no finite number, known after `numbers` read them.
+    `inside` is the sheet, or the place of the group, struct or array; `names` are "0", "1", .. where there are none;
+    `rate` is in Hz, where the file itself states one; `rows` is the length of the longest column; `first_line` is the
+    line of the first row in a text file, from 1. `load` gives a column by name, `load_text` exactly as written.
+    `unreadable` counts the cells that are no finite number in columns that `numbers` has read.
     """
 
     path: Path
@@ -64,11 +58,7 @@ class Table:
         return f"sample {row}" if self.first_line is None else f"line {self.first_line + row}"
 
     def name(self, column):
-        """Name of a column given by name or by index from 0.
-
-        Raises:
-            ValueError: naming the file and the columns there are, if it has no such column.
-        """
+        """Name of a column given by name or by index from 0, or a `ValueError` that lists the columns."""
         if isinstance(column, int) and 0 <= column < len(self.names):
             return self.names[column]
         if isinstance(column, str) and column in self.names:
@@ -79,13 +69,7 @@ class Table:
         raise ValueError(f"{self.where} has no column {column!r}; it has {few(self.names, 12) or 'none'}.{hint}")
 
     def numbers(self, column):
-        """A column as numbers.
-
-        Args:
-            column (`str` or `int`): name, or index from 0.
-
-        Returns:
-            `np.ndarray`: (rows,) float64; NaN = empty or no number (counted in `unreadable`).
+        """A column, by name or index, as (rows,) float64; NaN = empty or no number.
 
         Raises:
             ValueError: if there is no such column, or it holds text only.
@@ -166,15 +150,7 @@ def read_table(path, kind=None, *, inside=None, delimiter=None, header=None, max
 def list_tables(path, kind=None, **options):
     """All tables of a file: the sheets of an xlsx, the groups and arrays of a mat, hdf5 or npz, otherwise one.
 
-    Args:
-        path (`str` or `Path`): the file.
-        kind (`str`, *optional*): as in `read_table`, like `**options`.
-
-    Returns:
-        `list[Table]`.
-
-    Raises:
-        FileNotFoundError, ValueError: as `read_table`.
+    Takes the options of `read_table`, and raises the same.
     """
     path = Path(path)
     kind = kind or kind_of(path)
@@ -188,11 +164,7 @@ def list_tables(path, kind=None, **options):
 
 
 def paths_inside(path, kind=None):
-    """Places inside a file: paths of all groups, structs and arrays of a mat, hdf5 or npz ("" = the top), or sheets.
-
-    Returns:
-        `list[str]`.
-    """
+    """Places inside a file: all groups, structs and arrays of a mat, hdf5 or npz ("" = the top), or sheets."""
     path, kind = Path(path), kind or kind_of(path)
     with reading(path, kind, _REMEDY):
         if kind != "xlsx":

@@ -26,15 +26,9 @@ class TextFormat:
 
 
 def text_format(path, delimiter=None, header=None):
-    """Looks at the first lines of a text table; no names = the file is empty.
+    """Looks at the first lines of a text table: `TextFormat`; no names = the file is empty.
 
-    Args:
-        path (`Path`): the file.
-        delimiter (`str`, *optional*): default: the one that gives the most columns of numbers; " " = any white space.
-        header (`int`, *optional*): lines before the data; default: as `find_header` finds.
-
-    Returns:
-        `TextFormat`.
+    A `delimiter` that is not given is the one that gives the most columns of numbers; `header` as in `find_header`.
 
     Raises:
         ValueError: if the file is no text.
@@ -50,16 +44,11 @@ def text_format(path, delimiter=None, header=None):
 
 
 def find_header(rows, header=None):
-    """Finds the lines before the data, and the names of the columns.
+    """Finds the lines before the data, and the names of the columns, from the first rows of a table.
 
-    Args:
-        rows (`list[list[str]]`): the first rows of a table.
-        header (`int`, *optional*): lines before the data. Default: a table of numbers starts with the first row of
-            numbers; a table with words has at least one line of names.
-
-    Returns:
-        `tuple[int, list[str]]`: lines before the data, and one name per column: from the last of these lines that has
-        as many different names as there are columns (a line of units below the names has not), else "0", "1", ..
+    Without `header`, a table of numbers starts with the first row of numbers; a table with words has at least one line
+    of names. The names are in the last line before the data that has as many different names as there are columns (a
+    line of units has not), else "0", "1", ..
     """
     if not any(rows):
         return 0, []

@@ -29,15 +29,9 @@ def toml_comment(text):
 
 
 def toml_table(values, comments=None, header=None):
-    """A table of TOML.
+    """Lines "key = value" of a mapping, without those that are `None`, behind a `header` such as "[ratings]".
 
-    Args:
-        values (`dict`): name -> value; `None` is left out.
-        comments (`dict`, *optional*): name -> text of a comment, behind the value or on a line before a long one.
-        header (`str`, *optional*): first line, such as "[ratings]".
-
-    Returns:
-        `str`: lines "key = value".
+    `comments` are name -> text, written behind the value, or on a line before a long one.
     """
     lines = [] if header is None else [header]
     for name, value in values.items():

@@ -70,12 +70,10 @@ class Tree:
         return self.rates.get(place) or self.rates.get(place.rpartition("/")[0])
 
     def columns(self, place):
-        """Columns of an array, or of all arrays of a group.
+        """Columns of an array, or of all arrays of a group; `None` if there is no such place.
 
-        Returns:
-            `dict` or `None`: name -> (length, function without arguments that reads it as a 1-D array). In a group a
-            vector has its own name, a 2-D array `force` gives "force/0", "force/1", .., a structured one
-            "force/<field>". `None` = there is no such place.
+        Name -> (length, function without arguments that reads it as a 1-D array). In a group a vector has its own
+        name, a 2-D array `force` gives "force/0", "force/1", .., a structured one "force/<field>".
         """
         if place in self.arrays:
             return _array_columns(self.arrays[place])
@@ -101,18 +99,7 @@ class _Stored:
 
 
 def open_tree(path, kind):
-    """Looks at a file of arrays; datasets of HDF5 are read later.
-
-    Args:
-        path (`Path`): the file.
-        kind (`str`): "hdf5", "mat" or "npz".
-
-    Returns:
-        `Tree`.
-
-    Raises:
-        FileNotFoundError, ValueError: if there is no file, or it is none of this kind.
-    """
+    """Looks at a file of arrays of kind "hdf5", "mat" or "npz": a `Tree`; datasets of HDF5 are read later."""
     if not path.is_file():
         raise FileNotFoundError(f"There is no file {path}.")
     with reading(path, kind, "Write it again, with arrays of numbers and no objects."):

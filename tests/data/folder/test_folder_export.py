@@ -9,8 +9,7 @@ from hypothesis.extra.numpy import arrays
 from tactile_diffusers.data import RecordingsFile, RecordingsWriter
 from tactile_diffusers.data.folder import folder_export
 from tactile_diffusers.data.folder.convert import convert_folder
-from tactile_diffusers.data.folder.folder_export import EXPORT_KINDS, export_folder
-from tactile_diffusers.data.folder.layout import load_layout
+from tactile_diffusers.data.folder.folder_export import export_folder
 from tactile_diffusers.data.folder.tables import read_table
 
 
@@ -31,14 +30,13 @@ def back(folder, tmp_path):
         return {recording.name: recording for recording in file}, file.ratings
 
 
-@pytest.mark.parametrize("kind", EXPORT_KINDS)
-def test_names_gaps_and_rates_survive(tmp_path, recording_maker, kind):
-    # Names with what file names may hold, two rates of velocity, samples that are missing.
+def test_names_gaps_rates_and_counts_survive(tmp_path, recording_maker):
+    """Names with what file names may hold, two rates of velocity, samples that are missing, lateral force in counts."""
     first, second = recording_maker(seconds=2), recording_maker(seconds=2, seed=1)
     first["force"][100:110], second["velocity"] = np.nan, second["velocity"][::2]
     second["velocity_rate"] = 250
     recordings = {("Leder, 3 µm {rau}", "P_1", "trial-1"): first, ("01", "P_2", "2_force"): second}
-    export_folder(write(tmp_path / "r.h5", recordings), tmp_path / "folder", kind, quiet=True)
+    export_folder(write(tmp_path / "r.h5", recordings), tmp_path / "folder", quiet=True)
     found, ratings = back(tmp_path / "folder", tmp_path)
     assert set(found) == {"/".join(name) for name in recordings} and ratings is None
     for name, recording in recordings.items():
@@ -46,20 +44,14 @@ def test_names_gaps_and_rates_survive(tmp_path, recording_maker, kind):
         np.testing.assert_array_equal(other.force, np.float32(recording["force"]))
         np.testing.assert_array_equal(other.velocity, np.float32(recording["velocity"]))
         assert other.velocity_rate == recording["velocity_rate"]
-
-
-@pytest.mark.parametrize("kind", EXPORT_KINDS)
-def test_lateral_force_alone_in_counts(tmp_path, kind):
     counts = np.random.default_rng(0).integers(-2000, 2000, 5000).astype(float)
-    velocity = np.ones((500, 2))
-    both = dict(lateral=counts, lateral_rate=2200, velocity=velocity, velocity_rate=200, unit="1")
-    alone = dict(lateral=counts[::-1], lateral_rate=2200, unit="1")
+    alone = dict(lateral=counts, lateral_rate=2200, unit="1")
+    both = alone | dict(velocity=np.ones((500, 2)), velocity_rate=200)
     path = write(tmp_path / "r.h5", {("a", "robot", "0"): both, ("b", "robot", "0"): alone})
-    export_folder(path, tmp_path / "folder", kind, quiet=True)
-    found, _ = back(tmp_path / "folder", tmp_path)
-    np.testing.assert_array_equal(found["a/robot/0"].lateral, np.float32(counts))
-    np.testing.assert_array_equal(found["a/robot/0"].velocity, velocity)
-    np.testing.assert_array_equal(found["b/robot/0"].lateral, np.float32(counts[::-1]))
+    export_folder(path, tmp_path / "counts", quiet=True)
+    found, _ = back(tmp_path / "counts", tmp_path)
+    for name in "ab":
+        np.testing.assert_array_equal(found[f"{name}/robot/0"].lateral, np.float32(counts))
     assert found["b/robot/0"].velocity is None and found["b/robot/0"].unit == "1"
 
 
@@ -69,8 +61,7 @@ def test_ratings_with_gaps_and_further_axes(tmp_path, recording_maker):
     values[0, 1], values[1, 0, 2] = np.nan, np.nan
     names = ["NA", "Dr. B, jr.", "3"], ["a", "b"], ["bumpiness", "warm-cold", "roughness", "slipperiness"]
     recordings = {(surface, "e", "0"): recording_maker(seconds=2) for surface in "ab"}
-    path = write(tmp_path / "r.h5", recordings, (values, *names))
-    export_folder(path, tmp_path / "folder", "npy", quiet=True)
+    export_folder(write(tmp_path / "r.h5", recordings, (values, *names)), tmp_path / "folder", quiet=True)
     _, ratings = back(tmp_path / "folder", tmp_path)
     assert ratings.raters == tuple(names[0]) and ratings.surfaces == ("a", "b")
     order = [names[2].index(axis) for axis in ratings.axes]
@@ -83,84 +74,64 @@ def test_ratings_with_gaps_and_further_axes(tmp_path, recording_maker):
 @settings(max_examples=200, deadline=None)
 def test_every_float32_survives_in_text(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("float") / "t.csv"
-    folder_export._write_csv(path, {"force": folder_export._Channel(values, ["fx_N", "fy_N", "fz_N"], 1, "N")})
+    folder_export._write_csv(path, ["fx_N", "fy_N", "fz_N"], values)
     table = read_table(path, header=1)
     for column, expected in zip(table.names, values.T, strict=True):
         np.testing.assert_array_equal(np.float32(table.numbers(column)), expected)
 
 
-def test_what_is_for_evaluation_only_stays(tmp_path, recording_maker):
+def test_only_what_can_be_read_back_is_written(tmp_path, recording_maker, monkeypatch):
+    """No seed and no ground truth; the README's code reads the folder."""
     with RecordingsWriter(tmp_path / "r.h5", source="a test", licence="CC0-1.0", seed=7) as writer:
         writer.add_recording("a", "e", "0", **recording_maker(seconds=2))
         writer.set_truth(["a"], {"friction_coefficient": np.array([0.6])})
-    export_folder(tmp_path / "r.h5", tmp_path / "folder", "npy", quiet=True)
+    (tmp_path / "folder").mkdir()  # an empty folder is filled
+    export_folder(tmp_path / "r.h5", tmp_path / "folder", quiet=True)
     files = sorted(path.relative_to(tmp_path / "folder").as_posix() for path in (tmp_path / "folder").rglob("*.*"))
-    assert files == ["README.txt", "a/e/0_force_10000Hz.npy", "a/e/0_velocity_500Hz.npy", "layout.toml"]
+    assert files == ["README.txt", "a/e/0_force_10000Hz.csv", "a/e/0_velocity_500Hz.csv", "layout.toml"]
     assert "truth" not in (tmp_path / "folder/layout.toml").read_text()
-
-
-def test_readme_says_how_to_get_back(tmp_path, recording_maker, monkeypatch):
-    path = write(tmp_path / "r.h5", {("a", "e", "0"): recording_maker(seconds=2)})
-    export_folder(path, tmp_path / "folder", quiet=True)
     comment, code = (tmp_path / "folder/README.txt").read_text().splitlines()
-    assert "recordings.h5" in comment
     monkeypatch.chdir(tmp_path / "folder")
     exec(code, {})
     with RecordingsFile("recordings.h5") as file:
-        assert file.names == ["a/e/0"]
-
-
-def test_an_empty_folder_is_filled_and_a_full_one_refused(tmp_path, recording_maker):
-    path = write(tmp_path / "r.h5", {("a", "e", "0"): recording_maker(seconds=2)})
-    (tmp_path / "folder").mkdir()
-    export_folder(path, tmp_path / "folder", "hdf5", quiet=True)
-    assert load_layout(tmp_path / "folder/layout.toml").source == "a test"
-    before = sorted((tmp_path / "folder").rglob("*"))
-    with pytest.raises(ValueError, match="`folder` must be new or empty, .*folder exists: remove it"):
-        export_folder(path, tmp_path / "folder", "hdf5", quiet=True)
-    with pytest.raises(ValueError, match="`folder` must be new or empty, .*r.h5 exists"):
-        export_folder(path, path, quiet=True)
-    assert sorted((tmp_path / "folder").rglob("*")) == before
+        assert file.names == ["a/e/0"] and "recordings.h5" in comment
 
 
 def test_nothing_is_left_after_a_failure(tmp_path, recording_maker, monkeypatch):
     path = write(tmp_path / "r.h5", {(surface, "e", "0"): recording_maker(seconds=2) for surface in "ab"})
-    real = np.save
+    real = folder_export._write_csv
 
-    def full(place, values):
+    def full(place, *arguments):
         if "b/" in str(place):
             raise OSError("No space left on device")
-        real(place, values)
+        real(place, *arguments)
 
-    monkeypatch.setattr(np, "save", full)
+    monkeypatch.setattr(folder_export, "_write_csv", full)
     with pytest.raises(OSError, match="No space left"):
-        export_folder(path, tmp_path / "folder", "npy", quiet=True)
-    assert [item.name for item in tmp_path.iterdir()] == ["r.h5"]
-
-
-def test_bad_arguments(tmp_path, recording_maker):
-    path = write(tmp_path / "r.h5", {("a", "e", "0"): recording_maker(seconds=2)})
-    with pytest.raises(ValueError, match="`kind` must be one of csv, npy, hdf5, mat, got 'xlsx'"):
-        export_folder(path, tmp_path / "folder", "xlsx", quiet=True)
-    with pytest.raises(FileNotFoundError, match="The folder .*nowhere of folder does not exist: create it"):
-        export_folder(path, tmp_path / "nowhere" / "folder", quiet=True)
-    with pytest.raises(FileNotFoundError, match="absent.h5"):
-        export_folder(tmp_path / "absent.h5", tmp_path / "folder", quiet=True)
-    assert not (tmp_path / "folder").exists()
-
-
-@pytest.mark.parametrize("name", ["..", ".hidden", "__a", "a\\b", "a\nb"])
-def test_names_that_no_file_can_have(tmp_path, recording_maker, name):
-    path = write(tmp_path / "r.h5", {(name, "e", "0"): recording_maker(seconds=2)})
-    with pytest.raises(ValueError, match="r.h5: .* cannot name a file: name surfaces, explorers and trials without"):
         export_folder(path, tmp_path / "folder", quiet=True)
     assert [item.name for item in tmp_path.iterdir()] == ["r.h5"]
 
 
-def test_force_without_velocity_cannot_be_described(tmp_path, recording_maker):
-    recording = recording_maker(seconds=2)
-    del recording["velocity"], recording["velocity_rate"]
-    path = write(tmp_path / "r.h5", {("a", "e", "0"): recording})
-    with pytest.raises(ValueError, match="a/e/0 has 3-D `force` but no `velocity`, which a layout cannot describe"):
+def test_bad_places_are_refused(tmp_path, recording_maker):
+    path = write(tmp_path / "r.h5", {("a", "e", "0"): recording_maker(seconds=2)})
+    for source, folder, message in (
+        (path, path, "`folder` must be new or empty, .*r.h5 exists"),
+        (path, tmp_path, "`folder` must be new or empty, .* exists: remove it"),
+        (path, tmp_path / "nowhere" / "folder", "The folder .*nowhere of folder does not exist: create it"),
+        (tmp_path / "absent.h5", tmp_path / "folder", "absent.h5"),
+    ):
+        with pytest.raises((ValueError, FileNotFoundError), match=message):
+            export_folder(source, folder, quiet=True)
+    assert [item.name for item in tmp_path.iterdir()] == ["r.h5"]
+
+
+@pytest.mark.parametrize("name", ["..", ".hidden", "__a", "a\\b", "a\nb", "without velocity"])
+def test_what_no_folder_can_hold_is_refused(tmp_path, recording_maker, name):
+    recording, message = recording_maker(seconds=2), "r.h5: .* cannot name a file: name surfaces, explorers and trials"
+    if name == "without velocity":
+        del recording["velocity"], recording["velocity_rate"]
+        message = "has 3-D `force` but no `velocity`, which a layout cannot describe"
+    path = write(tmp_path / "r.h5", {(name, "e", "0"): recording})
+    with pytest.raises(ValueError, match=message):
         export_folder(path, tmp_path / "folder", quiet=True)
     assert [item.name for item in tmp_path.iterdir()] == ["r.h5"]
