@@ -15,7 +15,7 @@ from tactile_diffusers.version import __version__
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "tactile_diffusers"
-MODULES = sorted(PACKAGE.rglob("*.py"))
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if (path.parent / "__init__.py").is_file())
 #: A room imports from itself and from rooms on its left.
 ROOMS = (
     "checkpoints",  # files and one path: imports nothing

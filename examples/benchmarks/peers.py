@@ -13,7 +13,7 @@ from tactile_diffusers.cli.program import count, existing_folder, load_pipeline
 from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.pipelines import find_decoders
-from tactile_diffusers.pipelines.recorded import DEFAULT_STEPS
+from tactile_diffusers.pipelines.reconstruction import DEFAULT_STEPS
 from tactile_diffusers.signal import SEGMENT_SECONDS
 
 #: Steps of both stages at which all are compared.

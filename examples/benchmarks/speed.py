@@ -7,7 +7,7 @@ from benchmarking import finish, make_parser, parse, run_child, seconds_of
 from tactile_diffusers.cli.program import count, load_pipeline
 from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table
-from tactile_diffusers.pipelines.recorded import DEFAULT_STEPS
+from tactile_diffusers.pipelines.reconstruction import DEFAULT_STEPS
 from tactile_diffusers.signal import SEGMENT_SECONDS
 
 RATINGS = [1.5, 0.0, -1.0]

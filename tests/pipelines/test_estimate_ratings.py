@@ -42,12 +42,6 @@ def test_it_is_the_estimator_of_the_packed_state(pipe, textures):
     np.testing.assert_allclose(pipe.estimate_ratings(textures, RATE, friction), expected, atol=1e-6)  # float32
 
 
-def test_axes_of_the_estimator_are_those_of_dale(pipe, textures, randomized):
-    other = RatingEstimator(pipe.dale.channel_groups, pipe.dale.config.rating_axes, width=4)
-    pipe.register_modules(rating_estimator=randomized(other).eval())
-    assert pipe.estimate_ratings(textures, RATE).shape == (3, len(pipe.dale.config.rating_axes))
-
-
 @pytest.mark.parametrize("many", [list, np.array, torch.tensor], ids=["list", "array", "tensor"])
 def test_one_friction_coefficient_or_one_for_each(pipe, textures, many):
     each = pipe.estimate_ratings(textures, RATE, many([0.3, 0.3, 1.2]))
@@ -66,12 +60,6 @@ def test_unknown_friction_is_ignored(pipe, textures):
     # not the same as the mean friction of training, which is known
     mean = np.exp(pipe.dale.config.log_friction_mean)
     assert all(np.abs(pipe.estimate_ratings(textures, RATE, value) - unknown).max() > 1e-3 for value in (0.3, mean))
-
-
-@pytest.mark.parametrize("friction", [[0.5], [0.5] * 2, [0.5] * 4, [[0.5] * 3]], ids=str)
-def test_another_number_of_friction_coefficients_is_refused(pipe, textures, friction):
-    with pytest.raises(ValueError, match=r"`friction_coefficient` must be one number or \(3,\)"):
-        pipe.estimate_ratings(textures, RATE, friction)
 
 
 def test_frames_beyond_whole_patches_are_left_out(make_pipeline, randomized, pink_noise):
@@ -109,15 +97,6 @@ def test_it_is_optional_and_may_be_left_out_on_loading(make_pipeline, pipe, text
     for folder, options in (("without", {}), ("with", {"rating_estimator": None})):
         again = TactileTexturePipeline.from_pretrained(tmp_path / folder, **options)
         assert again.rating_estimator is None and again.dale is not None
-
-
-def test_a_checkpoint_from_before_it_still_loads(tiny_checkpoint, recorded_warnings, pink_noise):
-    assert "rating_estimator" not in json.loads((tiny_checkpoint / "model_index.json").read_text())
-    with recorded_warnings() as found:
-        old = TactileTexturePipeline.from_pretrained(tiny_checkpoint)
-    assert found == [] and old.rating_estimator is None
-    with pytest.raises(ValueError, match="no `rating_estimator`"):
-        old.estimate_ratings(pink_noise(SAMPLES, RATE), RATE)
 
 
 def test_half_precision(pipe, textures):

@@ -2,10 +2,10 @@
 
 import pytest
 import torch
+from diffusers.callbacks import MultiPipelineCallbacks, PipelineCallback, SDCFGCutoffCallback
 
 from tactile_diffusers import VDDIMScheduler
 from tactile_diffusers.pipelines.guidance import Guidance
-from tactile_diffusers.pipelines.inputs import parse_guidance
 from tactile_diffusers.signal import RATING_AXES
 
 NAN = torch.nan
@@ -99,34 +99,92 @@ def test_a_dict_that_changes_nothing_asks_once(pipe, state_of, calls_of, scale):
     assert torch.equal(made, state_of(ratings)[1])
 
 
-@pytest.mark.parametrize(
-    ("scale", "message"),
-    [
-        ({"warmth": 2.0}, r"unknown axes \['warmth'\]; the axes are \['roughness', 'bumpiness', 'slipperiness'\]"),
-        ({0: 2.0}, r"unknown axes \['0'\]"),
-        *(({"roughness": value}, r"\['roughness'\]` must be") for value in (-0.1, NAN, float("inf"), "2", None, True)),
-        *((value, "` must be a finite number of at least 0") for value in (-0.1, NAN, "2", None, [2.0])),
-    ],
-    ids=str,
-)
-def test_bad_scales_are_refused_by_name_before_any_work(pipe, calls_of, scale, message):
-    calls = calls_of(pipe.dale)
-    with pytest.raises(ValueError, match="`guidance_scale.*" + message):
-        pipe(RATINGS, guidance_scale=scale)
-    assert not calls
-
-
-def test_scales_become_numbers_and_indices():
-    assert parse_guidance(2, RATING_AXES) == 2.0 and isinstance(parse_guidance(2, RATING_AXES), float)
-    assert parse_guidance({"slipperiness": 2, "roughness": 0}, RATING_AXES) == {2: 2.0, 0: 0.0}
-
-
 @pytest.mark.parametrize("scale", [1.0, 0.0, 2.5, {}, {0: 3.0, 2: 0.5}, {1: 4.0}], ids=str)
 def test_weights_sum_to_one_and_the_plain_answer_is_last(scale):
     weights, ratings = Guidance(scale).conditions(RATINGS)
     assert sum(weights) == pytest.approx(1.0) and len(weights) == len(ratings)
     assert torch.equal(ratings[-1:], RATINGS)
     assert torch.isnan(ratings[:-1]).any(dim=1).all()
+
+
+# --- changed by a callback
+
+
+def _set_guidance(scale):
+    def callback(pipe, index, t, tensors):
+        if index == 1:
+            pipe._guidance_scale = scale
+
+    return callback
+
+
+@pytest.mark.parametrize("duration_s", [None, 0.5], ids=["a segment", "fused windows"])
+@pytest.mark.parametrize(("before", "after"), [(3.0, 1.0), (1.0, 3.0), (3.0, {"roughness": 2.0}), (2.0, 3.0)], ids=str)
+def test_a_callback_changes_guidance_for_the_steps_that_follow(pipe, seeded, calls_of, before, after, duration_s):
+    def latents(scale, callback=None):
+        options = {"num_inference_steps": 4, "duration_s": duration_s, "output_type": "latent"}
+        return pipe(
+            RATINGS, guidance_scale=scale, callback_on_step_end=callback, generator=seeded(0), **options
+        ).latents
+
+    first, last = latents(before), latents(after)
+    calls = calls_of(pipe.dale)
+    changed = latents(before, _set_guidance(after))
+    rows = [len(args[0]) for args in calls if args[0] is not None]
+    asked = [1 if scale == 1.0 else 2 for scale in (before, before, after, after)]
+    assert [count // (rows[0] // asked[0]) for count in rows] == asked
+    assert pipe.guidance_scale == after and pipe.do_classifier_free_guidance == (after != 1.0)
+    assert not torch.allclose(changed, first, atol=1e-3) and not torch.allclose(changed, last, atol=1e-3)
+    # the first two steps are those of one scale, the last two those of the other: in between the result lies near both
+    assert torch.equal(latents(before, _set_guidance(before)), first)
+
+
+def test_official_callbacks_work_or_are_refused_before_any_work(pipe, calls_of):
+    class Halve(PipelineCallback):
+        tensor_inputs = ["latents"]
+
+        def callback_fn(self, pipeline, step_index, timestep, callback_kwargs):
+            return {"latents": callback_kwargs["latents"] / 2}
+
+    plain, halved = (
+        pipe(RATINGS, latents=torch.ones(1, 6, 32), num_inference_steps=1, output_type="latent", **options).level
+        for options in ({}, {"callback_on_step_end": MultiPipelineCallbacks([Halve()])})
+    )
+    config = pipe.dale.config  # the level is a linear function of the state
+    torch.testing.assert_close(halved - config.level_mean, (plain - config.level_mean) / 2)
+    calls = calls_of(pipe.dale)
+    with pytest.raises(ValueError, match="got .'prompt_embeds'. for SDCFGCutoffCallback.*_guidance_scale = 1.0"):
+        pipe(RATINGS, callback_on_step_end=SDCFGCutoffCallback(cutoff_step_ratio=0.5), guidance_scale=2.0)
+    assert not calls
+
+
+# --- unwise values
+
+
+@pytest.mark.parametrize("scale", [7.5, {"roughness": 4.0, "bumpiness": 1.0}], ids=str)
+def test_strong_guidance_is_warned_of_once(pipe, recorded_warnings, scale):
+    with recorded_warnings() as found:
+        for _ in range(2):
+            pipe(RATINGS, guidance_scale=scale, num_inference_steps=1)
+        pipe(RATINGS, guidance_scale=3.0, num_inference_steps=1)
+    assert len(found) == 1 and "`guidance_scale`" in found[0] and "is beyond 3" in found[0]
+
+
+def test_many_steps_are_warned_of_once_where_they_gain_nothing(pipe, recorded_warnings, pink_noise):
+    texture, options = pink_noise(2048, 10_000), {"output_type": "latent", "num_inference_steps": 1}
+    pipe.scheduler, pipe.dale_scheduler = (VDDIMScheduler(multistep_order=2) for _ in range(2))
+    with recorded_warnings() as found:
+        for _ in range(2):
+            pipe(RATINGS, num_latent_inference_steps=11, **options)
+            pipe.reconstruct(texture, 10_000, 12)
+    assert [text.split(": ")[1].split(" beyond 10")[0] for text in found] == [
+        "11 steps gain nothing",
+        "12 steps gain nothing",
+    ]
+    pipe.dale_scheduler = VDDIMScheduler(multistep_order=1)  # DDIM needs more
+    with recorded_warnings() as found:
+        pipe(RATINGS, num_latent_inference_steps=20, **options)
+    assert found == []
 
 
 # --- bringing the spread back
@@ -179,11 +237,3 @@ def test_rescaling_works_in_long_textures(pipe, seeded):
     plain = pipe(RATINGS, duration_s=0.5, guidance_scale=4.0, num_inference_steps=2, generator=seeded(0))
     assert out.textures.shape == (1, 5000) and abs(out.textures).max() < float("inf")
     assert out.level != plain.level
-
-
-@pytest.mark.parametrize("value", [-0.1, 1.01, NAN, float("inf"), "1", None, True], ids=str)
-def test_rescaling_outside_its_range_is_refused(pipe, calls_of, value):
-    calls = calls_of(pipe.dale)
-    with pytest.raises(ValueError, match="`guidance_rescale` must be .* of at most 1"):
-        pipe(RATINGS, guidance_scale=2.0, guidance_rescale=value)
-    assert not calls

@@ -7,7 +7,7 @@ from scipy import signal
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.features.low_band import synthesize
-from tactile_diffusers.signal import level, rms
+from tactile_diffusers.signal import level
 
 LAYERED = {"feature_channels": 28, "latent_channels": 6, "detail_channels": 2, "level_bands": 1}
 EXTRACTOR = {"feature_size": 28, "detail_samples": 2, "level_bands": 1}
@@ -59,35 +59,6 @@ def test_decoding_generated_latents_equals_the_whole_call(layered, seeded, durat
     again = layered.decode(made.latents, made.level, made.friction_coefficient, 3, generator, samples=samples)
     np.testing.assert_array_equal(again.textures, whole.textures)
     np.testing.assert_array_equal(again.friction_coefficient, whole.friction_coefficient)
-
-
-@pytest.mark.parametrize(("duration_s", "samples"), [(0.001, 10), (0.1234, 1234), (5.0, 50_000)])
-def test_generated_lengths(layered, seeded, duration_s, samples):
-    out = layered(RATINGS, num_inference_steps=2, duration_s=duration_s, generator=seeded(0))
-    assert out.textures.shape == (1, samples) and np.isfinite(out.textures).all()
-
-
-@pytest.mark.parametrize("duration_s", [None, 0.5], ids=["one window", "fused windows"])
-def test_a_list_of_generators_equals_single_calls(layered, seeded, duration_s):
-    ratings = [RATINGS, [0, 1, 0], [None, None, 2]]
-    options = {"num_inference_steps": 3, "duration_s": duration_s}
-    together = layered(ratings, generator=seeded([5, 6, 7]), **options)
-    for row, seed in enumerate((5, 6, 7)):
-        alone = layered(ratings[row], generator=seeded(seed), **options).textures[0]
-        assert np.abs(together.textures[row] - alone).max() < 1e-4 * rms(alone)  # batched sums in float32
-
-
-@pytest.mark.parametrize("samples", [1, 63, 2048, 2049, 50_000])
-def test_reconstructed_lengths(make_layered, pink_noise, seeded, samples):
-    decoder = make_layered(dale=False)
-    texture = pink_noise(samples, 10_000, count=2) if samples > 1 else np.full((1, 1), 0.01)  # one sample: silence
-    made = decoder.encode(texture, 10_000)
-    assert made.latents.shape == (len(texture), 6, -(-samples // 64))
-    out = decoder.reconstruct(texture, 10_000, num_inference_steps=2, generator=seeded(0))
-    assert out.textures.shape == (len(texture), samples) and np.isfinite(out.textures).all()
-    again = decoder.decode(made.latents, made.level, None, 2, seeded(0), samples=samples)
-    np.testing.assert_array_equal(again.textures, out.textures)
-    np.testing.assert_allclose(level(out.textures), out.level, rtol=0, atol=1e-5)  # float32
 
 
 def test_the_base_layer_of_energies_has_no_polarity(make_lctg, make_extractor, pink_noise):
@@ -162,12 +133,6 @@ def test_detail_adds_its_own_waveform_and_nothing_else(untrained, pink_noise, se
     torch.testing.assert_close(with_detail - without, given, rtol=0, atol=2e-5)
 
 
-@pytest.mark.parametrize("samples", [1, 2048])
-def test_constants_are_reconstructed_as_silence(make_layered, seeded, samples):
-    out = make_layered(False).reconstruct(np.full(samples, -0.3), 10_000, 2, seeded(0))
-    assert out.textures.shape == (1, samples) and not out.textures.any()
-
-
 def _four_levels(make_lctg, make_extractor):
     """Latents: 4 band levels, 2 learned channels of the base layer, 2 of the detail layer."""
     pipe = TactileTexturePipeline(
@@ -209,37 +174,37 @@ def test_band_levels_of_a_recording_are_restored(make_lctg, make_extractor, pink
     assert errors[0] > 1 and errors[1] < 0.3 * errors[0]  # an untrained decoder, and gains that are slow
 
 
-@pytest.mark.parametrize(("made", "kept"), [(1, 0), (0, 1), (1, 2)])
-def test_other_level_bands_are_refused(make_lctg, make_extractor, made, kept):
-    message = f"`lctg` .* {made} band levels, `feature_extractor` measures {kept}: they belong to different"
-    size = 26 + (kept + 1 if kept else 0)
-    lctg = make_lctg(**LAYERED | {"level_bands": made, "feature_channels": size})
-    with pytest.raises(ValueError, match=message):
-        TactileTexturePipeline(
-            lctg=lctg,
-            feature_extractor=make_extractor(**EXTRACTOR | {"level_bands": kept, "feature_size": size}),
-            scheduler=VDDIMScheduler(),
-        )
-
-
-@pytest.mark.parametrize(("kept", "made"), [(2, 0), (0, 2), (2, 4)])
-def test_another_detail_layer_is_refused(make_lctg, make_extractor, kept, made):
-    lctg = make_lctg(**LAYERED | {"detail_channels": kept, "latent_channels": 4 + kept, "feature_channels": 26 + made})
-    extractor = make_extractor(**EXTRACTOR | {"detail_samples": made, "feature_size": 26 + made})
-    message = f"`lctg` has {kept} detail channels, `feature_extractor` makes {made} .*: they belong to different"
-    with pytest.raises(ValueError, match=message):
-        TactileTexturePipeline(lctg=lctg, feature_extractor=extractor, scheduler=VDDIMScheduler())
-
-
-def test_layers_of_another_frame_are_refused(make_lctg, make_extractor):
-    extractor = make_extractor(**EXTRACTOR | {"frame_multiple": 4})
-    with pytest.raises(ValueError, match="band levels and detail every 32 samples, `lctg` makes latents every 16"):
-        TactileTexturePipeline(lctg=make_lctg(**LAYERED), feature_extractor=extractor, scheduler=VDDIMScheduler())
+@pytest.mark.parametrize(
+    ("lctg", "extractor", "message"),
+    [
+        *(
+            (
+                {"level_bands": kept, "feature_channels": 26 + (measured + 1 if measured else 0)},
+                {"level_bands": measured, "feature_size": 26 + (measured + 1 if measured else 0)},
+                f"level_bands is {measured}, lctg.config.level_bands is {kept}",
+            )
+            for kept, measured in ((1, 0), (0, 1), (1, 2))
+        ),
+        *(
+            (
+                {"detail_channels": kept, "latent_channels": 4 + kept, "feature_channels": 26 + measured},
+                {"detail_samples": measured, "feature_size": 26 + measured},
+                f"detail_samples is {measured}, lctg.config.detail_channels is {kept}",
+            )
+            for kept, measured in ((2, 0), (0, 2), (2, 4))
+        ),
+        ({}, {"frame_multiple": 4}, "hop_length x frame_multiple is 32, lctg.config.latent_hop is 16"),
+    ],
+)
+def test_layers_of_another_extractor_are_refused(make_lctg, make_extractor, lctg, extractor, message):
+    models = {"lctg": make_lctg(**LAYERED | lctg), "feature_extractor": make_extractor(**EXTRACTOR | extractor)}
+    with pytest.raises(ValueError, match=f"`feature_extractor` does not fit `lctg`: its {message}. They belong"):
+        TactileTexturePipeline(**models, scheduler=VDDIMScheduler())
 
 
 def test_a_dale_of_all_channels_is_refused(make_lctg, make_dale, make_extractor):
     dale = make_dale(in_channels=8, latent_mean=[0.0] * 6, latent_std=[1.0] * 6)
-    with pytest.raises(ValueError, match="`dale` makes 6 latent channels, `lctg` generates from 4: they belong"):
+    with pytest.raises(ValueError, match="`dale` does not fit `lctg`: it generates 6 latent channels, .* from 4. They"):
         TactileTexturePipeline(
             lctg=make_lctg(**LAYERED),
             feature_extractor=make_extractor(**EXTRACTOR),
@@ -252,15 +217,6 @@ def test_a_dale_of_all_channels_is_refused(make_lctg, make_dale, make_extractor)
 def test_latents_without_their_detail_channels_are_refused(layered):
     with pytest.raises(ValueError, match=r"`latents` must be \(batch, 6, frames\), got \(1, 4, 8\)"):
         layered.decode(torch.zeros(1, 4, 8), torch.zeros(1))
-
-
-def test_saving_and_loading(layered, seeded, tmp_path):
-    layered.save_pretrained(str(tmp_path))
-    again = TactileTexturePipeline.from_pretrained(str(tmp_path))
-    again.set_progress_bar_config(disable=True)
-    first, second = (p(RATINGS, num_inference_steps=2, generator=seeded(1)).textures for p in (layered, again))
-    # loaded weights lie elsewhere in memory, which may change the order of float32 sums
-    np.testing.assert_allclose(second, first, rtol=0, atol=1e-5 * rms(first[0]))
 
 
 def test_modulation_gain_is_restored_in_what_is_generated_and_not_in_recordings(layered, pink_noise, seeded, tmp_path):

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-import torch
 
-from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.data.ratings import rating_coverage, rating_quantiles
 from tactile_diffusers.pipelines.inputs import parse_ratings, warn_of_novel_ratings
 
@@ -98,17 +96,6 @@ def test_what_a_config_lacks_is_not_checked(make_pipeline, warned, kept):
     assert bool(warned([1.2, -1.2, 0.3], config)) == ("reach" in kept)
 
 
-def test_a_checkpoint_without_a_reach_does_not_warn_of_combinations(tiny_checkpoint, recorded_warnings, seeded):
-    pipe = TactileTexturePipeline.from_pretrained(tiny_checkpoint)
-    pipe.set_progress_bar_config(disable=True)
-    statistics = pipe.dale.config.rating_statistics
-    assert "range" in statistics and "reach" not in statistics
-    with recorded_warnings() as found:
-        corner = [row[end] for row, end in zip(statistics["range"], (0, 1, 0), strict=True)]
-        pipe(corner, num_inference_steps=1, generator=seeded(0))
-    assert found == []
-
-
 def test_the_pipeline_warns_once_and_generates_all_the_same(pipe, recorded_warnings, seeded):
     options = {"num_inference_steps": 2, "num_textures_per_rating": 3}
     with recorded_warnings() as found:
@@ -117,18 +104,3 @@ def test_the_pipeline_warns_once_and_generates_all_the_same(pipe, recorded_warni
     with recorded_warnings() as found:
         pipe([[1.0, 1.0, 0.0]], generator=seeded(0), **options)
     assert found == []
-
-
-def test_coverage_survives_saving(pipe, tmp_path, recorded_warnings, seeded):
-    pipe.save_pretrained(tmp_path / "saved")
-    again = TactileTexturePipeline.from_pretrained(tmp_path / "saved")
-    again.set_progress_bar_config(disable=True)
-    assert again.dale.config.rating_statistics == _coverage(_surfaces())
-    with recorded_warnings() as found:
-        again([1.2, -1.2, 0.3], num_inference_steps=1, generator=seeded(0))
-    assert len(found) == 1 and "combination" in found[0]
-
-
-def test_half_precision_ratings_are_checked_too(warned):
-    assert warned(torch.tensor([0.5, 0.5, 0.0], dtype=torch.bfloat16)) == []
-    assert len(warned(torch.tensor([0.5, 0.5, 3.0], dtype=torch.bfloat16))) == 1

@@ -59,15 +59,6 @@ def test_rows_do_not_depend_on_the_rest_of_the_batch():
     torch.testing.assert_close(fused[1:], windows.fuse(disagreeing), rtol=0, atol=1e-5)
 
 
-def test_order_of_split_and_repeat():
-    windows, field = Windows(48, 32), _normal(3, 1, 48)
-    rows = torch.arange(3.0)[:, None]
-    pieces, repeated = windows.split(field), windows.repeat(rows)
-    for index in range(len(pieces)):
-        start = windows.starts[index // 3]
-        assert torch.equal(pieces[index], field[int(repeated[index]), :, start : start + 32])
-
-
 def test_scaled_windows_are_the_same_in_finer_units():
     windows = Windows(80, 32)
     fine = windows.scaled(16)

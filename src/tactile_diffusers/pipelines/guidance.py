@@ -1,4 +1,4 @@
-"""Classifier-free guidance: under which ratings DALE is asked, and how its answers are combined."""
+"""Classifier-free guidance: the ratings that DALE is conditioned on, and how its velocities are combined."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,11 @@ import torch
 
 @dataclass(frozen=True)
 class Guidance:
-    """How far an answer is pushed away from what it would be without its ratings (Ho and Salimans, arXiv 2207.12598).
+    """Pushes a velocity away from the one without ratings (Ho and Salimans, arXiv 2207.12598).
 
     Args:
-        scale (`float` or `dict[int, float]`): 1.0 = off. A number pushes away from the answer without any rating; a
-            dict, axis to number, from the answer without that axis alone, v + sum_a (s_a - 1) (v - v_without_a).
+        scale (`float` or `dict[int, float]`): 1.0 = off. A number pushes away from the velocity without any rating; a
+            dict, axis to number, from the velocity without that axis alone: v + sum_a (s_a - 1) (v - v_without_a).
         rescale (`float`): how far, 0 to 1, the spread of the predicted clean state is brought back to that of the
             unguided one (Lin et al., arXiv 2305.08891), for each kind of channel apart: levels stay within the data's.
     """
@@ -21,13 +21,13 @@ class Guidance:
 
     @property
     def active(self):
-        """Whether DALE is asked more than once."""
+        """Whether DALE is evaluated with more than the given ratings."""
         return self.scale != 1.0 if not isinstance(self.scale, dict) else any(s != 1.0 for s in self.scale.values())
 
     def conditions(self, ratings):
-        """Weights and ratings of the answers that are added, the plain one last: n floats, and (n * batch, axes).
+        """Weights and ratings of the velocities that are added, the unguided one last: n floats, and (n * batch, axes).
 
-        Weights sum to one. Nothing is asked twice: what no row specifies is left alone.
+        Weights sum to one. An axis that no row specifies is not evaluated again.
         """
         if not isinstance(self.scale, dict):
             steered = self.active and not torch.isnan(ratings).all()
@@ -43,30 +43,30 @@ class Guidance:
         return weights, torch.cat([*(without for _, without in pushes), ratings])
 
     def velocity(self, dale, scheduler, state, t, conditions, weights):
-        """DALE's velocity, guided; all answers come in one batch.
+        """DALE's guided velocity, from one batched forward.
 
         Args:
             dale (`DALEModel`).
             scheduler (`VDDIMScheduler`): DALE's; turns velocities into clean states for `rescale`.
             state (`torch.Tensor`): (batch, in_channels, frames).
             t (`torch.Tensor`): timestep, a scalar.
-            conditions (`torch.Tensor` or `DALEConditions`): (n * batch, axes) ratings of `conditions`, or what DALE
-                made of them for this timestep.
-            weights (`list[float]`): of the n answers.
+            conditions (`torch.Tensor` or `DALEConditions`): (n * batch, axes) ratings of `conditions`, or what
+                `dale.condition` computed from them for this timestep.
+            weights (`list[float]`): of the n velocities.
         """
         if len(weights) == 1:
             return dale(state, t, conditions, return_dict=False)[0]
         states = torch.cat([state] * len(weights))
-        answers = dale(states, t, conditions, return_dict=False)[0].chunk(len(weights))
-        guided = sum(weight * answer for weight, answer in zip(weights, answers, strict=True))
-        return self._rescaled(dale, scheduler, state, t, guided, answers[-1]) if self.rescale else guided
+        velocities = dale(states, t, conditions, return_dict=False)[0].chunk(len(weights))
+        guided = sum(weight * velocity for weight, velocity in zip(weights, velocities, strict=True))
+        return self._rescaled(dale, scheduler, state, t, guided, velocities[-1]) if self.rescale else guided
 
     def _rescaled(self, dale, scheduler, state, t, guided, plain):
-        clean = [scheduler.get_original_sample(answer, state, t) for answer in (guided, plain)]
+        clean = [scheduler.get_original_sample(velocity, state, t) for velocity in (guided, plain)]
         guided_spread, plain_spread = (_spreads(dale, dale.pool_state(x)) for x in clean)
         factor = 1 + self.rescale * (plain_spread / guided_spread.clamp_min(1e-6) - 1)
         angle = scheduler.angle(t).to(state)
-        # at the data end (angle 0) velocity says nothing about the clean state; steps never ask there
+        # at angle 0, the clean end, the velocity does not determine the clean state; no step is evaluated there
         return (angle.cos() * state - factor[..., None] * clean[0]) / angle.sin().clamp_min(1e-3)
 
 

@@ -10,6 +10,7 @@ from diffusers.utils import logging
 from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundError, RevisionNotFoundError
 
 from ..checkpoints import DISTILLED, SURFACES_FILE
+from ..io.files import write_text
 from ..io.reading import reading
 from ..models.loading import WHY_NO_PICKLES
 
@@ -17,18 +18,22 @@ logger = logging.get_logger(__name__)
 
 #: The model card of a checkpoint.
 CARD_FILE = "README.md"
+#: Makes `DiffusionPipeline.from_pretrained(folder, custom_pipeline="pipeline", trust_remote_code=True)` work.
+CODE_FILE = "pipeline.py"
+CODE = '''"""For `DiffusionPipeline.from_pretrained(folder, custom_pipeline="pipeline", trust_remote_code=True)`."""
+
+from tactile_diffusers import TactileTexturePipeline  # noqa: F401
+'''
 #: What belongs to a checkpoint beside its components: the card, its pictures, the distilled decoder, the names of
-#: the surfaces that must not judge it.
-BESIDE = (CARD_FILE, SURFACES_FILE, "*.png", "report/*.png", f"{DISTILLED}/*")
+#: the surfaces that must not judge it, and the code for `DiffusionPipeline`.
+BESIDE = (CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "report/*.png", f"{DISTILLED}/*")
 # what is sent: a training's folder holds its optimiser and logs too, and training.json names folders of this machine
-_SENT = [CARD_FILE, SURFACES_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
+_SENT = [CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
 _NOT_SENT = ["checkpoint-*", "unfinished-*"]
 
 
 def forget_folders(folder):
-    """Removes from all configs of a checkpoint where it was loaded from: that is nobody's business elsewhere."""
-    from ..io.files import write_text  # imported here: loading a pipeline needs nothing of the room of data
-
+    """Removes the path that a checkpoint was loaded from (`_name_or_path`) from all its configs before it is shared."""
     for path in [*Path(folder).glob("*.json"), *Path(folder).glob("*/*.json")]:
         with reading(path, "JSON"):
             config = json.loads(path.read_text(encoding="utf-8"))
@@ -77,7 +82,7 @@ def upload_checkpoint(
 class HubMixin:
     """The part of `TactileTexturePipeline` that exchanges checkpoints with the Hub.
 
-    diffusers' own refuses to load components from outside diffusers, and replaces the card by one that says nothing.
+    diffusers' own methods refuse components from outside diffusers, and overwrite the model card.
     """
 
     @classmethod
@@ -125,6 +130,10 @@ class HubMixin:
     ):
         """Saves all components, see [`DiffusionPipeline.save_pretrained`]; a card in the folder stays as it is.
 
+        A file `pipeline.py` is written, too. With it diffusers' base class loads the folder:
+        `DiffusionPipeline.from_pretrained(folder, custom_pipeline="pipeline", trust_remote_code=True)`. From the Hub
+        it cannot: fetch the repository first (`huggingface_hub.snapshot_download`), or load it by this class.
+
         Args:
             save_directory (`str` or `Path`): the checkpoint's folder.
             safe_serialization, variant, max_shard_size: as in diffusers.
@@ -139,6 +148,7 @@ class HubMixin:
         sending = {name: kwargs.pop(name) for name in hub if name in kwargs}
         _check_safe(safe_serialization)
         super().save_pretrained(save_directory, safe_serialization, variant, max_shard_size, **kwargs)
+        write_text(Path(save_directory) / CODE_FILE, CODE)
         if push_to_hub:
             forget_folders(save_directory)
             upload_checkpoint(save_directory, repo_id or Path(save_directory).resolve().name, **sending)

@@ -87,8 +87,8 @@ def check_folder(folder, passed=()):
             continue
         config = folder / name / _CONFIGS[name]
         with reading(config, f"the config of a {cls.__name__}", _AGAIN):
-            make = cls.from_config if hasattr(cls, "from_config") else cls.from_dict
-            make(read_json(config, "JSON"))
+            build = cls.from_config if hasattr(cls, "from_config") else cls.from_dict
+            build(read_json(config, "JSON"))
 
 
 def _component_class(name, library, class_name):

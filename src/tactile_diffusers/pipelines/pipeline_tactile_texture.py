@@ -1,31 +1,34 @@
 """The pipeline: perceptual ratings in, a touchable texture out."""
 
 import math
+from collections import deque
 
 import numpy as np
 import torch
 from diffusers import DiffusionPipeline
+from diffusers.callbacks import MultiPipelineCallbacks, PipelineCallback
 from diffusers.utils import replace_example_docstring
 
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
 from ..schedulers import VDDIMScheduler, draw_noise
 from ..signal.checks import check_number, check_whole_number
+from .components import check_classes, check_fit, check_scheduler, step_arguments
 from .guidance import Guidance
 from .hub import HubMixin
 from .inputs import (
     LONGEST_SECONDS,
-    check_callback_inputs,
-    check_components,
+    check_callback,
     check_generator,
     check_noise,
     parse_guidance,
     parse_ratings,
     warn_of_novel_ratings,
+    warn_of_strong_guidance,
 )
 from .loading import LoadingMixin
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
-from .recorded import RecordedTexturesMixin
+from .reconstruction import ReconstructionMixin
 from .velocities import rating_velocity, texture_velocity
 
 EXAMPLE_DOC_STRING = """
@@ -43,9 +46,9 @@ EXAMPLE_DOC_STRING = """
 """
 
 
-class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, DiffusionPipeline):
+class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, DiffusionPipeline):
     r"""
-    Textures from perceptual ratings: DALE makes latents, level and friction coefficient; LCTG decodes them to force.
+    Generates textures from perceptual ratings: DALE generates latents, LCTG decodes them to a waveform of force.
 
     This pipeline inherits from [`DiffusionPipeline`]: loading, saving, moving and offloading are described there. It
     serves one thread at a time, because its schedulers have state: every thread needs a pipeline of its own, which may
@@ -54,11 +57,15 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
 
     Args:
         lctg ([`LCTGModel`]): encoder and decoder between textures and latents.
-        feature_extractor ([`TactileFeatureExtractor`]): what LCTG's encoder hears, and the way back to newtons.
-        scheduler ([`VDDIMScheduler`]): sampler of LCTG.
+        feature_extractor ([`TactileFeatureExtractor`]): the input of LCTG's encoder, and the way back to newtons.
+        scheduler ([`VDDIMScheduler`]): sampler of LCTG. Schedulers of diffusers for v-prediction work, too, if they are
+            made by `Scheduler.from_config(pipe.scheduler.config)`.
         dale ([`DALEModel`], *optional*): ratings to latents; `None` = a pipeline that only reconstructs.
         dale_scheduler ([`VDDIMScheduler`], *optional*): sampler of DALE, not the same object as `scheduler`.
         rating_estimator ([`RatingEstimator`], *optional*): textures to ratings, for `estimate_ratings` alone.
+
+    Raises:
+        ValueError: if a component is missing, of a wrong class, or does not fit the others.
     """
 
     model_cpu_offload_seq = "dale->lctg->rating_estimator"
@@ -75,13 +82,15 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
         rating_estimator: RatingEstimator = None,
     ):
         super().__init__()
-        self._warned_of = None
+        self._warned_of = deque(maxlen=100)
+        check_classes(
+            {"lctg": lctg, "feature_extractor": feature_extractor, "dale": dale, "rating_estimator": rating_estimator}
+        )
         if dale is not None and dale_scheduler is None:
             raise ValueError("`dale_scheduler` is missing: DALE needs a scheduler of its own, beside `scheduler`.")
         if scheduler is not None and scheduler is dale_scheduler:
             raise ValueError("`scheduler` and `dale_scheduler` must be two objects: a scheduler has state.")
-        if lctg is not None and feature_extractor is not None:
-            check_components(lctg, feature_extractor, dale)
+        check_fit(lctg, feature_extractor, dale)
         self.register_modules(
             lctg=lctg,
             feature_extractor=feature_extractor,
@@ -102,8 +111,12 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
 
     @property
     def guidance_scale(self):
-        """Guidance scale of the current or last call, as it was given."""
+        """Guidance scale of the current or last call. A callback may change it: `pipe._guidance_scale = 1.0`."""
         return self._guidance_scale
+
+    @property
+    def _guidance(self):
+        return Guidance(parse_guidance(self._guidance_scale, self.dale.config.rating_axes), self._guidance_rescale)
 
     @property
     def do_classifier_free_guidance(self):
@@ -130,6 +143,7 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
         output_type,
         callback_on_step_end_tensor_inputs,
         guidance_rescale=0.0,
+        callback_on_step_end=None,
     ):
         """Refuses impossible arguments of `__call__`; ratings, generators and latents are checked where they are read.
 
@@ -138,6 +152,8 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
         """
         if self.dale is None:
             raise ValueError("This pipeline has no `dale`: it reconstructs (`pipe.reconstruct`), it cannot generate.")
+        check_scheduler("dale_scheduler", self.dale_scheduler)
+        check_scheduler("scheduler", self.scheduler)
         self.resolve_steps(num_inference_steps, num_latent_inference_steps)
         check_whole_number("num_textures_per_rating", num_textures_per_rating)
         parse_guidance(guidance_scale, self.dale.config.rating_axes)
@@ -146,34 +162,61 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
             found = type(self.dale_scheduler).__name__
             raise ValueError(f"`guidance_rescale` needs a VDDIMScheduler as `dale_scheduler`, got {found}.")
         if duration_s is not None:
-            check_number("duration_s", duration_s, "s", above=0, at_most=LONGEST_SECONDS)
+            check_number("duration_s", duration_s, "seconds", above=0, at_most=LONGEST_SECONDS)
         if output_type not in ("np", "pt", "latent"):
             raise ValueError(f'`output_type` must be "np", "pt" or "latent", got {output_type!r}.')
-        check_callback_inputs(callback_on_step_end_tensor_inputs, self._callback_tensor_inputs)
+        check_callback(callback_on_step_end, callback_on_step_end_tensor_inputs, self._callback_tensor_inputs)
 
-    def prepare_latents(self, shape, generator, device, dtype, latents=None):
-        """The initial noise of DALE: drawn, or the caller's own, cast and moved.
+    def _warn_once(self, topic, value, warn, *arguments):
+        """Calls `warn(*arguments)` unless it was called for this value before: a stream calls the pipeline often."""
+        if (topic, value) not in self._warned_of:
+            self._warned_of.append((topic, value))
+            warn(*arguments)
+
+    def encode_ratings(self, ratings, rating_scale, num_textures_per_rating):
+        """Ratings in any accepted form as z-scores, one row per texture: (N, axes) float32 on the CPU.
 
         Raises:
-            ValueError: if given latents are not finite real numbers or have another shape.
+            ValueError: if they are not ratings.
+        """
+        config = self.dale.config
+        ratings = parse_ratings(ratings, config, rating_scale)
+        self._warn_once("ratings", ratings.numpy().tobytes(), warn_of_novel_ratings, ratings, config)
+        return ratings.repeat_interleave(int(num_textures_per_rating), dim=0)
+
+    def prepare_latents(self, shape, generator, device, dtype, latents=None, name="latents"):
+        """The initial noise of a stage: drawn, or the caller's own, cast and moved. `_denoise` scales it.
+
+        Raises:
+            ValueError: if the caller's, the argument `name`, is not finite, not real or has another shape.
         """
         if latents is None:
             return draw_noise(shape, generator, device, dtype)
-        check_noise("latents", latents, shape)
+        check_noise(name, latents, shape)
         return latents.to(device=device, dtype=dtype)
 
-    def _denoise(self, scheduler, velocity, latents, timesteps, bar, callback=None, callback_inputs=(), first_index=0):
-        """The one sampling loop: `velocity(latents, step)` is followed from noise to data, in float32 at least.
+    def _denoise(self, scheduler, velocity, latents, generator, bar, callback=None, callback_inputs=(), first_index=0):
+        """The sampling loop of both stages, from noise to data.
 
-        A half-precision state would be rounded at every step. The callback may change `latents`; `pipe._interrupt =
-        True` ends the loop.
+        The state is float32 at least: half precision would round it at every step.
+
+        Args:
+            scheduler: its timesteps are set.
+            velocity (`Callable`): `velocity(model_input, step)` is the model's output at step 0, 1, ...
+            latents (`torch.Tensor`): standard normal noise.
+            generator: for schedulers that draw noise at every step.
+            bar: the progress bar.
+            callback, callback_inputs: of the call. The callback may change `latents` and the guidance;
+                `pipe._interrupt = True` ends the loop.
+            first_index (`int`): the number that the callback is given for the first step.
         """
-        latents = latents.to(torch.promote_types(latents.dtype, torch.float32))
-        for step, t in enumerate(timesteps):
+        latents = latents.to(torch.promote_types(latents.dtype, torch.float32)) * scheduler.init_noise_sigma
+        extra_step_kwargs = step_arguments(scheduler, generator)
+        for step, t in enumerate(scheduler.timesteps):
             if self._interrupt:
                 break
             model_output = velocity(scheduler.scale_model_input(latents, t), step)
-            latents = scheduler.step(model_output, t, latents, return_dict=False)[0]
+            latents = scheduler.step(model_output, t, latents, **extra_step_kwargs, return_dict=False)[0]
             if callback is not None:
                 callback_kwargs = {}
                 for name in callback_inputs:
@@ -213,23 +256,27 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
             num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = `num_inference_steps`, or 5 if that
                 is left out or LCTG is a distilled one.
             guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): above 1 exaggerates the
-                ratings; 1.0 = off. A dict, `{"bumpiness": 1.5}`, does so for these axes alone.
+                ratings; 1.0 = off. A dict, `{"bumpiness": 1.5}`, does so for these axes alone. Above 3, levels leave
+                the range of the training data (a warning says so).
             num_textures_per_rating (`int`, *optional*, defaults to 1): takes of each rating.
             duration_s (`float`, *optional*): seconds, at most an hour; `None` = one segment. Longer textures are
                 continuous.
             generator (`torch.Generator` or list, *optional*): one generator draws (N, ...) noise for DALE, then for
                 LCTG; a list has N entries, each draws its own DALE noise, then its own LCTG noise: as N single calls.
+                Schedulers that add noise at every step, such as DDPM, draw it from the same generators.
             latents (`torch.Tensor`, *optional*): initial noise of DALE, (N, dale.config.in_channels, latent_frames).
-            output_type (`str`, *optional*, defaults to `"np"`): `"np"`, `"pt"`, or `"latent"` for DALE's result as
-                [`TactileLatents`] (LCTG is not run).
+            output_type (`str`, *optional*, defaults to `"np"`): `"np"`; `"pt"`, tensors on the pipeline's device; or
+                `"latent"` for DALE's result as [`TactileLatents`] (LCTG is not run).
             return_dict (`bool`, *optional*, defaults to `True`): `False` gives a plain tuple of the same fields.
             callback_on_step_end (`Callable`, *optional*): `callback(pipe, step_index, timestep, callback_kwargs)` after
-                each step of either stage; may return changed tensors.
+                each step of either stage; may return changed tensors, and may change the guidance for the steps that
+                follow (`pipe._guidance_scale = 1.0`). Subclasses of diffusers' `PipelineCallback` work if their
+                `tensor_inputs` are among those of this pipeline.
             callback_on_step_end_tensor_inputs (`list[str]`, *optional*): `["latents"]`: the current stage's state.
             rating_scale (`str`, *optional*, defaults to `"z"`): `"z"`, one rater's z-scores; `"raw"`, the 0-8 scale as
                 the typical rater uses it; `"percentile"`, 0-100 % of the training surfaces' ratings.
             guidance_rescale (`float`, *optional*, defaults to 0.0): 0 to 1, how far the spread of what guidance
-                predicts is brought back to that without guidance, so that a strong one does not make levels explode.
+                predicts is brought back to that without guidance, so that levels stay in range.
 
         Returns:
             [`TactileTexturePipelineOutput`], [`TactileLatents`], or a tuple of their fields.
@@ -240,7 +287,10 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
 
         Examples:
         """
-        # 0. check everything
+        if isinstance(callback_on_step_end, PipelineCallback | MultiPipelineCallbacks):
+            callback_on_step_end_tensor_inputs = callback_on_step_end.tensor_inputs
+
+        # 1. Check the arguments
         self.check_inputs(
             num_inference_steps,
             num_latent_inference_steps,
@@ -250,46 +300,44 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
             output_type,
             callback_on_step_end_tensor_inputs,
             guidance_rescale,
+            callback_on_step_end,
         )
-        if callback_on_step_end is not None and not callable(callback_on_step_end):
-            raise ValueError(f"`callback_on_step_end` must be callable, got {callback_on_step_end!r}.")
-        scale = parse_guidance(guidance_scale, self.dale.config.rating_axes)
-        ratings = parse_ratings(ratings, self.dale.config, rating_scale)
-        if ratings.numpy().tobytes() != self._warned_of:  # once, not for every take of a stream
-            warn_of_novel_ratings(ratings, self.dale.config)
-            self._warned_of = ratings.numpy().tobytes()
-        count = len(ratings) * num_textures_per_rating
-        generator = check_generator(generator, count)
-        device = self._execution_device
-        ratings = ratings.repeat_interleave(num_textures_per_rating, dim=0).to(device)
-        self._guidance_scale, self._guidance = guidance_scale, Guidance(scale, float(guidance_rescale))
+        self._warn_once("guidance_scale", guidance_scale, warn_of_strong_guidance, guidance_scale)
+        self._guidance_scale, self._guidance_rescale = guidance_scale, float(guidance_rescale)
         self._interrupt = False
 
-        # 1. sizes, schedules and DALE's noise
+        # 2. Encode the ratings
+        ratings = self.encode_ratings(ratings, rating_scale, num_textures_per_rating)
+        generator = check_generator(generator, len(ratings))
+        device, dtype = self._execution_device, self.dale.dtype
+        ratings = ratings.to(device)
+
+        # 3. Prepare timesteps and DALE's noise
         decoding_steps, latent_steps = self.resolve_steps(num_inference_steps, num_latent_inference_steps)
         frames, samples = self._sizes(duration_s)
-        shape = (count, self.dale.config.in_channels, frames)
-        dtype = self.dale.dtype
+        shape = (len(ratings), self.dale.config.in_channels, frames)
         latents = self.prepare_latents(shape, generator, device, dtype, latents)
         self.dale_scheduler.set_timesteps(latent_steps, device=device)
-        self._num_timesteps = len(self.dale_scheduler.timesteps) + (0 if output_type == "latent" else decoding_steps)
-        callback = (callback_on_step_end, callback_on_step_end_tensor_inputs)
+        self._num_timesteps = dale_steps = len(self.dale_scheduler.timesteps)
+        if output_type != "latent":
+            self.scheduler.set_timesteps(decoding_steps, device=device)
+            self._num_timesteps += len(self.scheduler.timesteps)
 
         with self.progress_bar(total=self._num_timesteps) as bar:
-            # 2. DALE: ratings to latents, level and friction coefficient
-            timesteps = self.dale_scheduler.timesteps
-            velocity = rating_velocity(self.dale, self.dale_scheduler, ratings, frames, self._guidance)
-            latents = self._denoise(self.dale_scheduler, velocity, latents, timesteps, bar, *callback)
-            made = TactileLatents(*self.dale.unpack(latents))
-            made.latents = self.lctg.pad_detail(made.latents.to(dtype))
+            loop = (generator, bar, callback_on_step_end, callback_on_step_end_tensor_inputs)
+            # 4. DALE: from ratings to latents, level and friction coefficient
+            velocity = rating_velocity(self.dale, self.dale_scheduler, ratings, frames, lambda: self._guidance)
+            latents = self._denoise(self.dale_scheduler, velocity, latents, *loop)
+            generated = TactileLatents(*self.dale.unpack(latents))
+            generated.latents = self.lctg.pad_detail(generated.latents.to(dtype))
             if output_type == "latent":
                 self.maybe_free_model_hooks()
-                return made if return_dict else made.to_tuple()
-            # 3. LCTG: latents to the waveform
-            decoded = self._decode(made.latents, decoding_steps, generator, bar, *callback, len(timesteps))
+                return generated if return_dict else generated.to_tuple()
+            # 5. LCTG: from latents to the waveform
+            decoded = self._decode(generated.latents, None, *loop, dale_steps)
 
-        # 4. newtons at the delivery rate
-        out = self._postprocess(*decoded, made.level, made.friction_coefficient, samples, output_type)
+        # 6. Post-process: newtons at the delivery rate
+        out = self._postprocess(*decoded, generated.level, generated.friction_coefficient, samples, output_type)
         self.maybe_free_model_hooks()
         return out if return_dict else out.to_tuple()
 
@@ -305,46 +353,32 @@ class TactileTexturePipeline(RecordedTexturesMixin, LoadingMixin, HubMixin, Diff
             frames = max(self.dale.config.latent_frames, math.ceil(duration_s * rate / hop / size - 1e-6) * size)
         return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
 
-    def _decode(
-        self,
-        latents,
-        num_inference_steps,
-        generator,
-        bar,
-        callback=None,
-        callback_inputs=(),
-        first_index=0,
-        noise=None,
-    ):
+    def _decode(self, latents, noise, generator, bar, *callback):
         """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate.
 
-        Returns them with the band levels and the modulation gains that they should have.
+        Returns them with the band levels and the modulation gain that they should have.
         """
         dtype = self.lctg.dtype
         latents = latents.to(dtype)
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
-        if noise is None:
-            noise = draw_noise(shape, generator, latents.device, dtype)
-        noise = noise.to(device=latents.device, dtype=dtype)
-        self.scheduler.set_timesteps(num_inference_steps, device=latents.device)
-        timesteps = self.scheduler.timesteps
-        velocity = texture_velocity(self.lctg, latents, timesteps)
-        callback = (callback, callback_inputs, first_index)
-        waveform = self._denoise(self.scheduler, velocity, noise, timesteps, bar, *callback)[:, 0]
+        noise = self.prepare_latents(shape, generator, latents.device, dtype, noise, "noise")
+        velocity = texture_velocity(self.lctg, latents, self.scheduler.timesteps)
+        waveform = self._denoise(self.scheduler, velocity, noise, generator, bar, *callback)[:, 0]
         return waveform, self.lctg.band_levels(latents), self.lctg.modulation_gain(latents)
 
-    def _postprocess(self, waveform, band_levels, modulation_gain, level, friction_coefficient, samples, output_type):
-        textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels, modulation_gain)
+    def _postprocess(self, waveform, band_levels, gain, level, friction_coefficient, samples, output_type):
+        textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels, gain)
         if not np.isfinite(textures).all():
             raise FloatingPointError(
                 f"Textures overflow at `level` of up to {level.max():.4g} (log RMS in N). Look for a large "
                 "`guidance_scale`, `latents` far from unit variance or a broken checkpoint."
             )
-        level, friction_coefficient = level.float().cpu(), friction_coefficient.float().cpu()
+        level, friction_coefficient = level.float(), friction_coefficient.float()
         if output_type == "pt":
-            textures = torch.from_numpy(textures)
+            textures = torch.from_numpy(textures).to(waveform.device)
+            level, friction_coefficient = level.to(waveform.device), friction_coefficient.to(waveform.device)
         else:
-            level, friction_coefficient = level.numpy(), friction_coefficient.numpy()
+            level, friction_coefficient = level.cpu().numpy(), friction_coefficient.cpu().numpy()
         speed = None if self.dale is None else self.dale.config.reference_speed
         return TactileTexturePipelineOutput(
             textures=textures,

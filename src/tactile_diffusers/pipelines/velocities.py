@@ -1,4 +1,4 @@
-"""Velocity functions `velocity(state, step)` of both stages, for segments and for longer textures."""
+"""Velocity functions `velocity(state, step)` of both stages, for one window and for longer textures."""
 
 from .windows import Windows, in_chunks
 
@@ -11,26 +11,19 @@ def rating_velocity(dale, scheduler, ratings, frames, guidance):
         scheduler (`VDDIMScheduler`): DALE's, its timesteps set.
         ratings (`torch.Tensor`): (batch, axes), z-scores, NaN = not specified.
         frames (`int`): latent frames of the whole, at least one window.
-        guidance (`Guidance`): pushes away from what DALE would answer without ratings.
+        guidance (`Callable`): returns the `Guidance` of the next step; a callback may change it between steps.
     """
-    dtype = dale.dtype  # read once: it is searched for among all weights
-    timesteps, windows = scheduler.timesteps, Windows(frames, dale.config.latent_frames)
+    windows = Windows(frames, dale.config.latent_frames)
     if len(windows.starts) == 1:
-        weights, rows = guidance.conditions(ratings)
-        conditions = dale.condition(rows, timesteps)
-        # the sampler's state is wider than a half-precision model
-        return lambda state, step: guidance.velocity(
-            dale, scheduler, state.to(dtype), timesteps[step], conditions[step], weights
-        )
+        return _segment_velocity(dale, scheduler, ratings, guidance)
+    dtype, timesteps, window_ratings = dale.dtype, scheduler.timesteps, windows.repeat(ratings)
 
     def guided(state, t, ratings):
-        weights, rows = guidance.conditions(ratings)
-        return guidance.velocity(dale, scheduler, state, t, rows, weights)
-
-    window_ratings = windows.repeat(ratings)
+        weights, rows = guidance().conditions(ratings)
+        return guidance().velocity(dale, scheduler, state, t, rows, weights)
 
     def fused(state, step):
-        field, scalars = dale.split_scalars(state.to(dtype))  # every window sees the level and friction of the whole
+        field, scalars = dale.split_scalars(state.to(dtype))  # every window gets the level and friction of the whole
         pieces = dale.append_scalars(windows.split(field), windows.repeat(scalars))
         t = timesteps[step]
         velocity = in_chunks(lambda piece, rating: guided(piece, t, rating), pieces, window_ratings)
@@ -38,6 +31,23 @@ def rating_velocity(dale, scheduler, ratings, frames, guidance):
         return dale.append_scalars(windows.fuse(field), scalars.unflatten(0, (len(windows.starts), -1)).mean(0))
 
     return fused
+
+
+def _segment_velocity(dale, scheduler, ratings, guidance):
+    """`rating_velocity` of one window: conditions of all steps are computed together, again if guidance changes."""
+    dtype, timesteps = dale.dtype, scheduler.timesteps
+    current = weights = conditions = None
+
+    def velocity(state, step):
+        nonlocal current, weights, conditions
+        if guidance() != current:
+            current = guidance()
+            weights, rows = current.conditions(ratings)
+            conditions = dale.condition(rows, timesteps)
+        # the sampler's state is wider than a half-precision model
+        return current.velocity(dale, scheduler, state.to(dtype), timesteps[step], conditions[step], weights)
+
+    return velocity
 
 
 def texture_velocity(lctg, latents, timesteps):

@@ -1,11 +1,12 @@
-"""What the pipeline does with textures that exist: encoding, decoding, reconstruction, an estimate of their ratings."""
+"""Encoding, decoding and reconstruction of textures, and an estimate of their ratings."""
 
 import math
 
 import numpy as np
 import torch
 
-from .inputs import check_decoding, check_generator, check_noise, check_steps
+from .components import check_scheduler
+from .inputs import check_decoding, check_generator, check_noise, check_steps, steps_settle, warn_of_many_steps
 from .pipeline_output import TactileLatents
 
 #: Steps of both stages. `examples/research/sampler.py`: with the second order, nine-band error
@@ -14,7 +15,7 @@ from .pipeline_output import TactileLatents
 DEFAULT_STEPS = 5
 
 
-class RecordedTexturesMixin:
+class ReconstructionMixin:
     """The part of `TactileTexturePipeline` that needs no ratings."""
 
     def resolve_steps(self, num_inference_steps=None, num_latent_inference_steps=None):
@@ -26,17 +27,20 @@ class RecordedTexturesMixin:
         most = self.lctg.config.distilled_steps
         decoding = DEFAULT_STEPS if most is None else most
         if num_inference_steps is not None:
-            check_steps("num_inference_steps", num_inference_steps)
-            decoding = num_inference_steps
+            decoding = check_steps("num_inference_steps", num_inference_steps)
         if most is not None and decoding > most:
             raise ValueError(
                 f"`num_inference_steps` must be at most {most}, got {decoding}: this LCTG was distilled to so many "
                 "steps and gets worse beyond. Leave it out, or load the checkpoint without `decoder`."
             )
-        if num_latent_inference_steps is None:
-            return decoding, decoding if most is None else DEFAULT_STEPS
-        check_steps("num_latent_inference_steps", num_latent_inference_steps)
-        return decoding, num_latent_inference_steps
+        latent = num_latent_inference_steps
+        if latent is None:
+            latent = decoding if most is None else DEFAULT_STEPS
+        latent = check_steps("num_latent_inference_steps", latent)
+        stages = ((self.scheduler, decoding), (self.dale_scheduler, latent))
+        most = max((steps for scheduler, steps in stages if steps_settle(scheduler)), default=0)
+        self._warn_once("steps", most, warn_of_many_steps, most)
+        return decoding, latent
 
     @torch.no_grad()
     def encode(self, texture, sampling_rate):
@@ -71,12 +75,12 @@ class RecordedTexturesMixin:
 
         Args:
             latents (`torch.Tensor`): (N, latent_channels, frames), of `encode` or of `output_type="latent"`; zeros in
-                the detail layer (the last `detail_channels`) = not given, made up from the noise.
+                the detail layer (the last `detail_channels`) = unknown, generated from the noise.
             level (`torch.Tensor`): (N,), natural log of the RMS in N.
             friction_coefficient (`torch.Tensor`, *optional*): (N,), passed on; `None` = NaN.
             num_inference_steps (`int`, *optional*): steps of LCTG; `None` = 5, or what it was distilled to.
             generator (`torch.Generator` or list, *optional*): draws LCTG's noise; a list has N entries.
-            output_type (`str`, *optional*, defaults to `"np"`): `"np"` or `"pt"`.
+            output_type (`str`, *optional*, defaults to `"np"`): `"np"`, or `"pt"`: on the pipeline's device.
             samples (`int`, *optional*): delivered samples to keep; `None` = all.
             noise (`torch.Tensor`, *optional*): LCTG's initial noise in place of the generator's,
                 (N, 1, frames x lctg.config.latent_hop).
@@ -87,6 +91,7 @@ class RecordedTexturesMixin:
         Raises:
             ValueError: for any impossible argument, before any work starts.
         """
+        check_scheduler("scheduler", self.scheduler)
         num_inference_steps, _ = self.resolve_steps(num_inference_steps)
         channels = self.lctg.config.latent_channels
         check_decoding(latents, level, friction_coefficient, channels, num_inference_steps, output_type, samples)
@@ -96,10 +101,11 @@ class RecordedTexturesMixin:
             check_noise("noise", noise, shape)
         self._interrupt = False
         latents = latents.to(self._execution_device)
+        self.scheduler.set_timesteps(num_inference_steps, device=latents.device)
         if friction_coefficient is None:
             friction_coefficient = torch.full_like(level, torch.nan)
-        with self.progress_bar(total=num_inference_steps) as bar:
-            decoded = self._decode(latents, num_inference_steps, generator, bar, noise=noise)
+        with self.progress_bar(total=len(self.scheduler.timesteps)) as bar:
+            decoded = self._decode(latents, noise, generator, bar)
         out = self._postprocess(*decoded, level, friction_coefficient, samples, output_type)
         self.maybe_free_model_hooks()
         return out
@@ -110,15 +116,15 @@ class RecordedTexturesMixin:
         Arguments are those of `encode` and `decode`.
         """
         num_inference_steps, _ = self.resolve_steps(num_inference_steps)
-        made = self.encode(texture, sampling_rate)
+        encoded = self.encode(texture, sampling_rate)
         samples = max(1, round(np.shape(texture)[-1] * self.feature_extractor.delivery_rate / sampling_rate))
         return self.decode(
-            made.latents, made.level, None, num_inference_steps, generator, output_type=output_type, samples=samples
+            encoded.latents, encoded.level, None, num_inference_steps, generator, output_type, samples=samples
         )
 
     @torch.no_grad()
     def estimate_ratings(self, texture, sampling_rate, friction_coefficient=None):
-        """Ratings that textures would be given, by a small regression on their latents (`RatingEstimator`).
+        """Estimates the ratings that people would give to textures, by a regression on latents (`RatingEstimator`).
 
         For round trips in tools; it is no judge of a generator, because it helped to train DALE. Estimates are shrunk
         towards the middle, as those of any regression are.
@@ -139,8 +145,8 @@ class RecordedTexturesMixin:
             raise ValueError(
                 "This checkpoint has no `rating_estimator`: examples/train_dale.py trains one along with DALE."
             )
-        made = self.encode(texture, sampling_rate)
-        level = made.level
+        encoded = self.encode(texture, sampling_rate)
+        level = encoded.level
         try:
             friction = torch.as_tensor(math.nan if friction_coefficient is None else friction_coefficient).to(level)
         except (TypeError, ValueError, RuntimeError) as error:
@@ -151,7 +157,7 @@ class RecordedTexturesMixin:
                 f"{tuple(friction.shape)}."
             )
         friction, size = friction.expand(len(level)), self.dale.config.patch_size
-        latents = made.latents[:, : self.lctg.base_channels, : made.latents.shape[-1] // size * size]
+        latents = encoded.latents[:, : self.lctg.base_channels, : encoded.latents.shape[-1] // size * size]
         pooled = self.dale.pool_state(self.dale.pack(latents, level, friction)).to(self.rating_estimator.dtype)
         ratings = self.rating_estimator(pooled, torch.isfinite(friction)).float().cpu().numpy()
         self.maybe_free_model_hooks()
