@@ -131,8 +131,8 @@ def test_bad_arguments(recording, change, message):
     [
         (lambda force: -force, {}, "`measured` falls where the friction of an electroadhesion display rises"),
         (lambda force: force - force.mean(), {}, "`offset`"),
-        (lambda force: 1000 * force, {}, "`measured` of 369.2 N on average.*no finger's.*Divide mN by 1000"),
-        (lambda force: 50 * force, {}, "friction coefficient of 36.9,.*`measured` is probably in mN"),
+        (lambda force: 1000 * force, {"normal_force": 500.0}, "`normal_force` must be .* at most 100 in N, got 500"),
+        (lambda force: 50 * force, {}, "friction coefficient of 36.9; .*`measured` is probably in mN"),
         (lambda force: force, {"normal_force": 50.0}, "coefficient of 0.00738.*`normal_force` is probably in mN"),
     ],
 )

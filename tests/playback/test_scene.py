@@ -285,14 +285,7 @@ def test_another_precision_is_the_same_checkpoint(scene, make_pipeline, tmp_path
     assert TextureScene.load(tmp_path / "s.safetensors", coarse).names == scene.names
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"seed": 5}, "weights"),
-        ({"lctg_config": {"segment_samples": 256}}, "lctg.segment_samples was 512, here it is 256"),
-    ],
-)
-def test_another_checkpoint_is_refused(scene, make_pipeline, tmp_path, changes, message):
+def test_another_checkpoint_is_refused(scene, make_pipeline, tmp_path):
     scene.save(tmp_path / "s.safetensors")
-    with pytest.raises(ValueError, match=f"s.safetensors was made with another checkpoint: .*{message}"):
-        TextureScene.load(tmp_path / "s.safetensors", make_pipeline(**changes))
+    with pytest.raises(ValueError, match="s.safetensors was made with another checkpoint: .*weights"):
+        TextureScene.load(tmp_path / "s.safetensors", make_pipeline(seed=5))

@@ -112,7 +112,7 @@ def _drop(part, name):
     [
         (_set("metadata", "version", "2"), "tactile-scene 2, not tactile-scene 1"),
         (_drop("metadata", "scene"), "'scene' is missing"),
-        *((_drop("content", name), f"'{name}' is missing") for name in ("names", "seed", "patches", "decoder")),
+        *((_drop("content", name), f"'{name}' is missing") for name in ("names", "seed", "patches")),
         *((_drop("tensors", name), f"'{name}' is missing") for name in ("latents", "frames", "level", "weights")),
         (_set("content", "names", []), ""),
         (_set("content", "names", ["a", "a"]), "names are"),
@@ -122,7 +122,6 @@ def _drop(part, name):
         (_set("content", "reference_speed", None), "`reference_speed` must be a finite number"),
         (_set("content", "reference_speed", 1e9), "longer than any patch"),
         (_set("content", "patches", {"denim": [0, 0, 1]}), "patches"),
-        (_set("content", "decoder", []), "decoder"),
         (_set("tensors", "frames", np.array([0, 64], np.int32)), "smallest number of frames is 0"),
         (_set("tensors", "frames", np.array([2**30, 2**30], np.int32)), "latents is float16"),
         (_set("tensors", "frames", np.array([32.0, 32.0])), "frames is float64"),

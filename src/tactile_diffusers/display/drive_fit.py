@@ -92,7 +92,7 @@ def fit_drive_profile(
     slowest, fastest = SLIDING_SPEEDS
     speed = check_number("speed", speed, "mm/s, as of a sliding finger", at_least=slowest, at_most=fastest)
     min_coherence = check_number("min_coherence", min_coherence, "1", at_least=0)
-    normal_force = check_number("normal_force", normal_force, "N", above=0)
+    normal_force = check_number("normal_force", normal_force, "N", above=0, at_most=LARGEST_FORCE_N)
     command, measured = _check_recording(command, measured, rate, kind, lookup)
 
     change = friction_change(kind, lookup, command)
@@ -139,13 +139,8 @@ def _check_recording(command, measured, rate, kind, lookup):
 
 
 def _check_units(profile, measured):
-    """Refuses what is fitted well, but to mN, or with a normal force in g."""
+    """Refuses a good fit to forces in mN, or to a normal force in g."""
     mean, normal_force = float(measured.mean()), profile.normal_force
-    if max(mean, normal_force) > LARGEST_FORCE_N:
-        raise ValueError(
-            f"`measured` of {mean:.4g} N on average, at a `normal_force` of {normal_force:.4g} N, is no finger's: none "
-            f"makes {LARGEST_FORCE_N:g} N. Divide mN by 1000."
-        )
     least, most = FRICTION_COEFFICIENTS
     # with the drive's own part: a gain that is too large shows as well
     coefficient = max(mean, np.ptp(profile.force_range)) / normal_force
@@ -153,8 +148,8 @@ def _check_units(profile, measured):
         which, other = ("measured", "normal_force") if coefficient > most else ("normal_force", "measured")
         raise ValueError(
             f"`measured` of {mean:.4g} N on average at a `normal_force` of {normal_force:.4g} N is a friction "
-            f"coefficient of {coefficient:.3g}, and fingers have {least:g} to {most:g}. `{which}` is probably in mN: "
-            f"divide it by 1000; or `{other}` in a larger unit. Both must be in N."
+            f"coefficient of {coefficient:.3g}; fingers have {least:g} to {most:g}. `{which}` is probably in mN, or "
+            f"`{other}` in a larger unit: give both in N."
         )
 
 

@@ -3,11 +3,9 @@
 A safetensors file with, for n surfaces, `ratings` (n, axes) float32, z-scores, NaN = not specified; `latents`
 (channels, frames of all surfaces) float16, LCTG's base layer, surface by surface; `frames` (n,) int32, of each;
 `level` and `friction_coefficient` (n,) float32; and `weights`, the mean magnitude of each of LCTG's parameters.
-The metadata are `format`, `version` and `scene`, a JSON object: `_KEYS`, `patches`, and `decoder`, the settings of the
-pipeline on which decoded latents depend.
+The metadata are `format`, `version` and `scene`, a JSON object of `_KEYS` and `patches`.
 """
 
-import inspect
 import json
 from dataclasses import dataclass
 
@@ -51,8 +49,7 @@ def write_scene(path, state, pipe):
     Raises:
         FileNotFoundError: if the folder does not exist.
     """
-    content = {name: getattr(state, name) for name in _KEYS}
-    content |= {"patches": state.patches.boxes, "decoder": _decoder_settings(pipe)}
+    content = {name: getattr(state, name) for name in _KEYS} | {"patches": state.patches.boxes}
     tensors = {
         "ratings": state.ratings,
         "latents": np.concatenate(state.latents, axis=1),
@@ -79,7 +76,7 @@ def read_scene(path, pipe):
     with reading(path, "a scene", "Copy it again, or write it again with `TextureScene.save`."):
         content, tensors = _contents(path)
         state = _state(content, tensors, pipe)
-    difference = _difference(content["decoder"], tensors["weights"], state, pipe)
+    difference = _difference(tensors["weights"], state, pipe)
     if difference:
         raise ValueError(
             f"{path} was made with another checkpoint: {difference}. Load that checkpoint, or create the scene again "
@@ -109,8 +106,6 @@ def _contents(path):
     for name, (dtype, shape) in forms.items():
         if tensors[name].dtype != dtype or tensors[name].shape != shape:
             raise ValueError(f"{name} is {tensors[name].dtype} {tensors[name].shape}, not {dtype} {shape}")
-    if not isinstance(content["decoder"], dict):
-        raise ValueError("decoder is no object")
     return content, tensors
 
 
@@ -142,27 +137,14 @@ def _state(content, tensors, pipe):
     )
 
 
-def _difference(decoder, weights, state, pipe):
+def _difference(weights, state, pipe):
     """How a pipeline differs from the one that a scene was generated with, in words; empty = not at all."""
-    ours = _decoder_settings(pipe)
-    for name, value in decoder.items():  # a setting that came later has its default in both
-        if ours.get(name) != value:
-            return f"{name} was {str(value)[:80]}, here it is {str(ours.get(name))[:80]}"
     if state.latents[0].shape[0] != pipe.lctg.base_channels:
         return f"its latents have {state.latents[0].shape[0]} channels, here they have {pipe.lctg.base_channels}"
     here = _weights(pipe)
     if weights.shape != here.shape or not np.allclose(weights, here, rtol=SAME_WEIGHTS, atol=1e-6):
         return "the weights of its `lctg` are others"
     return ""
-
-
-def _decoder_settings(pipe):
-    """All settings on which decoded latents depend, as JSON gives them back."""
-    extractor = pipe.feature_extractor
-    names = [name for name in inspect.signature(type(extractor).__init__).parameters if hasattr(extractor, name)]
-    settings = {f"lctg.{name}": value for name, value in pipe.lctg.config.items() if not name.startswith("_")}
-    settings |= {f"feature_extractor.{name}": getattr(extractor, name) for name in names}
-    return json.loads(json.dumps(settings))
 
 
 @torch.no_grad()
