@@ -1,13 +1,10 @@
 """Newtons that become drive become newtons again at the finger, as far as the display goes."""
 
-import time
 import warnings
 
 import numpy as np
 import pytest
-import torch
 
-from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.signal import band_edges, band_levels_db, nine_band_error_db
 
 RATE = 10_000
@@ -52,21 +49,6 @@ def test_where_the_limit_leaves_too_little(make_profile, feel, noise_texture, cu
     top = np.array([900.0, 1000.0])
     [fall] = band_levels_db(felt, RATE, top) - band_levels_db(texture, RATE, top)
     assert fall == pytest.approx(20 * np.log10(np.abs(profile.response(945.0, SPEED))), abs=0.2)
-
-
-def test_the_bundled_model_plays(make_profile, feel):
-    pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
-    pipe.set_progress_bar_config(disable=True)
-    out = pipe([[1.5, 0.0, -1.0]], generator=torch.Generator("cpu").manual_seed(0))
-    profile = make_profile(cutoffs=[(50.0, 200.0), (100.0, 350.0)])
-    texture = out.textures[0].astype(np.float64)
-    texture *= min(1.0, 0.999 * profile.drive(texture, out.reference_speed)[1].fitting_scale)
-    drive, report = profile.drive(texture, out.reference_speed)
-    assert report.clipped == 0
-    cutoff = float(profile.cutoff(out.reference_speed))
-    assert 200 < cutoff < 350
-    # 1 dB is asked; 12 dB reach beyond 1000 Hz for this corner, which leaves less than 0.1 dB
-    assert nine_band_error_db(_fluctuation(feel("electroadhesion", drive, cutoff)), texture, RATE) < 0.1
 
 
 @pytest.mark.parametrize("max_gain_db", [3.0, 12.0, 20.0])
@@ -160,18 +142,6 @@ def test_the_drive_is_causal_and_at_once(make_profile):
     drive, _ = profile.drive(force, SPEED)
     quiet = profile.steady_drive(profile.stream().bias)
     assert (drive[:50] == quiet).all() and drive[50] > quiet
-
-
-def test_a_block_of_32_is_cheap(make_profile, noise_texture):
-    """Well under 1 ms for 3.2 ms of force; the median, so that a busy machine does not decide. Measured: 0.06 ms."""
-    stream = make_profile().stream()
-    block = noise_texture()[:32]
-    took = []
-    for _ in range(300):
-        start = time.perf_counter()
-        stream.push(block, SPEED)
-        took.append(time.perf_counter() - start)
-    assert np.median(took) < 0.5e-3
 
 
 @pytest.mark.parametrize("kind", KINDS)

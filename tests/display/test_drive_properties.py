@@ -87,19 +87,7 @@ def test_the_response_is_finite_and_one_at_rest(profile, speed, rate):
 
 BAD_PUSHES = {
     "force": [[], [np.nan], [np.inf, 0], ["x"], None, [[0.1]], 0.1, [1j], [101.0], [True], [10**400]],
-    "speed": [
-        -1,
-        np.nan,
-        np.inf,
-        "x",
-        None,
-        [1.0],
-        [[80.0] * 3],
-        [80.0, np.nan, 80.0],
-        [80.0, -1.0, 80.0],
-        True,
-        10**400,
-    ],
+    "speed": [-1, np.nan, np.inf, "x", None, [1.0], [[80.0] * 3], [80.0, np.nan, 80.0], [80.0, -1.0, 80.0], True],
 }
 
 

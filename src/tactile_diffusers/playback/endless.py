@@ -229,12 +229,12 @@ class EndlessStream(TextureStream):
             ValueError: for impossible ratings; the stream goes on as it was.
         """
         changed = self.profile.with_ratings(ratings)
+        if not changed.wait:
+            self._changes.append(changed)
         self.profile.interrupt()  # what is being generated is not needed any more
+        self._wake.set()
         if changed.wait:
             self._exchange(changed)
-        else:
-            self._changes.append(changed)
-            self._wake.set()
 
     def _block(self, samples, normal_force):
         if self._failure is not None:
