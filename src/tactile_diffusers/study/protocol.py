@@ -86,7 +86,7 @@ a reconstruction went through encoder and decoder.
 
 Files: {seconds:.2f} s at {rate} Hz, `.wav` (16 bit, mono) with its scale in `.wav.json`, and `.npz` in newtons. All
 WAV files have one scale: full scale is {full_scale:.4g} N of lateral force. {reduced} A display needs its own
-conversion from newtons to drive (`tactile_diffusers.playback.DriveProfile`). Whether the display clips, only the
+conversion from newtons to drive (`tactile_diffusers.display.DriveProfile`). Whether the display clips, only the
 display can tell: play the loudest file (largest `peak_n` in the key) before the first session.
 
 ## Blinding
