@@ -170,7 +170,7 @@ def test_bad_calls_are_refused(make_stream):
     with pytest.raises(ValueError, match="`samples` must be a whole number"):
         stream.read(80.0)
     with pytest.raises(
-        ValueError, match=r"`normal_force` must be one number or one for each.*\(32,\), N; got.*\(31,\)"
+        ValueError, match=r"`normal_force` must be one finite number or one for each.*\(32,\), in N; got.*\(31,\)"
     ):
         stream.read(32, normal_force=np.full(31, 0.5))
     assert stream.time == 0

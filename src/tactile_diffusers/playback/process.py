@@ -118,11 +118,11 @@ def _serve(pipe, connection, interrupts, threads):
     """Main function of the process: answers requests until the connection is closed."""
     pipe.set_progress_bar_config(disable=True)
     threading.Thread(target=_watch, args=(pipe, interrupts), daemon=True).start()
-    generators = {}
+    generators, answer = {}, (None, None)
     with on_time():  # its garbage collector would delay the windows, too
         torch.set_num_threads(threads)
-        connection.send((None, None))
         while True:
+            connection.send(answer)
             try:
                 request = connection.recv()
             except (EOFError, OSError):
@@ -131,7 +131,6 @@ def _serve(pipe, connection, interrupts, threads):
                 answer = None, _answer(pipe, generators, *request)
             except Exception as error:  # of any kind: the other process raises it
                 answer = repr(error), None
-            connection.send(answer)
 
 
 def _answer(pipe, generators, key, surface, indices, prepare):

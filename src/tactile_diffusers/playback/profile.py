@@ -44,7 +44,6 @@ class TextureProfile:
         texture (`np.ndarray`): (samples,), N, zero mean, as recorded at `reference_speed`.
         sampling_rate (`float`): Hz.
         reference_speed (`float`): mm/s.
-        band (`tuple[float, float]`, *optional*): Hz, what the texture holds and what may be felt.
         fill (`bool`, *optional*, defaults to `True`): whether to fill what the texture does not hold.
         seed (`int`, *optional*, defaults to 0): of the filling.
         repeats (`bool`, *optional*, defaults to `True`): whether its end fades into its beginning; `False` = its ends
@@ -63,21 +62,17 @@ class TextureProfile:
             band, or a rate or speed is not positive.
     """
 
-    def __init__(
-        self, texture, sampling_rate, reference_speed, band=BAND_HZ, fill=True, seed=0, repeats=True, noise=None
-    ):
+    def __init__(self, texture, sampling_rate, reference_speed, fill=True, seed=0, repeats=True, noise=None):
         texture = np.asarray(texture, dtype=np.float64)
         sampling_rate = check_number("sampling_rate", sampling_rate, "Hz", above=0)
         reference_speed = check_number("reference_speed", reference_speed, "mm/s", above=0)
-        least = int(np.ceil(4 * sampling_rate / band[0]))
+        least = int(np.ceil(4 * sampling_rate / BAND_HZ[0]))
         if texture.ndim != 1 or len(texture) < least or not np.isfinite(texture).all():
             raise ValueError(
-                f"`texture` must be (samples,), finite, and of at least {least} samples (four periods of {band[0]:g} "
-                f"Hz), got {texture.shape}."
+                f"`texture` must be (samples,), finite, and of at least {least} samples (four periods of "
+                f"{BAND_HZ[0]:g} Hz), got {texture.shape}."
             )
-        self.band = tuple(band)
-        self.reference_speed = reference_speed
-        self.pitch = reference_speed / sampling_rate
+        self.reference_speed, self.pitch = reference_speed, reference_speed / sampling_rate
         if repeats:
             overlap = round(LOOP_SHARE * len(texture))
             texture = loop(texture, overlap + (len(texture) - overlap) % 2)  # an even number of samples
@@ -88,7 +83,7 @@ class TextureProfile:
         self.length = len(texture) * self.pitch
         self._spectrum, self._frequencies = np.fft.rfft(texture), np.fft.rfftfreq(len(texture), self.pitch)
         self._spectrum[0] = 0
-        lowest, highest = (edge / reference_speed for edge in band)
+        lowest, highest = (edge / reference_speed for edge in BAND_HZ)
         if fill:
             noise = np.fft.rfft(noise[: len(texture)]) / np.sqrt(len(texture))
             self._spectrum = _filled(self._spectrum, self._frequencies, (lowest, highest), noise)
@@ -117,7 +112,7 @@ class TextureProfile:
 
     def prepare(self, slowest, fastest):
         """Computes the resolutions for fingers of these speeds (mm/s); otherwise each is computed when first read."""
-        for edge in (self.band[1] * _BEYOND, self.band[0] / _BEYOND):
+        for edge in (BAND_HZ[1] * _BEYOND, BAND_HZ[0] / _BEYOND):
             rungs = self._rungs(edge / np.array([slowest, fastest], dtype=np.float64))
             for level in range(int(rungs.min()), min(int(rungs.max()) + 2, len(self._computed))):
                 if not self._computed[level]:
@@ -129,8 +124,8 @@ class TextureProfile:
 
     def coverage(self, speed):
         """Lowest and highest frequency of the band, Hz, that the profile holds at a speed in mm/s."""
-        low, high = (frequency * speed / self.reference_speed for frequency in self.band)
-        return max(low, self.band[0]), min(high, self.band[1])
+        low, high = (frequency * speed / self.reference_speed for frequency in BAND_HZ)
+        return max(low, BAND_HZ[0]), min(high, BAND_HZ[1])
 
     def read(self, position, speed):
         """Texture force at positions, without the sign of the direction of motion.
@@ -148,7 +143,7 @@ class TextureProfile:
         place[place >= 1] = 0  # of -1e-17, rounding leaves 1
         # what lies below the highest frequency that is felt, less what lies below the lowest; each is read between two
         # resolutions. All four at once: a block is short, and calls cost more than arithmetic
-        rung = self._rungs(np.stack([self.band[1] * _BEYOND / speed, self.band[0] / _BEYOND / speed]))
+        rung = self._rungs(np.stack([BAND_HZ[1] * _BEYOND / speed, BAND_HZ[0] / _BEYOND / speed]))
         lower = rung.astype(int)
         share = rung - lower
         levels = np.stack([lower, np.minimum(lower + 1, len(self._computed) - 1)])

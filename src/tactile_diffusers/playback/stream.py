@@ -173,18 +173,13 @@ class TextureStream:
 
     def _smooth_normal_force(self, value, samples):
         """N, one or (samples,): a number is reached smoothly."""
-        try:
-            force = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"`normal_force` must be numbers, N, got {value!r}.") from error
-        if force.shape not in ((), (samples,)):
+        force = np.asarray(value)
+        if force.dtype.kind not in "fiu" or force.shape not in ((), (samples,)) or not np.isfinite(force).all():
             raise ValueError(
-                f"`normal_force` must be one number or one for each sample of the block, ({samples},), N; got the "
-                f"shape {force.shape}."
+                f"`normal_force` must be one finite number or one for each sample of the block, ({samples},), in N; "
+                f"got {force.dtype} of the shape {force.shape}. 0 = no contact."
             )
-        if not np.isfinite(force).all():
-            raise ValueError("`normal_force` must be finite; 0 = no contact.")
-        force = np.maximum(force, 0)
+        force = np.maximum(force.astype(np.float64), 0)
         before = force.flat[0] if self._normal_force is None else self._normal_force
         self._normal_force = float(force.flat[-1])
         if not force.ndim and before != self._normal_force:
