@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..io.reading import reading
 from ..signal import DEVICE_RATE
 from ..signal.checks import check_number, check_rows
 from .drive_curves import DRIVE_UNITS, check_kind, check_lookup, friction_change, inverse_table
@@ -210,8 +211,5 @@ class DriveProfile:
             FileNotFoundError: if it, or the lookup that it names, does not exist.
             ValueError: if it is truncated, lacks a key, has other units, or holds what no profile can.
         """
-        values = read_profile(path)
-        try:
-            return cls(**values)
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"{path}: {error}") from error
+        with reading(path, "a drive profile", "Correct it."):
+            return cls(**read_profile(path))

@@ -78,12 +78,10 @@ def _read_manifest(folder):
         if (manifest["format"], manifest["version"]) != (FORMAT, VERSION):
             raise ValueError(f"{path} has format {manifest['format']} {manifest['version']}, not {FORMAT} {VERSION}.")
         settings = manifest["settings"]
-        num_textures, num_shards = settings["num_textures"], len(manifest["shards"])
+        sizes, num_shards = (settings["num_textures"], settings["textures_per_shard"]), len(manifest["shards"])
         # counted before they are planned: a damaged file may hold any number
-        if num_shards != -(-num_textures // settings["textures_per_shard"]) or manifest["shards"] != plan_shards(
-            num_textures, settings["textures_per_shard"]
-        ):
-            raise ValueError(f"its {num_shards} shards do not hold the {num_textures} textures")
+        if num_shards != -(-sizes[0] // sizes[1]) or manifest["shards"] != plan_shards(*sizes):
+            raise ValueError(f"its {num_shards} shards do not hold the {sizes[0]} textures")
         if not (isinstance(manifest["about"], dict) and 0 < settings["sampling_rate"] < float("inf")):
             raise ValueError("`about` is no object, or `sampling_rate` not above 0")
     return manifest
@@ -128,13 +126,7 @@ def write_shard(path, count, attributes, batches):
 
 
 def read_generated(folder):
-    """Opens a folder that `examples/generate_dataset.py` wrote.
-
-    Args:
-        folder (`str` or `Path`): with its manifest.
-
-    Returns:
-        [`GeneratedTextures`]
+    """Opens a folder that `examples/generate_dataset.py` wrote: [`GeneratedTextures`].
 
     Raises:
         FileNotFoundError: if there is no manifest.

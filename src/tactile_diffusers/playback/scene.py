@@ -188,7 +188,7 @@ class TextureScene:
             [`TextureProfile`]: at least as long as the longest stroke within the surface's patch.
 
         Raises:
-            ValueError: for a name that the scene does not have.
+            ValueError: for an unknown name.
         """
         index = self._index(name)
         found = self._cached(name)
@@ -206,13 +206,13 @@ class TextureScene:
         return found
 
     def friction_coefficient(self, name):
-        """Mean friction of a surface, for `TextureStream`; NaN if the checkpoint does not know it.
+        """Friction coefficient (`float`) of a surface, for `TextureStream`; NaN if the checkpoint does not know it.
 
         Args:
             name (`str`): of the surface.
 
         Raises:
-            ValueError: for a name that the scene does not have.
+            ValueError: for an unknown name.
         """
         index = self._index(name)
         self._ensure_latents()
