@@ -29,7 +29,8 @@ CASES = ("pipeline alone", "scene", "scene from a file", "all decoded")
 COLUMNS = {name: (name, 2) for name in ("latents s", "first profile s", "all wanted s", "processor s")} | {
     name: (name, 0) for name in ("peak MiB", "above the pipeline MiB")
 }
-_CHILD = "import sys; from scene import child; child(*sys.argv[1:])"
+_CHILD = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from scene import child; "
+_CHILD += "child(*sys.argv[1:])"
 
 
 def main(argv=None):
