@@ -189,23 +189,3 @@ def load_pipeline(name, quiet=True, **options):
     pipe = TactileTexturePipeline.from_pretrained(str(name), **options)
     pipe.set_progress_bar_config(disable=quiet)
     return pipe
-
-
-def check_seed(parser, value, number=1):
-    """Refuses a seed that generators and files do not take, or whose `number` successors they do not.
-
-    Raises:
-        SystemExit: with exit code 2 and a line that names the argument and the value.
-    """
-    if not 0 <= value <= 2**63 - number:
-        parser.error(f"argument --seed: must be at least 0 and below 2**63, got {value}")
-
-
-def check_folders(parser, arguments):
-    """As `checkpoint` and `output_folder`, for commands that declare these arguments without a type."""
-    for name, convert in (("checkpoint", existing_folder), ("output", output_folder)):
-        value = getattr(arguments, name)
-        try:
-            value is None or convert(value)
-        except argparse.ArgumentTypeError as error:
-            parser.error(f"argument --{name}: {error}")
