@@ -159,23 +159,6 @@ def test_what_belongs_to_earlier_ratings_is_told_until_it_is_made(visit):
     _status(page, "")
 
 
-def test_take_selector_shows_and_writes_that_take(visit):
-    page = visit()
-    page.get_by_text("How it is made").click()
-    before = _picture(page)
-    _fill(page, "takes", "2")
-    page.click("#make")
-    before = _wait_for_another(page, before)
-    page.click("#take input")
-    page.get_by_role("option", name="take 2").click()
-    _wait_for_another(page, before)
-    sync_api.expect(page.locator("#numbers tbody tr").last).to_have_text(re.compile(r"seed\s*2"))
-    _status(page, "")
-    with np.load(_download(page)) as file:
-        assert file["seed"] == 2 and file["checkpoint"] != ""
-    assert "_seed2.npz" in page.inner_text("#files").replace("\n", "")
-
-
 def test_numbers_that_are_none_are_told_or_put_back(visit):
     page = visit()
     before = _picture(page)
@@ -191,41 +174,6 @@ def test_numbers_that_are_none_are_told_or_put_back(visit):
     sync_api.expect(field).to_have_value("100")
     _status(page, "have changed since")
     sync_api.expect(page.locator("#preset input")).to_have_value("")  # it is denim no more
-
-
-def test_friction_map_has_a_pitch_and_its_warning_is_on_the_page(visit):
-    page = visit()
-    assert not page.locator("#pitch").is_visible()
-    page.locator("#format input").fill("friction map")
-    page.locator("#format input").press("Enter")
-    pitch = page.locator("#pitch input")
-    sync_api.expect(pitch).to_have_value("0.15")
-    page.locator("#write").press("Enter")
-    page.locator("#warned").get_by_text("Pixels 0.15 mm apart").wait_for()
-    pitch.fill("0.03")
-    page.locator("#write").press("Enter")
-    sync_api.expect(page.locator("#warned")).to_have_text("")
-
-
-@pytest.mark.parametrize("width", [800, 1400])
-def test_results_come_into_view_and_can_be_read(visit, width):
-    page = visit()
-    page.set_viewport_size({"width": width, "height": 800})
-    before = _picture(page)
-    page.get_by_text("How it is made").click()
-    _fill(page, "seed", "7")
-    page.click("#make")
-    _wait_for_another(page, before)
-    page.wait_for_timeout(1000)
-    box = page.locator("#picture img").bounding_box()
-    if width == 800:
-        assert 0 <= box["y"] < 300
-    else:
-        shown = page.evaluate(
-            "(({ width, naturalWidth }) => [width, naturalWidth])(document.querySelector('#picture img'))"
-        )
-        points = 9 * DPI / 72 * shown[0] / (11 * DPI)  # of the legends
-        assert points >= 10 and shown[1] >= 1.8 * shown[0]
 
 
 def test_preset_and_scale(visit):
