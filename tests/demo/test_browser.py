@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plots import DPI
 
 pytest.importorskip("gradio")
 sync_api = pytest.importorskip("playwright.sync_api")
