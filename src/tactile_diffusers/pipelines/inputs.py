@@ -23,11 +23,9 @@ SETTLED_STEPS = 10
 #: checkpoint and 24 random ratings: 3 moves levels by 2 dB on average, to 3 standard deviations from the training's
 #: mean; 7.5 by 3.4 dB, to 3.8; 10 by 5 dB, to 4.7.
 LARGEST_GUIDANCE = 3.0
-#: scales in which ratings may be given
-RATING_SCALES = ("z", "raw", "percentile")
-#: ratings beyond this many z-scores are taken for a mistake of scale (a 0-8 score, say)
+#: Ratings beyond this many z-scores are taken for a mistake of scale (a 0-8 score, say).
 LARGEST_RATING = 6.0
-#: longest texture of one call, s: all of it is in memory; an `EndlessStream` has no end
+#: Longest texture of one call, s: all of it is in memory. An `EndlessStream` has no end.
 LONGEST_SECONDS = 3600.0
 
 
@@ -36,19 +34,19 @@ class _Scale(NamedTuple):
     high: float
     unit: str
     remark: str
-    statistics: tuple[str, ...]  # in DALE's config
+    statistics: tuple[str, ...]  # entries of DALE's `rating_statistics`
     to_z: Callable  # of values and statistics
 
 
-def _scale(name):
-    if name == "z":
-        remark = "most surfaces lie within -2 and 2"
-        return _Scale(-LARGEST_RATING, LARGEST_RATING, "z-scores", remark, (), lambda values: values)
-    if name == "raw":
-        remark, statistics = "as the typical rater gives them", ("mean", "std")
-        return _Scale(*RATING_SCALE, "answers", remark, statistics, from_raw)
-    remark = "of the training surfaces' ratings"
-    return _Scale(0.0, 100.0, "percentiles", remark, ("quantiles",), from_percentile)
+_SCALES = {
+    "z": _Scale(-LARGEST_RATING, LARGEST_RATING, "z-scores", "most surfaces lie within -2 and 2", (), np.asarray),
+    "raw": _Scale(*RATING_SCALE, "answers", "as the typical rater gives them", ("mean", "std"), from_raw),
+    "percentile": _Scale(
+        0.0, 100.0, "percentiles", "of the training surfaces' ratings", ("quantiles",), from_percentile
+    ),
+}
+#: Scales in which ratings may be given.
+RATING_SCALES = tuple(_SCALES)
 
 
 def _row_from_mapping(mapping, axes):
@@ -85,7 +83,7 @@ def parse_ratings(ratings, config, rating_scale="z"):
     """
     if rating_scale not in RATING_SCALES:
         raise ValueError(f"`rating_scale` must be one of {list(RATING_SCALES)}, got {rating_scale!r}.")
-    scale = _scale(rating_scale)
+    scale = _SCALES[rating_scale]
     statistics = _statistics(config, rating_scale, scale.statistics)
     values = _as_array(ratings, config.rating_axes)
     for row, index in np.argwhere((values < scale.low) | (values > scale.high)):
@@ -105,8 +103,7 @@ def warn_of_novel_ratings(ratings, config):
         config: DALE's; against `rating_statistics` that are unknown nothing is checked.
     """
     found, statistics = [], RatingStatistics.from_config(config)
-    for axis, (low, high) in zip(config.rating_axes, statistics.range or (), strict=False):
-        values = ratings[:, list(config.rating_axes).index(axis)]
+    for axis, values, (low, high) in zip(config.rating_axes, ratings.T, statistics.range or (), strict=False):
         beyond = torch.maximum(low - values, values - high).nan_to_num(-1.0)
         if beyond.max() > 0:
             farthest = values[beyond.argmax()].item()

@@ -279,7 +279,8 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
                 predicts is brought back to that without guidance, so that levels stay in range.
 
         Returns:
-            [`TactileTexturePipelineOutput`], [`TactileLatents`], or a tuple of their fields.
+            [`TactileTexturePipelineOutput`] with `textures` of shape (N, samples) in newtons, N = ratings x
+            `num_textures_per_rating`; [`TactileLatents`] for `output_type="latent"`; or a tuple of their fields.
 
         Raises:
             ValueError: for any impossible argument, before any work starts.
