@@ -4,6 +4,7 @@ import functools
 import html
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 from answers import texture_answer
 from controls import agree, follow_scale, make_controls, read_ratings, set_preset, show_errors
@@ -22,6 +23,36 @@ _SHOW_RESULTS = """() => {
 }"""
 
 
+def _result_area(gr):
+    """Where the texture is shown and written: components by name."""
+    status = gr.HTML(elem_id="status", padding=False)
+    picture = gr.HTML(elem_id="picture")
+    with gr.Row():
+        with gr.Column(scale=2, min_width=280):
+            take = gr.Dropdown([("take 1", 0)], value=0, label="Take shown", elem_id="take")
+            sound = gr.HTML(elem_id="sound")
+        with gr.Column(scale=3, min_width=320):
+            numbers = gr.HTML(elem_id="numbers")
+    strip = gr.HTML(elem_id="strip", label="Finger strip")
+    with gr.Row():
+        name = gr.Dropdown(list(FORMATS), value=next(iter(FORMATS)), label="Format", elem_id="format", scale=3)
+        pitch = gr.Number(
+            PIXEL_PITCH,
+            label="Pixel pitch, mm",
+            info="of the display: its width / its pixels across",
+            visible=False,
+            elem_id="pitch",
+            scale=1,
+        )
+        write = gr.Button("Write the file", elem_id="write", scale=1)
+    files = gr.File(label="Files", file_count="multiple", interactive=False, visible=False, elem_id="files")
+    warned = gr.HTML(elem_id="warned")
+    return SimpleNamespace(
+        status=status, picture=picture, take=take, sound=sound, numbers=numbers, strip=strip, name=name, pitch=pitch,
+        write=write, files=files, warned=warned,
+    )  # fmt: skip
+
+
 def texture_tab(gr, studio, folder, page):
     """The tab; returns the controls that others read, and the buttons that keep ratings for the blend."""
     result = gr.State()
@@ -32,28 +63,7 @@ def texture_tab(gr, studio, folder, page):
             with gr.Row():
                 keep_buttons = [gr.Button(f"Keep as {name}", size="sm", min_width=100) for name in "AB"]
         with gr.Column(scale=5, min_width=480):
-            status = gr.HTML(elem_id="status", padding=False)
-            picture = gr.HTML(elem_id="picture")
-            with gr.Row():
-                with gr.Column(scale=2, min_width=280):
-                    take = gr.Dropdown([("take 1", 0)], value=0, label="Take shown", elem_id="take")
-                    sound = gr.HTML(elem_id="sound")
-                with gr.Column(scale=3, min_width=320):
-                    numbers = gr.HTML(elem_id="numbers")
-            strip = gr.HTML(elem_id="strip", label="Finger strip")
-            with gr.Row():
-                name = gr.Dropdown(list(FORMATS), value=next(iter(FORMATS)), label="Format", elem_id="format", scale=3)
-                pitch = gr.Number(
-                    PIXEL_PITCH,
-                    label="Pixel pitch, mm",
-                    info="of the display: its width / its pixels across",
-                    visible=False,
-                    elem_id="pitch",
-                    scale=1,
-                )
-                write = gr.Button("Write the file", elem_id="write", scale=1)
-            files = gr.File(label="Files", file_count="multiple", interactive=False, visible=False, elem_id="files")
-            warned = gr.HTML(elem_id="warned")
+            shown = _result_area(gr)
 
     def generate(scale, *values):
         ratings, settings = _read(studio, scale, values)
@@ -70,26 +80,21 @@ def texture_tab(gr, studio, folder, page):
         # a folder of its own, with a name that cannot be guessed
         own = Path(tempfile.mkdtemp(dir=folder))
         written, warnings = write_files(made.textures[number], chosen, own, millimetres)
-        told = "".join(f"<p>{html.escape(text)}</p>" for text in warnings)
-        return gr.File([str(path) for path in written], visible=True), told
+        paragraphs = (f"<p>{html.escape(text)}</p>" for text in warnings)
+        return gr.File([str(path) for path in written], visible=True), "".join(paragraphs)
 
     hidden = {"api_visibility": "private", "show_progress": "hidden"}
     inputs = [asked["scale"], *asked["ratings"], *asked["open"], *asked["settings"]]
-    request = {"fn": show_errors(gr, generate), "inputs": inputs, "outputs": [result, take]}
-    request |= {"api_visibility": "private", "show_progress": "minimal", "show_progress_on": picture}
-    request |= {"trigger_mode": "always_last"}
+    request = {"fn": show_errors(gr, generate), "inputs": inputs, "outputs": [result, shown.take]}
+    request |= {"api_visibility": "private", "show_progress": "minimal"}
+    request |= {"show_progress_on": shown.picture, "trigger_mode": "always_last"}
     # shown by an event of its own, on the scale of that moment: it may change while a texture is made
-    show_again = {
-        "fn": show_errors(gr, show),
-        "inputs": [result, take, asked["scale"]],
-        "outputs": [picture, sound, numbers],
-    }
-    show_again["outputs"].append(strip)
-    # the last counts: an answer that comes while another is still drawn must be drawn, too
+    show_again = {"fn": show_errors(gr, show), "inputs": [result, shown.take, asked["scale"]]}
+    show_again["outputs"] = [shown.picture, shown.sound, shown.numbers, shown.strip]
     show_again |= {"api_visibility": "private", "show_progress": "minimal", "trigger_mode": "always_last"}
     # whether what is shown is what is asked: after every answer, and whenever a control has moved
-    compare = {"fn": functools.partial(_compare, studio), "inputs": [result, *inputs], "outputs": status, **hidden}
-    compare["trigger_mode"] = "always_last"
+    compare = {"fn": functools.partial(_compare, studio), "inputs": [result, *inputs]}
+    compare |= {"outputs": shown.status, "trigger_mode": "always_last", **hidden}
 
     def answered(event):
         event.then(**compare)
@@ -101,15 +106,14 @@ def texture_tab(gr, studio, folder, page):
     make.click(None, js=_SHOW_RESULTS)
     gr.on(moved, None, js="() => null", outputs=asked["preset"])  # they are the preset's no more
     gr.on([control.change for control in (*controls, *asked["settings"])], **compare)
-    preset = functools.partial(set_preset, gr, studio)
-    chosen = asked["preset"].input(
-        preset, [asked["preset"], asked["scale"]], [*asked["ratings"], *asked["open"]], api_visibility="private"
-    )
+    preset, named = functools.partial(set_preset, gr, studio), [asked["preset"], asked["scale"]]
+    chosen = asked["preset"].input(preset, named, controls, api_visibility="private")
     answered(chosen.then(**request))
-    take.input(**show_again)
+    shown.take.input(**show_again)
     answered(follow_scale(gr, studio, asked))
-    name.input(lambda chosen: gr.Number(visible=is_map(chosen)), name, pitch, **hidden)
-    write.click(show_errors(gr, download), [result, take, name, pitch], [files, warned], api_visibility="private")
+    shown.name.input(lambda chosen: gr.Number(visible=is_map(chosen)), shown.name, shown.pitch, **hidden)
+    asked_for = [result, shown.take, shown.name, shown.pitch]
+    shown.write.click(show_errors(gr, download), asked_for, [shown.files, shown.warned], api_visibility="private")
     return asked, keep_buttons
 
 
