@@ -1,10 +1,10 @@
-"""Numbers that say how good textures are: against a reference, as a set, and against what was asked for."""
+"""Evaluation: metrics of single textures and of sets, baselines, a judge of ratings, and the report of a checkpoint."""
 
-from .audio_distance import frechet_audio_distance, log_mel_embedding
 from .baselines import SLUGS, BaselineRequest, TrainingTextures, default_baselines
 from .judge import Judge, response_matrix
-from .metrics.copying import TrainingWaveforms, closer_share, diversity, nearest_distance, precision_recall
+from .metrics.copying import TrainingWaveforms, closer_share, nearest_distance
 from .metrics.distances import frechet_tactile_distance, kernel_tactile_distance
+from .metrics.diversity import diversity, precision_recall
 from .metrics.embedding import FEATURE_NAMES, TactileEmbedding, tactile_features
 from .metrics.errors import (
     goodness_of_fit,
@@ -33,14 +33,12 @@ __all__ = [
     "closer_share",
     "default_baselines",
     "diversity",
-    "frechet_audio_distance",
     "frechet_tactile_distance",
     "goodness_of_fit",
     "jackknife",
     "kernel_tactile_distance",
     "leaf",
     "level_error_db",
-    "log_mel_embedding",
     "log_spectral_distance_db",
     "nearest_distance",
     "out_of_band_ratio_db",

@@ -1,4 +1,4 @@
-"""Reports of several checkpoints side by side: what ratings do in each."""
+"""Reports of several checkpoints side by side: the effect of ratings in each."""
 
 from collections import Counter
 
@@ -15,7 +15,7 @@ _TICKS_HZ = (30, 100, 300, 1000)
 _LABELS = {
     "surfaces": ("training surfaces", 0),
     "alpha": "Cronbach's alpha of ratings",
-    "changes": "changes that are those of real surfaces",
+    "changes": "changes as between real surfaces",
     "matrix": "response matrix, largest difference from real",
     "diagonal": "its diagonal",
     "diagonal_real": "that of real segments",
@@ -23,17 +23,16 @@ _LABELS = {
     "ridge": "ridge regression, same data",
     "ktd_excess": "KTD over real",
     "ftd_excess": "FTD over real",
-    "diversity_of_rating": "spread of takes over that of real textures of such ratings",
+    "diversity_of_rating": "diversity over that of real textures of such ratings",
     "shift": "latent shift at ±2, %",
 }
 
 
-def comparison_markdown(reports, pictures="."):
-    """A table of all reports and the pictures.
+def comparison_markdown(reports):
+    """A table of all reports and links to the pictures.
 
     Args:
         reports (`dict[str, dict]`): name -> report.json.
-        pictures (`str`): folder of the pictures, as the text links to it.
 
     Raises:
         ValueError: if a report lacks the sections control or generation, or they are of different held-out surfaces.
@@ -49,19 +48,16 @@ def comparison_markdown(reports, pictures="."):
     data = "`, `".join(sorted({report["data"]["name"] for report in reports.values()}))
     machines = sorted({f"{r['machine']['processor']}, {r['machine']['threads']} thread(s)" for r in reports.values()})
     note = (
-        f"On {segments} segments of {surfaces} {split} surfaces of `{data}` ({'; '.join(machines)}), guidance as each "
-        "pipeline has it by default. A change is right within 20 % of that between real surfaces with such ratings, or "
-        "within its 95 % interval; diagonals and alpha: roughness, bumpiness, slipperiness."
+        f"{segments} segments of {surfaces} {split} surfaces of `{data}` ({'; '.join(machines)}), default guidance. A "
+        "change is right within 20 % of that between real surfaces with such ratings, or within its 95 % interval. "
+        "Diagonals and alpha: roughness, bumpiness, slipperiness."
     )
-    table = markdown_table({name: _row(report) for name, report in reports.items()}, labels=_LABELS)
-    figures = []
+    parts = [note, markdown_table({name: _row(report) for name, report in reports.items()}, labels=_LABELS)]
     if len(_with_spectra(reports)) > 1:
-        figures.append(f"![spectra over one axis at a time]({pictures}/axes.png)")
+        parts.append("![spectra over one axis at a time](axes.png)")
     if _series(reports):
-        figures.append(
-            f"![figures over the number of training surfaces and the agreement of raters]({pictures}/data.png)"
-        )
-    return "\n\n".join([note, table, *figures]) + "\n"
+        parts.append("![over the number of training surfaces and the agreement of raters](data.png)")
+    return "\n\n".join(parts) + "\n"
 
 
 def check_report(report):
@@ -106,7 +102,7 @@ def _mean_alpha(report):
 def _row(report):
     guidance = default_guidance(report)
     control, generation, unseen = report["control"], report["generation"][guidance], report["unseen_surfaces"]
-    found = comparisons(control[guidance]["axes"], control["truth"]["fewest_surfaces"]["mean"])
+    changes = comparisons(control[guidance]["axes"], control["truth"]["fewest_surfaces"]["mean"])
     ends = [
         entry["latent_shift_percent"]["mean"]
         for values in control[guidance]["axes"].values()
@@ -116,7 +112,7 @@ def _row(report):
     return {
         "surfaces": report["data"]["training_surfaces"],
         "alpha": _listed((report["data"].get("rater_alpha") or {}).values()) or None,
-        "changes": f"{sum(item['right'] for item in found)} of {len(found)}",
+        "changes": f"{sum(item['right'] for item in changes)} of {len(changes)}",
         "matrix": matrix_difference(control[guidance]["response"], control["response_real"]),
         "diagonal": _diagonal(control[guidance]["response"]),
         "diagonal_real": _diagonal(control["response_real"]),
@@ -146,8 +142,7 @@ def plot_axis_spectra(reports, output_path):
     """Nine-band spectra over one axis at a time, a row of panels for each of two or more reports with section paper."""
     import matplotlib
 
-    shown = _with_spectra(reports)
-    colours = matplotlib.colormaps["coolwarm"]
+    shown, colours = _with_spectra(reports), matplotlib.colormaps["coolwarm"]
     if len(shown) < 2:
         return
     with figure_panels(output_path, len(shown), len(RATING_AXES), (12, 3.2 * len(shown))) as panels:
@@ -157,15 +152,14 @@ def plot_axis_spectra(reports, output_path):
                 low, high = float(values[0]), float(values[-1])
                 for value in values:
                     bands = axes[axis][value]
-                    centres = [_centre(band) for band in bands]
                     means = [np.nan if leaf["mean"] is None else leaf["mean"] for leaf in bands.values()]
                     colour = colours((float(value) - low) / (high - low))
-                    panel.semilogx(centres, means, color=colour, label=f"{float(value):+.1f}")
+                    panel.semilogx(list(map(_centre, bands)), means, color=colour, label=f"{float(value):+.1f}")
                 panel.set(title=f"{name}: {axis}", xlabel="Hz", ylabel="dB re 1 N²")
                 panel.set_xticks(_TICKS_HZ, labels=[str(tick) for tick in _TICKS_HZ])
                 panel.minorticks_off()
                 panel.grid(alpha=0.3)
-        share_limits(panels.ravel())  # one scale for all: a checkpoint that hardly answers is seen to
+        share_limits(panels.ravel())  # with one scale, a checkpoint that hardly responds is seen
         panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
 
 
@@ -175,7 +169,7 @@ def _centre(band):
 
 
 def plot_data(reports, output_path):
-    """Error on unseen surfaces and difference of the response matrix over what the training data differ in."""
+    """Error on unseen surfaces and difference of the response matrix, over what the training data differ in."""
     series, rows = _series(reports), {name: _row(report) for name, report in reports.items()}
     if not series:
         return

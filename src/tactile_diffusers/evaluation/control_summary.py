@@ -1,4 +1,4 @@
-"""Whether ratings do what they do in real data: figures of a report beside what was set as a target, for tables."""
+"""Whether a change of a rating has the effect that it has between real surfaces: rows of tables, from a report."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from ..signal import RATING_AXES
 
 #: Ratings at which changes are compared.
 VALUES = ("-2.0", "-1.0", "1.0", "2.0")
-#: A change is right if it is within this share of the real one, or cannot be told from it.
+#: A change is right within this share of the real one, or within the 95 % interval of either.
 TOLERANCE = 0.2
 QUANTITIES = {
     "level_db_change": "level, dB",
@@ -38,17 +38,8 @@ def comparisons(axes, fewest):
                 chance = max(_half(ours), _half(real))
                 difference = abs(ours["mean"] - real["mean"])
                 right = difference <= max(TOLERANCE * abs(real["mean"]), chance)
-                rows.append(
-                    {
-                        "axis": axis,
-                        "value": float(value),
-                        "quantity": name,
-                        "ours": ours["mean"],
-                        "real": real["mean"],
-                        "chance": chance,
-                        "right": bool(right),
-                    }
-                )
+                row = {"axis": axis, "value": float(value), "quantity": name, "ours": ours["mean"]}
+                rows.append(row | {"real": real["mean"], "chance": chance, "right": bool(right)})
     return rows
 
 
@@ -61,29 +52,33 @@ def matrix_difference(response, real):
     return float(difference) if np.isfinite(difference) else None
 
 
-def obedience_rows(report):
-    """Figures of a report by set ("generated ..., permuted ratings"): name -> {column: text or number}."""
+def control_rows(report):
+    """Figures of a report for each guidance scale, under permuted ratings, and of real textures.
+
+    Args:
+        report (`dict`): with the sections control, generation and unseen_surfaces.
+
+    Returns:
+        `dict[str, dict]`: row -> {column: text, number or leaf}.
+    """
     control, unseen, generation = report["control"], report["unseen_surfaces"], report["generation"]
     fewest = control["truth"]["fewest_surfaces"]["mean"]
-    scales = [key for key in control if _is_number(key)]
-    rows = {}
-    for name in [*scales, "permuted"]:
+    sets = ("ftd", "diversity", "novelty_share", "precision", "recall")
+    rows = {"real, held out": {key: generation["real"][key] for key in sets}}
+    for name in [*(key for key in control if key in generation and key != "baselines"), "permuted"]:
         entry = control[name]
-        found = comparisons(entry["axes"], fewest)
+        compared = comparisons(entry["axes"], fewest)
         row = {
-            "changes": f"{sum(item['right'] for item in found)} of {len(found)}",
+            "changes": f"{sum(item['right'] for item in compared)} of {len(compared)}",
             "matrix": matrix_difference(entry["response"], control["response_real"]),
             "spearman": min((leaf["moved"]["mean"] or 0 for leaf in entry["spearman"].values()), default=None),
         }
         if name == "permuted":
-            row["nine_band_db"] = unseen["permuted"]["nine_band_db"]
+            rows["**ratings permuted**"] = row | {"nine_band_db": unseen["permuted"]["nine_band_db"]}
         else:
             row["nine_band_db"] = unseen["guidance"][name]["nine_band_db"]
-            row |= {key: generation[name][key] for key in ("ktd_excess", "ftd", "diversity", "diversity_of_rating")}
-            row |= {key: generation[name][key] for key in ("novelty_share", "precision", "recall")}
-        rows["**ratings permuted**" if name == "permuted" else f"guidance {name}"] = row
-    real = {key: generation["real"][key] for key in ("ftd", "diversity", "novelty_share", "precision", "recall")}
-    rows = {"real, held out": real} | rows
+            row |= {key: generation[name][key] for key in (*sets, "ktd_excess", "diversity_of_rating")}
+            rows[f"guidance {name}"] = row
     names = {"same_data": "the same surfaces", "many_surfaces": "fresh surfaces"}
     for key, entry in (report.get("regression") or {}).items():
         facts = f"of degree {entry['degree']['mean']:.0f} on {entry['surfaces']['mean']:.0f} of {names[key]}"
@@ -94,11 +89,3 @@ def obedience_rows(report):
 def _half(leaf):
     interval = leaf["interval"]
     return 0.0 if interval is None else (interval[1] - interval[0]) / 2
-
-
-def _is_number(key):
-    try:
-        float(key)
-    except ValueError:
-        return False
-    return True

@@ -11,6 +11,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+import pandas
 from scipy import fft, linalg, optimize, stats
 from scipy.interpolate import make_interp_spline
 
@@ -325,9 +326,6 @@ def covariance_root(covariance):
 
 def surface_means(values, surface_ids):
     """Mean over the segments of each surface, in the order of their ids, NaN left out: (surfaces, ...)."""
-    surfaces, places = np.unique(surface_ids, return_inverse=True)
-    known = np.isfinite(values)
-    sums, counts = (np.zeros((len(surfaces), *values.shape[1:])) for _ in range(2))
-    np.add.at(sums, places, np.where(known, values, 0))
-    np.add.at(counts, places, known)
-    return sums / np.where(counts > 0, counts, np.nan)
+    values = np.asarray(values, dtype=np.float64)
+    means = pandas.DataFrame(values.reshape(len(values), -1)).groupby(np.asarray(surface_ids)).mean().to_numpy()
+    return means.reshape(-1, *values.shape[1:])

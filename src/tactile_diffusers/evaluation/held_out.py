@@ -1,13 +1,180 @@
-"""Held-out segments: whether a checkpoint can be measured on them."""
+"""The data of an evaluation: held-out segments, and the training segments that they are compared with."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from ..data import PreparedDataset
+from ..data.splits import SPLITS
+from ..signal import band_edges, band_levels_db
+from .baselines import BaselineRequest, TrainingTextures
+from .metrics.reference import Reference
 
-def check_unseen(held_out, train):
-    """Refuses held-out segments of surfaces that training has too: every section supposes unseen surfaces.
+
+def random_generator(seed, purpose):
+    """A NumPy generator of its own for each purpose (`str`): sections do not depend on each other's order."""
+    return np.random.default_rng([seed, *purpose.encode()])
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutData:
+    """Held-out segments and the reference; make it with `open_held_out`. Arrays are computed when first used.
+
+    Attributes:
+        dataset (`PreparedDataset`): the held-out split.
+        train (`PreparedDataset`): the training split.
+        rows, other_rows (`np.ndarray`): (n,) held-out segments, and for each another take of its surface.
+        per_surface (`int`): non-overlapping segments of each training surface in the reference.
+        seed (`int`): of every choice.
+        baseline_surfaces (`int`, *optional*): training surfaces that the baselines learn from; all by default.
+    """
+
+    dataset: PreparedDataset
+    train: PreparedDataset
+    rows: np.ndarray
+    other_rows: np.ndarray
+    per_surface: int
+    seed: int
+    baseline_surfaces: int | None = None
+
+    @property
+    def rate(self):
+        """Sampling rate, Hz."""
+        return self.dataset.sampling_rate
+
+    @property
+    def edges(self):
+        """(10,) edges of the nine bands, Hz."""
+        return band_edges(9, self.dataset.band)
+
+    @property
+    def surfaces(self):
+        """(n,) surface of each held-out segment."""
+        return self.dataset.surface_ids[self.rows]
+
+    @property
+    def ratings(self):
+        """(n, 3) z-scores of the surface of each held-out segment."""
+        return self.dataset.surface_ratings[self.surfaces]
+
+    @cached_property
+    def real(self):
+        """(n, samples) the held-out segments, N."""
+        return self.dataset.textures(self.rows)
+
+    @cached_property
+    def bands(self):
+        """(n, 9) their band levels, dB re 1 N^2."""
+        return band_levels_db(self.real, self.rate, self.edges)
+
+    @cached_property
+    def points(self):
+        """(n, 53) their embeddings."""
+        return self.reference.embed(self.real)
+
+    @cached_property
+    def distances(self):
+        """FTD and KTD of the held-out segments to the reference: the best that a generator can be expected to reach."""
+        return self.reference.distances(self.points, self.surfaces)
+
+    @cached_property
+    def frictions(self):
+        """(n,) friction coefficients; all NaN unless every held-out and training segment has one."""
+        return self._frictions(self.dataset, self.rows)
+
+    @property
+    def has_friction(self):
+        """Whether friction is compared."""
+        return bool(np.isfinite(self.frictions).all())
+
+    @cached_property
+    def training(self):
+        """`TrainingTextures`: non-overlapping segments of the training surfaces, for the reference and the judge."""
+        train = self.train
+        rows = train.non_overlapping(self.per_surface, self.seed)
+        surfaces = train.surface_ids[rows]
+        frictions = self._frictions(train, rows)
+        return TrainingTextures(
+            train.textures(rows), train.surface_ratings[surfaces], frictions, surfaces, self.rate, train.band
+        )
+
+    @cached_property
+    def baseline_training(self):
+        """`TrainingTextures` that the baselines learn from: `training`, or `baseline_surfaces` surfaces of it."""
+        if self.baseline_surfaces is None:
+            return self.training
+        kept = PreparedDataset(self.train.path, "train", max_surfaces=self.baseline_surfaces).surface_ids
+        rows = np.isin(self.training.surface_ids, kept)
+        fields = ("textures", "ratings", "friction_coefficients", "surface_ids")
+        return replace(self.training, **{name: getattr(self.training, name)[rows] for name in fields})
+
+    @cached_property
+    def reference(self):
+        """`Reference`: the embedded training segments."""
+        return Reference(self.training.textures, self.rate, self.training.surface_ids)
+
+    @cached_property
+    def request(self):
+        """`BaselineRequest`: the held-out segments as the baselines see them."""
+        return BaselineRequest(self.ratings, self.real, self.dataset.textures(self.other_rows))
+
+    def _frictions(self, dataset, rows):
+        chosen = np.concatenate([self.rows, self.other_rows])
+        known = (self.dataset.friction_coefficients[chosen], self.train.friction_coefficients)
+        if not all((values > 0).all() for values in known):  # NaN fails too
+            return np.full(len(rows), np.nan)
+        return dataset.friction_coefficients[rows]
+
+
+def open_held_out(data, split, per_surface, seed=0, baseline_surfaces=None):
+    """Opens a prepared data set for an evaluation.
+
+    Args:
+        data (`str` or `Path`): a prepared data set.
+        split (`str`): the held-out surfaces: "validation", "test" or, where the data have it, "hard".
+        per_surface (`int`): non-overlapping segments per surface.
+        seed (`int`): of every choice.
+        baseline_surfaces (`int`, *optional*): training surfaces that the baselines learn from; all by default.
+
+    Returns:
+        `HeldOutData`
 
     Raises:
-        ValueError: if the two views of a data set share a surface, as where only explorers or raters are held out.
+        ValueError: if the split is unknown or "train", shares surfaces with training, or has fewer than two surfaces
+            with two segments each that share no sample.
+    """
+    if split not in SPLITS[1:]:
+        raise ValueError(f"`split` must be held out, one of {SPLITS[1:]}, got {split!r}.")
+    dataset, train = PreparedDataset(data, split), PreparedDataset(data, "train")
+    check_unseen(dataset, train)
+    rows, other_rows = _two_halves(dataset, per_surface, seed)
+    if len(np.unique(dataset.surface_ids[rows])) < 2:
+        raise ValueError(
+            f"`data` must have two surfaces or more with two segments each that share no sample in the split "
+            f"{split!r}, to compare with another take and another surface. Record longer, or hold more out: `--test 2` "
+            "or more of examples/prepare_data.py; then train again, since what is held out now was trained on."
+        )
+    return HeldOutData(dataset, train, rows, other_rows, per_surface, seed, baseline_surfaces)
+
+
+def _two_halves(dataset, per_surface, seed):
+    """Indices of segments, and of another take for each: two arrays (n,). No two of them share a sample."""
+    rows = dataset.non_overlapping(2 * per_surface, seed)
+    rows = random_generator(seed, "halves").permutation(rows)
+    first, second = [], []
+    for surface in np.unique(dataset.surface_ids[rows]):
+        own = rows[dataset.surface_ids[rows] == surface]
+        half = len(own) // 2
+        first, second = [*first, *own[:half]], [*second, *own[half : 2 * half]]
+    return np.array(first, dtype=int), np.array(second, dtype=int)
+
+
+def check_unseen(held_out, train):
+    """Refuses held-out segments of surfaces that are also in training.
+
+    Raises:
+        ValueError: if the two views of a data set share a surface.
     """
     shared = np.intersect1d(held_out.surface_ids, train.surface_ids)
     if len(shared):
@@ -33,8 +200,7 @@ def check_fit(pipe, dataset, name="checkpoint"):
     if dataset.sampling_rate > extractor.delivery_rate:
         raise ValueError(
             f"`data` has a sampling rate of {dataset.sampling_rate} Hz, the {name} delivers only "
-            f"{extractor.delivery_rate} Hz: there is nothing to compare above {extractor.delivery_rate / 2:g} Hz. "
-            f"Resample the recordings to the {name}'s rate."
+            f"{extractor.delivery_rate} Hz. Resample the recordings to the {name}'s rate."
         )
     seconds = pipe.lctg.config.segment_samples / extractor.sampling_rate
     if abs(seconds - dataset.segment_samples / dataset.sampling_rate) > 1 / extractor.sampling_rate:

@@ -1,8 +1,8 @@
-"""Names of rows, columns and metrics, as people read them."""
+"""Names of rows, columns and metrics in tables."""
 
 from .metrics.errors import SIGNED_BANDS_HZ, signed_band_key
 
-#: How people read the rows. Baselines that describe the very recording know more than ratings can tell.
+#: Names of the baselines.
 NAMES = {
     "silence": "silence",
     "other_take": "another take of the surface",
@@ -16,9 +16,7 @@ NAMES = {
     "knn_blend": "blend of 5 nearest surfaces (from ratings)",
     "ridge": "ridge regression and noise (from ratings)",
 }
-#: Baselines that are told the surface's ratings, or nothing: what generation competes with.
-FROM_RATINGS = ("mean_spectrum", "knn_blend", "ridge")
-#: What the paper reports (sections 3.1 to 3.4), on SENS3, which was not available here.
+#: What the paper reports (sections 3.1 to 3.4), on SENS3.
 PAPER = {
     "rmse_n": "11.4 (6.2–18.1)",
     "snr_db": "−1.87 (−2.36 to −1.21)",
@@ -28,10 +26,10 @@ PAPER = {
     "real_time_steps": "over 50 (RTX 4060)",
     "rmse_protocol_mn": "5.57",
     "latent_shift_percent": "0–2",
-    "fad": "21.62 (embedding not stated)",
 }
-#: Steps at which configurations are compared: what the paper found best (section 3.3).
+#: Steps at which configurations are compared: the paper's best (section 3.3).
 COMPARED_STEPS = "10"
+#: Metrics of a reconstruction.
 SPECTRAL = {
     "nine_band_db": "nine-band error, dB",
     "lsd_db": "LSD, dB",
@@ -47,6 +45,7 @@ SPECTRAL = {
     "ktd_excess": "KTD over real",
 }
 BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
+#: Metrics of a set of generated textures.
 SETS = {
     "ftd": "FTD",
     "ftd_excess": "FTD over real",
@@ -56,7 +55,7 @@ SETS = {
     "recall": "recall",
     "diversity": "diversity",
     "nearest_correlation": "nearest training segment, correlation",
-    "novelty_share": "closer than real 1st percentile: correlation",
+    "novelty_share": "closer than the real 1st percentile: correlation",
     "novelty_share_embedding": "embedding (reference only)",
     "novelty_share_latent": "latent (reference only)",
     "out_of_band_db": "above 1.05 kHz, dB",
@@ -64,7 +63,7 @@ SETS = {
 
 
 def default_steps(report):
-    """Key of the step sweep that the pipeline's default stands for."""
+    """Key of the step sweep at the pipeline's default."""
     steps, default = report["reconstruction"]["steps"], str(report["pipeline"]["num_inference_steps"])
     return default if default in steps else next(iter(steps))
 

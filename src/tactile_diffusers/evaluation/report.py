@@ -1,4 +1,4 @@
-"""The report: runs sections, keeps each that is done, and puts them together as report.json."""
+"""The report: runs sections, keeps each that is done, and puts them together."""
 
 import hashlib
 import json
@@ -9,7 +9,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
-import torch
 from tqdm.auto import tqdm
 
 from ..checkpoints import DISTILLED
@@ -19,36 +18,25 @@ from ..training.surfaces import count_seen, surfaces_of, trained_on
 from .metrics.statistics import is_leaf
 from .report_figures import plot_beside
 from .result_files import machine_facts
-from .sections import SECTIONS, WITHOUT_RATINGS, anchors
+from .sections import SECTIONS, WITHOUT_RATINGS
+from .sections.reconstruction import measure_anchor
 from .training_record import training_facts
 
+#: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
+METRICS_VERSION = 1
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
 MEASURED = (
-    *("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "long_textures"),
-    *("latents", "robustness", "novel", "regression"),
+    *("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper"),
+    *("novel", "regression"),
 )
-# files that only write tables, or what is read anew each time
-_TELLING = (
-    "labels.py",
-    "summary.py",
-    "tables.py",
-    "telling.py",
-    "telling_ratings.py",
-    "obedience.py",
-    "comparison.py",
-    "training_record.py",
-    "winners.py",
-)
-# of a checkpoint, beside its components: what they are, and how they were trained
-_TOLD = ("model_index.json", "training.json")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
 
 
 def run_sections(context, names, checkpoint, training=()):
     """Runs sections one after the other; those already done under the same conditions are read instead.
 
-    Each result is a file `sections/<name>.json` in the output folder, so that a run that was cut off goes on. The
-    embedding that distances are measured in is kept there likewise, and written to `embedding.json` for others to use.
+    Each result is a file `sections/<name>.json` in the output folder, so that an interrupted run continues. The
+    embedding of the distances is kept there too, and written to `embedding.json`.
 
     Args:
         context (`Context`): what is evaluated.
@@ -57,8 +45,8 @@ def run_sections(context, names, checkpoint, training=()):
         training (`Sequence[Path]`): folders of the phases of its LCTG's training; by default what lies in `checkpoint`.
 
     Returns:
-        `dict`: the report, see README; sections not asked for, or without anything to measure, are None. "anchors"
-        holds leaves and training facts of each of the context's anchors, or is None.
+        `dict`: the report. Sections that were not asked for, or have nothing to measure, are None; "anchors" holds the
+        leaves and training facts of each of the context's anchors, or is None.
     """
     conditions = _conditions(context, checkpoint)
     folder = context.output / "sections"
@@ -66,8 +54,8 @@ def run_sections(context, names, checkpoint, training=()):
     report = {
         "checkpoint": {"name": Path(checkpoint).name, "sha256": conditions["checkpoint"]},
         "training": _training(context.pipe, training or [checkpoint]),
-        "data": _data(context),
-        "judged": surfaces_of(context.held_out, context.chosen[0]),
+        "data": _data_facts(context.data),
+        "judged": surfaces_of(context.data.dataset, context.data.rows),
         "seen_in_training": seen_in_training(context, [checkpoint, *training]),
         "seed": context.seed,
         "settings": {**asdict(context.settings), "guidance_scales": context.guidance_scales},
@@ -77,40 +65,38 @@ def run_sections(context, names, checkpoint, training=()):
         **dict.fromkeys((*MEASURED, "anchors")),
     }
     for name in tqdm(names, desc="sections", disable=context.quiet):
-        if name not in WITHOUT_RATINGS and not _can_steer(context):
-            continue
-        report |= _kept(folder / f"{name}.json", conditions, SECTIONS[name], context)
+        if name in WITHOUT_RATINGS or _has_ratings(context):
+            report |= _kept(folder / f"{name}.json", conditions, lambda run=SECTIONS[name]: run(context))
     if context.anchors:
         report["anchors"] = _anchors(context, conditions, folder)
         if report["reconstruction"]:
             plot_beside(report["reconstruction"], report["anchors"], context.output / "beside.png")
-    embedding = _kept(folder / "embedding.json", conditions, _embedding, context)
+    embedding = _kept(folder / "embedding.json", conditions, lambda: context.data.reference.embedding.to_dict())
     write_text(context.output / "embedding.json", json.dumps(embedding))
     return report
 
 
 def seen_in_training(context, folders):
-    """How many of the judged surfaces the checkpoint was trained on; `None` where nothing tells.
+    """How many of the held-out surfaces the checkpoint was trained on; `None` where that is not recorded.
 
     Args:
-        context (`Context`): with the judged surfaces.
+        context (`Context`): with the held-out surfaces.
         folders (`Sequence[str` or `Path]`): the checkpoint's, and those of its trainings.
 
     Returns:
         `int` or `None`
     """
     found, _ = trained_on(folders)
-    return count_seen(surfaces_of(context.held_out, context.chosen[0]), found) if found else None
+    return count_seen(surfaces_of(context.data.dataset, context.data.rows), found) if found else None
 
 
 def _anchors(context, conditions, folder):
-    """Leaves and training facts of each anchor; an anchor is measured as if it were the checkpoint."""
+    """Leaves and training facts of each anchor."""
     found = {}
     for name, anchor in tqdm(context.anchors.items(), desc="anchors", disable=context.quiet):
         own = conditions | {"checkpoint": folder_digest(anchor.folder)}
-        # what is kept holds for this anchor alone: others come and go without measuring it again
-        made = _kept(folder / f"anchor_{name}.json", own, lambda c, pipe=anchor.pipe: anchors.measure(c, pipe), context)
-        found[name] = made | {"training": _training(anchor.pipe, [anchor.folder])}
+        leaves = _kept(folder / f"anchor_{name}.json", own, lambda pipe=anchor.pipe: measure_anchor(context, pipe))
+        found[name] = leaves | {"training": _training(anchor.pipe, [anchor.folder])}
     return found
 
 
@@ -118,90 +104,80 @@ def _training(pipe, folders):
     return training_facts(folders) | {"parameters": pipe.lctg.num_parameters()}
 
 
-def _embedding(context):
-    return context.reference.embedding.to_dict()
-
-
-def _can_steer(context):
-    rated = (context.held_out.surface_ratings[context.surfaces], context.training.ratings)
+def _has_ratings(context):
+    rated = (context.data.ratings, context.data.training.ratings)
     return context.pipe.dale is not None and all(np.isfinite(ratings).all(-1).any() for ratings in rated)
 
 
-def _kept(path, conditions, make, context):
-    """The result in a file if it was made under these conditions, else a new one, which replaces it."""
+def _kept(path, conditions, measure):
+    """The result in a file if it was measured under these conditions, else a new one, which replaces it."""
     try:
         stored = read_json(path, "JSON")
     except (FileNotFoundError, ValueError):
         stored = {}
     if stored.get("conditions") == conditions and "result" in stored:
         return stored["result"]
-    result = make(context)
+    result = measure()
     write_text(path, json.dumps({"conditions": conditions, "result": result}, allow_nan=False))
     return result
 
 
 def _conditions(context, checkpoint):
     """What a result depends on, as JSON."""
-    facts = os.stat(context.held_out.path)
-    named = context.embedding and getattr(context.embedding, "__qualname__", type(context.embedding).__qualname__)
+    data = context.data
+    facts = os.stat(data.dataset.path)
     state = {
+        "metrics_version": METRICS_VERSION,
         "checkpoint": folder_digest(checkpoint),
         "data": [facts.st_size, facts.st_mtime_ns],
-        "split": context.split,
-        "baseline_surfaces": context.baseline_surfaces,
+        "split": data.dataset.split,
+        "baseline_surfaces": data.baseline_surfaces,
         "seed": context.seed,
         "settings": asdict(context.settings),
         "guidance_scales": context.guidance_scales,
-        "embedding": named and f"{context.embedding.__module__}:{named}",
-        "vibromaf": context.vibromaf,
         "pipeline": [context.steps, context.default_guidance],
-        "threads": torch.get_num_threads(),
         "versions": _versions(),
         "machine": machine_facts(),
-        "code": _code_digest(),
     }
     return json.loads(json.dumps(state))
 
 
-def _code_digest():
-    """SHA-256 over the source of what is measured, not of how it is told: other code, another result."""
-    digest = hashlib.sha256()
-    root = Path(__file__).parents[1]
-    for path in sorted(root.rglob("*.py")):
-        if path.parent.name in ("cli", "export", "study") or path.name in _TELLING:
-            continue
-        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
-    return digest.hexdigest()
-
-
 def folder_digest(folder):
-    """SHA-256 over the configs and weights of a checkpoint folder, whatever else lies there: reports, checkpoints."""
+    """SHA-256 over the configs and weights of a checkpoint folder; reports and training checkpoints there do not count.
+
+    Args:
+        folder (`str` or `Path`): of a pipeline.
+
+    Returns:
+        `str`
+    """
     folder, digest = Path(folder), hashlib.sha256()
-    index = folder / _TOLD[0]
-    ours = {*_TOLD, DISTILLED, *(read_json(index, "the index of a checkpoint") if index.is_file() else ())}
+    index = folder / "model_index.json"
+    components = read_json(index, "the index of a checkpoint") if index.is_file() else ()
+    parts = {index.name, "training.json", DISTILLED, *components}
     for path in sorted(folder.rglob("*")):
         place = path.relative_to(folder)
-        if place.parts[0] in ours and path.suffix in (".json", ".safetensors"):
+        if place.parts[0] in parts and path.suffix in (".json", ".safetensors"):
             digest.update(str(place).encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def _data(context):
-    held_out, train = context.held_out, context.train
+def _data_facts(data):
+    dataset, train = data.dataset, data.train
     return {
-        "name": Path(held_out.path).name,
-        "source": held_out.source,
-        "split": context.split,
-        "unit": held_out.unit,
-        "sampling_rate": held_out.sampling_rate,
-        "band": list(held_out.band),
-        "surfaces": len(set(context.surfaces.tolist())),
-        "segments": len(context.surfaces),
-        "rater_alpha": _alpha(held_out.reliability),
-        "training_surfaces": context.baseline_surfaces or len(set(train.surface_ids.tolist())),
+        "name": Path(dataset.path).name,
+        "source": dataset.source,
+        "split": dataset.split,
+        "unit": dataset.unit,
+        "sampling_rate": dataset.sampling_rate,
+        "band": list(dataset.band),
+        "surfaces": len(set(data.surfaces.tolist())),
+        "segments": len(data.surfaces),
+        "rater_alpha": _alpha(dataset.reliability),
+        "training_surfaces": data.baseline_surfaces or len(set(train.surface_ids.tolist())),
         "reference_surfaces": len(set(train.surface_ids.tolist())),
-        "reference_segments": len(context.training.textures),
+        "reference_segments": len(data.training.textures),
     }
 
 
@@ -209,10 +185,8 @@ def _alpha(reliability):
     """Cronbach's alpha of the mean rating on each axis, `None` where no two raters answered."""
     if reliability is None:
         return None
-    return {
-        axis: None if np.isnan(alpha) else float(alpha)
-        for axis, alpha in zip(reliability.axes, reliability.alpha, strict=True)
-    }
+    pairs = zip(reliability.axes, reliability.alpha, strict=True)
+    return {axis: None if np.isnan(alpha) else float(alpha) for axis, alpha in pairs}
 
 
 def _versions():

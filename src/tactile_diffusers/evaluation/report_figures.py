@@ -1,4 +1,4 @@
-"""Pictures of a report."""
+"""Pictures of a report, and the one helper that writes pictures."""
 
 from contextlib import contextmanager
 
@@ -28,24 +28,24 @@ def figure_panels(output_path, rows, columns, size):
         plt.close(figure)
 
 
-def plot_overlays(real, made, sampling_rate, edges, output_path, seconds=0.2):
+def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, seconds=0.2):
     """Best, median and worst segment by nine-band error: original and reconstruction in time and frequency.
 
     Args:
-        real, made (`np.ndarray`): (n, samples).
+        real, reconstructed (`np.ndarray`): (n, samples).
         sampling_rate (`float`): Hz.
         edges (`np.ndarray`): of the nine bands, Hz.
         output_path (`Path`): the PNG.
         seconds (`float`): shown of each waveform.
     """
-    errors = nine_band_error_db(made, real, sampling_rate, edges)
+    errors = nine_band_error_db(reconstructed, real, sampling_rate, edges)
     order = np.argsort(errors)
     shown = {"best": order[0], "median": order[len(order) // 2], "worst": order[-1]}
     start = real.shape[-1] // 2
     piece = slice(start, start + int(seconds * sampling_rate))
     with figure_panels(output_path, 2, 3, (13, 6)) as panels:
         for (waves, spectra), (name, row) in zip(panels.T, shown.items(), strict=True):
-            for texture, label in ((real[row], "original"), (made[row], "reconstruction")):
+            for texture, label in ((real[row], "original"), (reconstructed[row], "reconstruction")):
                 time = np.arange(piece.start, piece.stop) / sampling_rate
                 waves.plot(time, 1e3 * texture[piece], linewidth=0.8, label=label)
                 frequencies, density = power_spectral_density(texture, sampling_rate)
@@ -57,7 +57,7 @@ def plot_overlays(real, made, sampling_rate, edges, output_path, seconds=0.2):
 
 
 def plot_steps(result, output_path):
-    """Error, distance and cost against the number of steps, with another take of the surface as the yardstick."""
+    """Error, distance and cost against the number of steps, beside another take of the surface."""
     steps = np.array([int(count) for count in result["steps"]])
     other = result["baselines"]["other_take"]
     quantities = {
@@ -84,15 +84,15 @@ def plot_steps(result, output_path):
 
 
 def plot_beside(reconstruction, anchors, output_path):
-    """Ours beside the anchors: nine-band error over steps, and the signed error of each band.
+    """The checkpoint beside the anchors: nine-band error over steps, and the signed error of each band.
 
     Args:
         reconstruction (`dict`): section of a report.
         anchors (`dict[str, dict]`): name -> entry with "steps".
         output_path (`Path`): the PNG.
     """
-    sweeps = {"ours": reconstruction["steps"]} | {name: entry["steps"] for name, entry in anchors.items()}
-    top = 1.0  # dB; a single step is far off, and what is compared would be seen no more
+    sweeps = {"this checkpoint": reconstruction["steps"]} | {name: entry["steps"] for name, entry in anchors.items()}
+    top = 1.0  # dB; a single step is far off and would set the scale
     with figure_panels(output_path, 1, 2, (12, 3.8)) as (panels,):
         for index, (name, steps) in enumerate(sweeps.items()):
             errors = [_mean(entry["nine_band_db"]) for entry in steps.values()]
@@ -149,7 +149,7 @@ def plot_control(control, guidance, output_path):
 
 
 def plot_responses(control, guidance, output_path):
-    """Response matrices: slope of what the judge recovers on what was requested."""
+    """Response matrices: slope of the judge's estimates on requested ratings."""
     matrices = {
         "real, held out": control["response_real"],
         f"generated, guidance {guidance:g}": control[str(guidance)]["response"],
@@ -165,7 +165,7 @@ def plot_responses(control, guidance, output_path):
                 )
             panel.set_xticks(range(3), RATING_AXES, fontsize=8)
             panel.set_yticks(range(3), RATING_AXES, fontsize=8, rotation=90, va="center")
-            panel.set(title=name, xlabel="requested", ylabel="recovered")
+            panel.set(title=name, xlabel="requested", ylabel="estimated")
 
 
 def plot_latent_shift(shift, output_path):
@@ -206,16 +206,18 @@ def plot_unseen(bands, output_path):
     """Mean spectra of unseen surfaces: real against generated, one dot a surface and band.
 
     Args:
-        bands (`dict[str, tuple]`): name -> (real, made), each (surfaces, 9) dB.
+        bands (`dict[str, tuple]`): name -> (real, generated), each (surfaces, 9) dB.
         output_path (`Path`): the PNG.
     """
     with figure_panels(output_path, 1, len(bands), (3.6 * len(bands), 3.6)) as panels:
-        for panel, (name, (real, made)) in zip(panels[0], bands.items(), strict=True):
+        for panel, (name, (real, generated)) in zip(panels[0], bands.items(), strict=True):
             colour = np.tile(np.arange(real.shape[1]), (len(real), 1))
-            panel.scatter(real, made, c=colour, cmap="viridis", s=6)
+            panel.scatter(real, generated, c=colour, cmap="viridis", s=6)
             ends = [real.min(), real.max()]
             panel.plot(ends, ends, color="grey", linewidth=1)
-            panel.set(title=f"{name}: {np.abs(made - real).mean():.2f} dB", xlabel="real, dB re 1 N²", ylabel="made")
+            panel.set(
+                title=f"{name}: {np.abs(generated - real).mean():.2f} dB", xlabel="real, dB re 1 N²", ylabel="generated"
+            )
             panel.grid(alpha=0.3)
 
 

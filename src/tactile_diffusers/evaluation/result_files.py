@@ -1,4 +1,4 @@
-"""What commands that measure share: the machine's name, and how results are written."""
+"""How results are written: the machine that measured them, and files of one name."""
 
 import json
 import os
@@ -8,6 +8,17 @@ from pathlib import Path
 import torch
 
 from ..io.files import write_text
+
+
+def machine_facts():
+    """Processor, cores, threads and system of this machine: a dict for JSON."""
+    name = platform.processor() or platform.machine()
+    try:
+        models = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
+        name = models[0].split(":")[1].strip()
+    except (OSError, IndexError):
+        pass
+    return {"processor": name, "cores": os.cpu_count(), "threads": torch.get_num_threads(), "system": platform.system()}
 
 
 def machine(computing=None):
@@ -29,14 +40,3 @@ def write_results(output, name, report, text, indent=2):
     output.mkdir(parents=True, exist_ok=True)
     write_text(output / f"{name}.json", json.dumps(report, indent=indent) + "\n")
     write_text(output / f"{name}.md", text)
-
-
-def machine_facts():
-    """Processor, cores and threads of this machine."""
-    name = platform.processor() or platform.machine()
-    try:
-        models = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
-        name = models[0].split(":")[1].strip()
-    except (OSError, IndexError):
-        pass
-    return {"processor": name, "cores": os.cpu_count(), "threads": torch.get_num_threads(), "system": platform.system()}

@@ -8,10 +8,13 @@ from tqdm.auto import tqdm
 
 from ..signal import resample
 
+# textures that are encoded at once
+_ENCODED = 64
+
 
 @dataclass(frozen=True)
 class Generated:
-    """Textures that a pipeline made, one a row.
+    """Generated textures, one a row.
 
     Attributes:
         textures (`np.ndarray`): (n, samples) float32, N.
@@ -34,7 +37,7 @@ def noise_seeds(seed, takes):
 def generate(
     pipe, ratings, seeds, sampling_rate, samples, steps=10, guidance_scale=1.0, decode=True, batch=32, quiet=True
 ):
-    """Textures from ratings.
+    """Generates textures from ratings.
 
     Args:
         pipe (`TactileTexturePipeline`): with a DALE.
@@ -54,40 +57,47 @@ def generate(
     parts = []
     for start in tqdm(range(0, len(ratings), batch), disable=quiet, desc="generating", leave=False):
         rows = slice(start, start + batch)
-        generators = [torch.Generator("cpu").manual_seed(int(seed)) for seed in seeds[rows]]
-        made = pipe(
+        generators = _generators(seeds[rows])
+        out = pipe(
             np.asarray(ratings)[rows],
             num_inference_steps=steps,
             guidance_scale=guidance_scale,
             generator=generators,
             output_type="latent",
         )
-        textures = np.empty((len(made.level), 0), np.float32)
+        textures = np.empty((len(out.level), 0), np.float32)
         if decode:
-            out = pipe.decode(made.latents, made.level, made.friction_coefficient, steps, generators)
-            textures = resample(out.textures, out.sampling_rate, sampling_rate)[:, :samples].astype(np.float32)
-        tensors = (made.level, made.friction_coefficient, made.latents)
+            decoded = pipe.decode(out.latents, out.level, out.friction_coefficient, steps, generators)
+            textures = resample(decoded.textures, decoded.sampling_rate, sampling_rate)[:, :samples].astype(np.float32)
+        tensors = (out.level, out.friction_coefficient, out.latents)
         parts.append((textures, *(tensor.float().cpu().numpy() for tensor in tensors)))
     return Generated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def reconstruct(pipe, textures, sampling_rate, num_inference_steps, seed=0, batch=32, quiet=True):
     """Reconstructions at the textures' own rate and length: (n, samples) float64."""
-    made, seeds = [], noise_seeds(seed, len(textures))
+    parts, seeds = [], noise_seeds(seed, len(textures))
     for start in tqdm(range(0, len(textures), batch), disable=quiet, desc=f"{num_inference_steps} steps", leave=False):
         rows = textures[start : start + batch]
-        generators = [torch.Generator("cpu").manual_seed(int(s)) for s in seeds[start : start + batch]]
+        generators = _generators(seeds[start : start + batch])
         out = pipe.reconstruct(rows, sampling_rate, num_inference_steps, generator=generators)
-        made.append(resample(out.textures, out.sampling_rate, sampling_rate)[:, : rows.shape[-1]])
-    return np.concatenate(made)
+        parts.append(resample(out.textures, out.sampling_rate, sampling_rate)[:, : rows.shape[-1]])
+    return np.concatenate(parts)
+
+
+def _generators(seeds):
+    return [torch.Generator("cpu").manual_seed(int(seed)) for seed in seeds]
+
+
+def encode(pipe, textures, sampling_rate):
+    """All layers of the latents of textures (n, samples): (n, latent_channels, frames) float32."""
+    parts = [textures[start : start + _ENCODED] for start in range(0, len(textures), _ENCODED)]
+    return np.concatenate([pipe.encode(part, sampling_rate).latents.float().cpu().numpy() for part in parts])
 
 
 def latent_summary(latents):
-    """What of a latent does not depend on where in the texture one looks: (n, 2 * channels).
+    """Mean and log standard deviation of each channel over frames: (n, channels, frames) -> (n, 2 * channels).
 
-    Mean and logarithmic standard deviation of each channel over frames.
-
-    Args:
-        latents (`np.ndarray`): (n, channels, frames).
+    It does not depend on where in the texture one looks.
     """
     return np.concatenate([latents.mean(-1), np.log(latents.std(-1) + 1e-3)], axis=-1)

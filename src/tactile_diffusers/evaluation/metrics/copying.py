@@ -1,18 +1,14 @@
-"""Does a generator copy its training segments, does it cover the real ones, and do its takes differ?"""
+"""Does a generator copy its training segments?"""
 
 import numpy as np
 import torch
 from scipy.fft import next_fast_len
-from scipy.spatial.distance import cdist
+from tqdm.auto import tqdm
 
-from .texture_checks import check_textures
+from .texture_checks import check_sets, check_textures, in_blocks
 
 #: Band in which waveforms are compared, Hz. A low upper edge keeps lags resolved at a low rate, which makes this fast.
 COPY_BAND_HZ = (20.0, 400.0)
-#: Standard deviation over all three ratings of the kernel by which real surfaces count as alike, z-scores.
-RATING_WIDTH = 0.3
-#: Fewest effective real surfaces near a rating for its spread to be known.
-FEWEST_NEAR = 20
 # lags per period of the band's upper edge: 0.35 ms at 400 Hz
 _LAGS_PER_PERIOD = 7.2
 # width over which the mean spectrum is smoothed, Hz: a rough one, as of few segments, would make whitening ring
@@ -24,8 +20,6 @@ _SPECTRUM_FLOOR = 1e-3
 _ENERGY_FLOOR = 0.1
 # training segments that are correlated at once: their transforms stay in the processor's cache
 _SEGMENTS = 64
-# rows of a distance matrix that are held at once
-_ROWS = 256
 
 
 class TrainingWaveforms:
@@ -49,8 +43,6 @@ class TrainingWaveforms:
     """
 
     def __init__(self, chunks, sampling_rate, band=COPY_BAND_HZ, quiet=True):
-        from tqdm.auto import tqdm
-
         if not 0 < band[0] < band[1] < sampling_rate / 2:
             raise ValueError(f"`band` must satisfy 0 < low < high < {sampling_rate / 2:g} Hz, got {tuple(band)}.")
         self.sampling_rate, self.band, self.quiet = float(sampling_rate), tuple(band), quiet
@@ -141,8 +133,6 @@ class TrainingWaveforms:
         Raises:
             ValueError: if `textures` is not (n, samples), not finite or of another length.
         """
-        from tqdm.auto import tqdm
-
         textures = check_textures("textures", textures, rank=2)
         probes = _unit_energy(self._spectra(textures, "textures") * self._whitening)
         gains = self._overlap_gain(probes)
@@ -179,12 +169,12 @@ def nearest_distance(points, reference):
     Raises:
         ValueError: if the sets do not fit together, are empty, or hold NaN or infinity.
     """
-    points, reference = _check_sets("points", points, "reference", reference)
+    points, reference = check_sets(points=points, reference=reference)
     centre = reference.mean(0)  # large offsets would cost digits below
     centred = reference - centre
     norms = (centred**2).sum(-1)
     distances = []
-    for block in _blocks(points):
+    for block in in_blocks(points):
         # |r|^2 - 2 p.r orders the reference as the distance does, and is one matrix product: fast, but it loses digits
         nearest = (norms - 2 * (block - centre) @ centred.T).argmin(-1)
         distances.append(np.linalg.norm(block - reference[nearest], axis=-1))
@@ -219,140 +209,3 @@ def closer_share(values, real_values, quantile=0.01, higher_is_closer=False):
     # Weibull's positions k / (n + 1): a new draw falls below the k-th of n others with that probability
     threshold = np.quantile(sign * real_values, quantile, method="weibull")
     return float((sign * values < threshold).mean()), float(sign * threshold)
-
-
-def precision_recall(generated, real, k=5):
-    """Improved precision and recall of two sets of embeddings (Kynkäänniemi et al. 2019, arXiv 1904.06991).
-
-    Around each member of a set lies a ball that reaches to its k-th nearest other member. Precision is the share of
-    generated members inside a ball of a real one (are they plausible?), recall the share of real members inside a ball
-    of a generated one (does the generator cover them?). Both depend on the sizes of the sets, and two sets of one
-    distribution do not reach 1: compare with two real sets of the same sizes.
-
-    Args:
-        generated, real (`np.ndarray`): (n, features), (m, features); more than `k` members each.
-        k (`int`): neighbours.
-
-    Returns:
-        `tuple[float, float]`: precision and recall, 0 to 1.
-
-    Raises:
-        ValueError: if the sets do not fit together, hold NaN or infinity or too few members, or `k` is below 1.
-    """
-    generated, real = _check_sets("generated", generated, "real", real)
-    if not 1 <= k < min(len(generated), len(real)):
-        raise ValueError(
-            f"`k` must be at least 1 and below the size of both sets, {len(generated)} and {len(real)}, got {k}."
-        )
-    return _covered(generated, real, k), _covered(real, generated, k)
-
-
-def _covered(points, members, k):
-    """Share of points that lie in a ball of a member."""
-    # the nearest member to a member is itself
-    radii = np.concatenate([np.partition(cdist(block, members), k, axis=-1)[:, k] for block in _blocks(members)])
-    return float(np.mean(np.concatenate([(cdist(block, members) <= radii).any(-1) for block in _blocks(points)])))
-
-
-def take_spread_db(band_levels, groups):
-    """How much takes of one surface, or of one rating, differ: standard deviation of their band levels, dB.
-
-    For each band the unbiased variance inside the groups, pooled over the groups of two takes and more; the mean over
-    bands of its root.
-
-    Args:
-        band_levels (`np.ndarray`): (n, bands), dB (`tactile_diffusers.signal.band_levels_db`).
-        groups (`np.ndarray`): (n,) the surface or rating of each take.
-
-    Returns:
-        `float`: dB.
-
-    Raises:
-        ValueError: if the arguments do not fit together, hold NaN or infinity, or no group has two takes.
-    """
-    band_levels = check_textures("band_levels", band_levels, rank=2).astype(np.float64)
-    groups = np.asarray(groups)
-    if groups.shape != band_levels.shape[:1]:
-        raise ValueError(
-            f"`groups` must name the group of each of the {len(band_levels)} rows of `band_levels`, "
-            f"got the shape {groups.shape}."
-        )
-    _, group, takes = np.unique(groups, return_inverse=True, return_counts=True)
-    freedom = (takes - 1).sum()
-    if freedom == 0:
-        raise ValueError(f"`groups` must hold a group of at least 2 takes, got {len(takes)} groups of one.")
-    means = np.zeros((len(takes), band_levels.shape[-1]))
-    np.add.at(means, group, band_levels)
-    deviations = band_levels - (means / takes[:, None])[group]
-    return float(np.sqrt((deviations**2).sum(0) / freedom).mean())
-
-
-def diversity(generated_levels, generated_groups, real_levels, real_groups):
-    """Spread of generated takes over that of real ones: 1 = takes differ as much as real takes, 0 = all the same.
-
-    Args:
-        generated_levels, real_levels (`np.ndarray`): (n, bands), (m, bands), dB.
-        generated_groups, real_groups (`np.ndarray`): (n,), (m,) the rating or surface of each take.
-
-    Returns:
-        `float`
-
-    Raises:
-        ValueError: as `take_spread_db`, or if the real takes do not differ.
-    """
-    real = take_spread_db(real_levels, real_groups)
-    if real == 0:
-        raise ValueError("`real_levels` must differ within a group, got identical takes.")
-    return take_spread_db(generated_levels, generated_groups) / real
-
-
-def rating_diversity(generated_levels, generated_groups, group_ratings, real_levels, real_ratings, real_groups):
-    """Spread of generated takes of one rating over that of real textures with such ratings: 1 = as diverse as the data.
-
-    Ratings do not settle a surface, so takes of a rating should differ by more than takes of a surface do. Real
-    surfaces count by a Gaussian kernel over all three ratings; ratings with fewer than 20 of them near are left out.
-
-    Args:
-        generated_levels (`np.ndarray`): (n, bands) dB.
-        generated_groups (`np.ndarray`): (n,) row of `group_ratings` that a take was made for.
-        group_ratings (`np.ndarray`): (groups, 3) z-scores.
-        real_levels (`np.ndarray`): (m, bands) dB.
-        real_ratings (`np.ndarray`): (m, 3) z-scores of each texture's surface; rows with NaN are left out.
-        real_groups (`np.ndarray`): (m,) which textures belong together.
-
-    Returns:
-        `float`: NaN where no rating has enough real surfaces near it.
-    """
-    rated = ~np.isnan(real_ratings).any(1)
-    real_levels, real_ratings = np.asarray(real_levels)[rated], np.asarray(real_ratings)[rated]
-    _, surface, textures = np.unique(np.asarray(real_groups)[rated], return_inverse=True, return_counts=True)
-    made, real = [], []
-    for group in np.unique(generated_groups):
-        own = generated_levels[generated_groups == group]
-        squares = np.square((real_ratings - group_ratings[group]) / RATING_WIDTH).sum(1)
-        weights = np.exp(-0.5 * squares) / textures[surface]
-        total = np.bincount(surface, weights)
-        size = total.sum() ** 2 / max(np.square(total).sum(), np.finfo(np.float64).tiny)
-        if len(own) < 2 or not size >= FEWEST_NEAR:  # NaN where an axis is not rated
-            continue
-        # what a straight line over ratings explains is no spread of one rating
-        lines = np.concatenate([np.ones((len(real_ratings), 1)), real_ratings - group_ratings[group]], axis=1)
-        weights = (weights / weights.sum())[:, None]
-        left = real_levels - lines @ np.linalg.lstsq(np.sqrt(weights) * lines, np.sqrt(weights) * real_levels)[0]
-        made.append(own.var(0, ddof=1).mean())
-        real.append((weights * np.square(left)).sum(0).mean() / (1 - lines.shape[1] / size))
-    return float(np.sqrt(np.mean(made) / np.mean(real))) if made else float("nan")
-
-
-def _blocks(points):
-    return (points[start : start + _ROWS] for start in range(0, len(points), _ROWS))
-
-
-def _check_sets(first_name, first, second_name, second):
-    first, second = check_textures(first_name, first, rank=2), check_textures(second_name, second, rank=2)
-    if first.shape[1] != second.shape[1]:
-        raise ValueError(
-            f"`{first_name}` and `{second_name}` must have the same features, "
-            f"got {first.shape[1]} and {second.shape[1]}."
-        )
-    return first.astype(np.float64), second.astype(np.float64)

@@ -3,10 +3,7 @@
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from .texture_checks import check_textures
-
-# rows of a kernel matrix that are held at once
-_ROWS = 512
+from .texture_checks import check_sets, in_blocks
 
 
 def frechet_tactile_distance(a, b):
@@ -26,7 +23,7 @@ def frechet_tactile_distance(a, b):
         ValueError: if the sets do not fit together, hold NaN or infinity, or are too small for a covariance: each needs
             more members than features.
     """
-    a, b = _check_sets(a, b)
+    a, b = check_sets(a=a, b=b)
     for name, members in (("a", a), ("b", b)):
         if len(members) <= members.shape[1]:
             raise ValueError(
@@ -62,7 +59,7 @@ def kernel_tactile_distance(a, b, width, a_groups=None, b_groups=None):
         ValueError: if the sets do not fit together, hold NaN or infinity or fewer than two members, or `width` is not
             above zero.
     """
-    a, b = _check_sets(a, b)
+    a, b = check_sets(a=a, b=b)
     if not (np.isfinite(width) and width > 0):
         raise ValueError(f"`width` must be above zero, got {width}. Use that of the fitted `TactileEmbedding`.")
     if min(len(a), len(b)) < 2:
@@ -92,12 +89,4 @@ def within_similarity(points, width, groups=None):
 
 def _kernel_sum(a, b, width):
     """Sum of the kernel over all pairs, a block of rows at a time."""
-    blocks = (a[start : start + _ROWS] for start in range(0, len(a), _ROWS))
-    return sum(np.exp(-cdist(block, b, "sqeuclidean") / width**2).sum() for block in blocks)
-
-
-def _check_sets(a, b):
-    a, b = check_textures("a", a, rank=2), check_textures("b", b, rank=2)
-    if a.shape[1] != b.shape[1]:
-        raise ValueError(f"`a` and `b` must have the same features, got {a.shape[1]} and {b.shape[1]}.")
-    return a.astype(np.float64), b.astype(np.float64)
+    return sum(np.exp(-cdist(block, b, "sqeuclidean") / width**2).sum() for block in in_blocks(a, 512))

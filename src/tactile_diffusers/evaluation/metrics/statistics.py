@@ -1,12 +1,13 @@
 """Summaries of measurements: the leaves of a report, with intervals over surfaces.
 
 Segments of one surface are alike, so surfaces are the independent units. Intervals come from leaving out one surface
-at a time (jackknife). Resampling with replacement would put the same texture into a set twice, which biases kernel
-distances.
+at a time (jackknife). A bootstrap would put the same texture into a set twice, which biases kernel distances.
 """
 
 import numpy as np
 from scipy import stats
+
+_KEYS = ("mean", "n", "min", "max", "median", "interval")
 
 
 def jackknife_interval(estimate, left_out, size=None):
@@ -27,7 +28,7 @@ def jackknife_interval(estimate, left_out, size=None):
 
 
 def jackknife(statistic, groups):
-    """95 % interval of a statistic by leaving out one group at a time.
+    """A statistic and its 95 % interval by leaving out one group at a time.
 
     Args:
         statistic (`Callable`): takes a mask (n,) bool of the members to use, returns a number or an array.
@@ -70,14 +71,9 @@ def leaf(values=None, groups=None):
 def number(mean=None, n=None, interval=None, least=None, largest=None, median=None):
     """A leaf from its parts: JSON numbers, and None for what is missing or not finite."""
     interval = None if interval is None else [_plain(bound) for bound in interval]
-    return {
-        "mean": _plain(mean),
-        "n": None if n is None else int(n),
-        "min": _plain(least),
-        "max": _plain(largest),
-        "median": _plain(median),
-        "interval": None if interval is None or None in interval else interval,
-    }
+    interval = None if interval is None or None in interval else interval
+    parts = (_plain(mean), None if n is None else int(n), _plain(least), _plain(largest), _plain(median), interval)
+    return dict(zip(_KEYS, parts, strict=True))
 
 
 def excess(distance, real):
@@ -92,4 +88,4 @@ def _plain(value):
 
 def is_leaf(entry):
     """Whether an entry of a report is a leaf."""
-    return isinstance(entry, dict) and set(entry) == {"mean", "n", "min", "max", "median", "interval"}
+    return isinstance(entry, dict) and set(entry) == set(_KEYS)

@@ -1,4 +1,4 @@
-"""What every metric asks of the signals it compares."""
+"""Checks that metrics share: finite arrays of the right shape."""
 
 import numpy as np
 
@@ -42,3 +42,21 @@ def check_pair(texture, reference):
             "Bring both to one sampling rate and length first."
         )
     return texture.astype(np.float64), reference.astype(np.float64)
+
+
+def check_sets(**sets):
+    """Two sets (n, features), (m, features) as float64; the names of the arguments are those of the message.
+
+    Raises:
+        ValueError: if one is not such an array or holds NaN or infinity, or their features differ.
+    """
+    checked = {name: check_textures(name, values, rank=2).astype(np.float64) for name, values in sets.items()}
+    (first, a), (second, b) = checked.items()
+    if a.shape[1] != b.shape[1]:
+        raise ValueError(f"`{first}` and `{second}` must have the same features, got {a.shape[1]} and {b.shape[1]}.")
+    return a, b
+
+
+def in_blocks(rows, size=256):
+    """Blocks of some hundred rows, which bounds the memory of what is computed from them."""
+    return (rows[start : start + size] for start in range(0, len(rows), size))

@@ -1,8 +1,8 @@
-"""The sections of a report: each measures one thing on one `Context` and returns leaves under top-level keys."""
+"""The sections of a report: each measures one thing on a `Context` and returns leaves under top-level keys."""
 
-from . import control, generation, latents, long_textures, novel, paper, reconstruction, regression, robustness, speed
-from .anchors import Anchor
-from .context import FULL, QUICK, Context, Settings
+from . import control, generation, novel, paper, reconstruction, regression, speed
+from .context import FULL, QUICK, Context, Settings, make_context
+from .reconstruction import Anchor
 
 #: name -> function of a context that returns `{top-level key: ...}`
 SECTIONS = {
@@ -13,11 +13,8 @@ SECTIONS = {
     "novel": novel.run,
     "paper": paper.run,
     "speed": speed.run,
-    "long_textures": long_textures.run,
-    "latents": latents.run,
-    "robustness": robustness.run,
 }
-#: sections that a pipeline without DALE has, and data without ratings allow
-WITHOUT_RATINGS = ("reconstruction", "speed", "latents", "robustness")
+#: sections that need neither DALE nor ratings
+WITHOUT_RATINGS = ("reconstruction", "speed")
 
-__all__ = ["Anchor", "FULL", "QUICK", "SECTIONS", "WITHOUT_RATINGS", "Context", "Settings"]
+__all__ = ["Anchor", "FULL", "QUICK", "SECTIONS", "WITHOUT_RATINGS", "Context", "Settings", "make_context"]

@@ -1,4 +1,4 @@
-"""Section "novel": ratings that no surface has, alone and in every combination, beyond what people ever give."""
+"""Section "novel": textures from ratings outside of training, on one axis and in every combination."""
 
 import itertools
 
@@ -12,20 +12,21 @@ from ..sampling import noise_seeds
 
 #: Magnitudes of the ratings: of the corners of the cube, and of one axis while the others are not specified.
 MAGNITUDES = (1.0, 2.0, 3.0, 4.0)
-#: Real held-out textures of which so many per cent are farther from training than a limit set the limit.
+#: This many per cent of real held-out textures are farther from training than the limit.
 FARTHEST_PERCENT = 1.0
 
 
 def run(context):
-    """The section: `{"novel": {name of a set of ratings: leaves}}`; what real held-out textures are stands beside."""
+    """The section: `{"novel": {name of a set of ratings: leaves}}`; real held-out textures stand beside."""
+    data = context.data
     real = {
-        "level_db": leaf(DB_PER_NEPER * context.held_out.levels[context.chosen[0]], context.surfaces),
-        "friction": leaf(context.real_frictions, context.surfaces),
+        "level_db": leaf(DB_PER_NEPER * data.dataset.levels[data.rows], data.surfaces),
+        "friction": leaf(data.frictions, data.surfaces),
     }
-    distances = nearest_distance(context.real_points, context.reference.points)
+    distances = nearest_distance(data.points, data.reference.points)
     limit = np.percentile(distances, 100 - FARTHEST_PERCENT)
-    trained = context.train.levels * DB_PER_NEPER
-    rows = {"real, held out": real | _beyond(context.real, distances, limit, context.surfaces)}
+    trained = data.train.levels * DB_PER_NEPER
+    rows = {"real, held out": real | _beyond(data.real, distances, limit, data.surfaces)}
     for scale in context.guidance_scales:
         for magnitude in MAGNITUDES:
             for name, ratings in _requests(magnitude).items():
@@ -45,21 +46,22 @@ def _requests(magnitude):
 
 def _measure(context, ratings, scale, limit, trained):
     takes = max(2, context.settings.control_takes // 10)
-    asked = np.repeat(ratings, takes, axis=0)
-    made = context.generate(asked, noise_seeds([context.seed, 7], len(asked)), scale)
+    requested = np.repeat(ratings, takes, axis=0)
+    generated = context.generate(requested, noise_seeds([context.seed, 7], len(requested)), scale)
     groups = np.repeat(np.arange(len(ratings)), takes)
-    finite = np.isfinite(made.textures).all(-1)
-    levels = DB_PER_NEPER * made.levels
+    finite = np.isfinite(generated.textures).all(-1)
+    levels = DB_PER_NEPER * generated.levels
     inside = (levels >= trained[0]) & (levels <= trained[1])
     entry = {
         "level_db": leaf(levels, groups),
-        "friction": leaf(made.friction_coefficients, groups),
+        "friction": leaf(generated.friction_coefficients, groups),
         "finite": number(finite.mean(), len(finite)),
         "level_inside": number(inside.mean(), len(inside)),
     }
     if finite.all():
-        distances = nearest_distance(context.reference.embed(made.textures), context.reference.points)
-        entry |= _beyond(made.textures, distances, limit, groups)
+        reference = context.data.reference
+        distances = nearest_distance(reference.embed(generated.textures), reference.points)
+        entry |= _beyond(generated.textures, distances, limit, groups)
     return entry
 
 

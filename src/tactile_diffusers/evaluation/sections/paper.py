@@ -53,7 +53,7 @@ def _spectra(context):
         dB re 1 N^2/Hz; frequencies (bins,) Hz.
     """
     takes, guidance = context.settings.spectra_takes, context.default_guidance
-    seeds, edges = noise_seeds([context.seed, 5], takes), context.edges
+    seeds, edges = noise_seeds([context.seed, 5], takes), context.data.edges
     names = [f"{low:.0f}-{high:.0f} Hz" for low, high in zip(edges[:-1], edges[1:], strict=True)]
     others = context.rng("spectra").standard_normal((takes, 3))
     levels, densities = {}, {}
@@ -63,8 +63,8 @@ def _spectra(context):
             ratings = others.copy()
             ratings[:, column] = value
             textures = context.generate(ratings, seeds, guidance).textures
-            bands = band_levels_db(textures, context.rate, edges)
+            bands = band_levels_db(textures, context.data.rate, edges)
             levels[axis][str(value)] = {name: leaf(band) for name, band in zip(names, bands.T, strict=True)}
-            frequencies, density = power_spectral_density(textures, context.rate)
+            frequencies, density = power_spectral_density(textures, context.data.rate)
             densities[axis][value] = (10 * np.log10(density + 1e-20)).mean(0)
     return levels, densities, frequencies

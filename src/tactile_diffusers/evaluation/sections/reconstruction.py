@@ -1,5 +1,8 @@
 """Section "reconstruction": LCTG on held-out segments beside the baselines, at every number of steps."""
 
+from dataclasses import dataclass
+from pathlib import Path
+
 import numpy as np
 
 from ...signal import nine_band_error_db, rms
@@ -19,6 +22,7 @@ from ..metrics.errors import (
 from ..metrics.statistics import excess, jackknife, leaf, number
 from ..report_figures import plot_overlays, plot_steps
 from ..sampling import reconstruct
+from .context import pipeline_latent_rate
 from .speed import decoding_seconds
 
 #: Names of the metrics of a pair, in the order of the report.
@@ -28,41 +32,59 @@ METRICS = (
     *map(signed_band_key, SIGNED_BANDS_HZ),
     "out_of_band_db",
 )
-#: How near the best nine-band error of the sweep a number of steps must come to do.
+#: A number of steps suffices if its nine-band error is at most this many times the best of the sweep.
 NEAR_BEST = 1.05
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """Another checkpoint whose LCTG is measured on the same segments; its rate and latents may differ.
+
+    Attributes:
+        pipe (`TactileTexturePipeline`): with or without DALE, which is not used.
+        folder (`Path`): where it lies, with the record of its training.
+    """
+
+    pipe: object
+    folder: Path
 
 
 def run(context):
     """The section: `{"reconstruction": ...}`; writes steps.png and overlays.png."""
-    steps, counts = {}, context.settings.steps
+    steps, counts, data = {}, context.settings.steps, context.data
     shown = context.steps if context.steps in counts else counts[-1]
     for count in counts:
         steps[str(count)], textures = step_leaves(context, context.pipe, count)
         if count == shown:
-            plot_overlays(context.real, textures, context.rate, context.edges, context.output / "overlays.png")
+            plot_overlays(data.real, textures, data.rate, data.edges, context.output / "overlays.png")
     names = (*METRICS, "ftd", "ktd", "ktd_excess", "seconds_per_segment", "efficiency_score")
     baselines = {slug: {name: number() for name in names} for slug in SLUGS}
     for slug, textures in context.baseline_textures.items():  # without ratings there are fewer than slugs
-        baselines[slug] |= pair_metrics(context, textures, context.baseline_points[slug])
+        baselines[slug] |= pair_metrics(data, textures, context.baseline_points[slug])
     result = {
         "steps": steps,
-        "steps_within_5_percent": number(fewest_steps(steps), len(context.real)),
-        "kilobits_per_second": bit_rate(context, context.pipe),
+        "steps_within_5_percent": number(fewest_steps(steps), len(data.real)),
+        "kilobits_per_second": bit_rate(*context.latent_rate),
         "baselines": baselines,
-        "different_surface": pair_metrics(context, context.different),
-        "real": {**context.real_distances, "rms_n": leaf(rms(context.real), context.surfaces)},
+        "different_surface": pair_metrics(data, _different_surface(context)),
+        "real": {**data.distances, "rms_n": leaf(rms(data.real), data.surfaces)},
     }
     plot_steps(result, context.output / "steps.png")
     return {"reconstruction": result}
 
 
+def measure_anchor(context, pipe):
+    """Leaves of an anchor's pipeline: `{"steps": {steps: metrics}, "kilobits_per_second": leaf}`."""
+    steps = {str(count): step_leaves(context, pipe, count)[0] for count in context.settings.anchor_steps}
+    return {"steps": steps, "kilobits_per_second": bit_rate(*pipeline_latent_rate(pipe, context.data))}
+
+
 def step_leaves(context, pipe, count):
     """Leaves of the held-out segments reconstructed by a pipeline in `count` steps, and the textures."""
-    textures = reconstruct(pipe, context.real, context.rate, count, context.seed, quiet=context.quiet)
-    entry = pair_metrics(context, textures)
-    if context.vibromaf:
-        entry |= _vibromaf(context, textures)
-    seconds = decoding_seconds(context, pipe, count)
+    data = context.data
+    textures = reconstruct(pipe, data.real, data.rate, count, context.seed, quiet=context.quiet)
+    entry = pair_metrics(data, textures)
+    seconds = decoding_seconds(pipe, count, context.settings.repeats)
     entry["seconds_per_segment"] = leaf(seconds)
     score = None if entry["rmse_n"]["mean"] is None else entry["rmse_n"]["mean"] * np.median(seconds)
     entry["efficiency_score"] = number(score, len(textures))
@@ -80,19 +102,23 @@ def fewest_steps(steps):
     return min((n for n, error in errors.items() if error <= NEAR_BEST * min(errors.values())), default=None)
 
 
-def bit_rate(context, pipe):
-    """Leaf of the rate of a pipeline's latents, kbit/s; level and friction, a number a segment each, left out."""
-    numbers_per_second, bits = context.rate_of(pipe)
+def bit_rate(numbers_per_second, bits):
+    """Leaf of the rate of latents, kbit/s; level and friction, one number a segment each, are left out."""
     return number(numbers_per_second * bits / 1000)
 
 
+def _different_surface(context):
+    """(n, samples) for each held-out segment one of another surface."""
+    data, rng, rows = context.data, context.rng("different"), np.arange(len(context.data.surfaces))
+    return data.real[[rng.choice(rows[data.surfaces != surface]) for surface in data.surfaces]]
+
+
 def power_percent(textures, real, surfaces):
-    """How far powers are off, in percent of the mean power of the real segments.
+    """Differences of power in percent of the mean power of the real segments.
 
     Returns:
-        `dict[str, dict]`: leaves "power_bias_percent", |mean(P_made) - mean(P_real)| / mean(P_real), and
-        "power_difference_percent", mean |P_made - P_real| / mean(P_real), which the paper's figure of section 3.2 is
-        about.
+        `dict[str, dict]`: leaves "power_bias_percent", |mean(P) - mean(P_real)| / mean(P_real), and
+        "power_difference_percent", mean |P - P_real| / mean(P_real) (the paper's section 3.2).
     """
     difference, power = power_difference(textures, real), rms(real) ** 2
     statistics = {
@@ -100,41 +126,37 @@ def power_percent(textures, real, surfaces):
         "power_difference_percent": lambda mask: 100 * np.abs(difference[mask]).mean() / power[mask].mean(),
     }
     found = {name: jackknife(statistic, surfaces) for name, statistic in statistics.items()}
-    # a percentage of this kind is not below zero, nor is its interval
+    # these percentages are never negative, nor are their intervals
     return {name: number(value, len(real), np.maximum(interval, 0)) for name, (value, interval) in found.items()}
 
 
-def pair_metrics(context, textures, points=None):
+def pair_metrics(data, textures, points=None):
     """Leaves of every metric of textures against the held-out segments that they stand for, and as a set.
 
     Waveform metrics are left out where the unit is not newtons: the sign of such recordings need not be measured.
+
+    Args:
+        data (`HeldOutData`): the held-out segments.
+        textures (`np.ndarray`): (n, samples), one for each held-out segment.
+        points (`np.ndarray`, *optional*): (n, 53) their embeddings, if they are known.
     """
-    real, rate, surfaces = context.real, context.rate, context.surfaces
-    silent = not np.any(textures)
+    real, rate, surfaces, band = data.real, data.rate, data.surfaces, data.dataset.band
     values = dict.fromkeys(METRICS)
-    if not silent:  # in dB silence is as far away as the floor of a logarithm
-        values["nine_band_db"] = nine_band_error_db(textures, real, rate, context.edges)
-        values["lsd_db"] = log_spectral_distance_db(textures, real, rate, context.held_out.band)
-        values["gfc"] = goodness_of_fit(textures, real, rate, context.held_out.band)
+    if np.any(textures):  # in dB silence is as far away as the floor of a logarithm
+        values["nine_band_db"] = nine_band_error_db(textures, real, rate, data.edges)
+        values["lsd_db"] = log_spectral_distance_db(textures, real, rate, band)
+        values["gfc"] = goodness_of_fit(textures, real, rate, band)
         values["level_error_db"] = level_error_db(textures, real)
         values["out_of_band_db"] = out_of_band_ratio_db(textures, rate)
-        low = context.edges[0]
-        bands = {band: (max(band[0], low), band[1]) for band in SIGNED_BANDS_HZ if low < band[1] <= rate / 2}
+        low = data.edges[0]
+        bands = {edges: (max(edges[0], low), edges[1]) for edges in SIGNED_BANDS_HZ if low < edges[1] <= rate / 2}
         signed = signed_band_error_db(textures, real, rate, list(bands.values()))
-        values |= {signed_band_key(band): column for band, column in zip(bands, signed.T, strict=True)}
-    if context.held_out.unit == "N":
+        values |= {signed_band_key(edges): column for edges, column in zip(bands, signed.T, strict=True)}
+    if data.dataset.unit == "N":
         values |= {"rmse_n": rmse(textures, real), "snr_db": snr_db(textures, real)}
         values["power_difference_n2"] = np.abs(power_difference(textures, real))
     leaves = {name: number() if column is None else leaf(column, surfaces) for name, column in values.items()}
     leaves |= power_percent(textures, real, surfaces)
-    points = context.reference.embed(textures) if points is None else points
-    distances = context.reference.distances(points, surfaces)
-    return leaves | distances | {"ktd_excess": excess(distances["ktd"], context.real_distances["ktd"])}
-
-
-def _vibromaf(context, textures):
-    """Leaves of vibromaf's metrics: only reconstructions are aligned, which these metrics ask for."""
-    from ..vibrotactile import vibromaf_metrics
-
-    values = vibromaf_metrics(textures, context.real, context.rate)
-    return {name: leaf(column, context.surfaces) for name, column in values.items()}
+    points = data.reference.embed(textures) if points is None else points
+    distances = data.reference.distances(points, surfaces)
+    return leaves | distances | {"ktd_excess": excess(distances["ktd"], data.distances["ktd"])}

@@ -1,7 +1,7 @@
-"""Section "regression": how well any function of the ratings foretells the mean spectrum of an unseen surface.
+"""Section "regression": how well a function of the ratings predicts the mean spectrum of an unseen surface.
 
-Ratings do not settle a surface: what regression leaves is what no generator can be asked to know. Polynomials of the
-ratings are fitted to the surfaces' mean band levels; a generator is compared with the best of them.
+Ratings do not determine a surface. Polynomials of the ratings are fitted to the mean band levels of surfaces; the error
+of the best one is what no generator can be expected to beat.
 """
 
 import itertools
@@ -9,6 +9,7 @@ import itertools
 import numpy as np
 
 from ...signal import RATING_AXES, band_levels_db
+from ..envelopes import surface_means
 from ..metrics.statistics import leaf, number
 from ..truth import VIRTUAL_SOURCE, virtual_truth
 
@@ -20,15 +21,15 @@ FOLDS = 5
 
 def run(context):
     """The section: `{"regression": {"same_data": ..., "many_surfaces": ...}}`; the latter for virtual surfaces only."""
-    training = context.known_training
-    bands = band_levels_db(training.textures, context.rate, context.edges)
-    found = {"same_data": _fitted(context, bands, training.ratings, training.surface_ids)}
+    data, training = context.data, context.data.baseline_training
+    bands = band_levels_db(training.textures, data.rate, data.edges)
+    found = {"same_data": _fitted(data, bands, training.ratings, training.surface_ids)}
     count = context.settings.regression_surfaces
-    if context.held_out.attributes["source"] == VIRTUAL_SOURCE:
+    if data.dataset.attributes["source"] == VIRTUAL_SOURCE:
         fresh = virtual_truth(
-            context.held_out,
+            data.dataset,
             [[np.nan] * len(RATING_AXES)],
-            lambda textures, levels, frictions: {"bands": band_levels_db(textures, context.rate, context.edges)},
+            lambda textures, levels, frictions: {"bands": band_levels_db(textures, data.rate, data.edges)},
             surfaces=count,
             candidates=max(count, context.settings.truth_candidates),
             seconds=context.settings.truth_seconds,
@@ -37,34 +38,26 @@ def run(context):
             quiet=context.quiet,
         )
         ratings = fresh.ratings[fresh.surface_ids]
-        found["many_surfaces"] = _fitted(context, fresh.measures["bands"], ratings, fresh.surface_ids)
+        found["many_surfaces"] = _fitted(data, fresh.measures["bands"], ratings, fresh.surface_ids)
     return {"regression": found}
 
 
-def _fitted(context, bands, ratings, surface_ids):
+def _fitted(data, bands, ratings, surface_ids):
     """Leaves of the degree with the least cross-validated error: its error on held-out surfaces, degree, surfaces."""
     rated = np.isfinite(ratings).all(1)
-    _, first, surface = np.unique(surface_ids[rated], return_index=True, return_inverse=True)
-    points, targets = ratings[rated][first], _means(bands[rated], surface)
-    fold = np.random.default_rng(context.seed).permutation(len(points)) % FOLDS
+    ratings, bands, ids = ratings[rated], bands[rated], surface_ids[rated]
+    points, targets = (surface_means(values, ids) for values in (ratings, bands))
+    fold = np.random.default_rng(data.seed).permutation(len(points)) % FOLDS
     errors = [_cross_validated(points, targets, degree, fold) for degree in DEGREES]
     degree = DEGREES[int(np.argmin(errors))]
-    _, first, surface = np.unique(context.surfaces, return_index=True, return_inverse=True)
-    asked = context.held_out.surface_ratings[context.surfaces[first]]
-    known = np.isfinite(asked).all(1)
-    real = _means(context.real_bands, surface)[known]
-    made = _predict(_fit(points, targets, degree), asked[known], degree)
+    requested, real = (surface_means(values, data.surfaces) for values in (data.ratings, data.bands))
+    known = np.isfinite(requested).all(1)
+    predicted = _predict(_fit(points, targets, degree), requested[known], degree)
     return {
-        "nine_band_db": leaf(np.abs(made - real).mean(-1)),
+        "nine_band_db": leaf(np.abs(predicted - real[known]).mean(-1)),
         "degree": number(degree),
         "surfaces": number(len(points)),
     }
-
-
-def _means(values, surface):
-    sums = np.zeros((surface.max() + 1, values.shape[1]))
-    np.add.at(sums, surface, values)
-    return sums / np.bincount(surface)[:, None]
 
 
 def _terms(ratings, degree):
@@ -90,8 +83,8 @@ def _predict(fitted, ratings, degree):
 
 def _cross_validated(ratings, targets, degree, fold):
     errors = []
-    for number_ in range(FOLDS):
-        inside, outside = fold != number_, fold == number_
-        made = _predict(_fit(ratings[inside], targets[inside], degree), ratings[outside], degree)
-        errors.append(np.abs(made - targets[outside]).mean())
+    for held in range(FOLDS):
+        inside, outside = fold != held, fold == held
+        predicted = _predict(_fit(ratings[inside], targets[inside], degree), ratings[outside], degree)
+        errors.append(np.abs(predicted - targets[outside]).mean())
     return float(np.mean(errors))

@@ -1,4 +1,4 @@
-"""Section "speed": what a step costs, and how many steps are still real time on this machine."""
+"""Section "speed": the cost of a step, and the number of steps that are real time on this machine."""
 
 import time
 
@@ -15,56 +15,56 @@ _FEW, _MANY = 4, 20
 
 def run(context):
     """The section: `{"speed": ...}`."""
-    pipe, config = context.pipe, context.pipe.lctg.config
+    pipe, config, repeats = context.pipe, context.pipe.lctg.config, context.settings.repeats
     rate = pipe.feature_extractor.sampling_rate
     frames = config.segment_samples // config.latent_hop
     block = max(1, round(BLOCK_SECONDS * rate / config.latent_hop))
     result = {
-        "segment": _real_time(context, frames, rate),
-        "block_100ms": _real_time(context, block, rate),
-        "encode_seconds": leaf(_timed(context, lambda: pipe.encode(context.real[:1], context.rate))),
+        "segment": _real_time(pipe, frames, repeats),
+        "block_100ms": _real_time(pipe, block, repeats),
+        "encode_seconds": leaf(_timed(lambda: pipe.encode(context.data.real[:1], context.data.rate), repeats)),
     }
     if pipe.dale is not None:
         ratings = [[None] * len(pipe.dale.config.rating_axes)]
-        latent = _timed(context, lambda: pipe(ratings, output_type="latent"))
-        whole = _timed(context, lambda: pipe(ratings))
-        result["dale_seconds"], result["pipeline_seconds"] = leaf(latent), leaf(whole)
-        result["real_time_factor"] = leaf(np.array(whole) * rate / config.segment_samples)
+        whole = _timed(lambda: pipe(ratings), repeats)
+        result["dale_seconds"] = leaf(_timed(lambda: pipe(ratings, output_type="latent"), repeats))
+        result["pipeline_seconds"] = leaf(whole)
+        result["real_time_factor"] = leaf(whole * rate / config.segment_samples)
     return {"speed": result}
 
 
-def decoding_seconds(context, pipe, steps, frames=None):
+def decoding_seconds(pipe, steps, repeats, frames=None):
     """Seconds that decoding one texture of `frames` latent frames (one segment by default) takes: (repeats,)."""
     config = pipe.lctg.config
     frames = frames or config.segment_samples // config.latent_hop
     latents, level = torch.zeros(1, config.latent_channels, frames), torch.zeros(1)
-    return _timed(context, lambda: pipe.decode(latents, level, num_inference_steps=steps))
+    return _timed(lambda: pipe.decode(latents, level, num_inference_steps=steps), repeats)
 
 
-def _timed(context, work):
+def _timed(work, repeats):
     work()  # warm up
     seconds = []
-    for _ in range(context.settings.repeats):
+    for _ in range(repeats):
         start = time.perf_counter()
         work()
         seconds.append(time.perf_counter() - start)
     return np.array(seconds)
 
 
-def _real_time(context, frames, rate):
-    """A number of steps that takes no longer than the texture lasts, about the largest, and its measured time."""
-    duration = frames * context.pipe.lctg.config.latent_hop / rate
-    few, many = (np.median(decoding_seconds(context, context.pipe, steps, frames)) for steps in (_FEW, _MANY))
+def _real_time(pipe, frames, repeats):
+    """About the largest number of steps that takes no longer than the texture lasts, and its measured time."""
+    duration = frames * pipe.lctg.config.latent_hop / pipe.feature_extractor.sampling_rate
+    few, many = (np.median(decoding_seconds(pipe, steps, repeats, frames)) for steps in (_FEW, _MANY))
     per_step = max((many - few) / (_MANY - _FEW), 1e-9)
     steps, measured = int((duration - few) / per_step) + _FEW, None
     while steps >= 1:  # costs are not quite linear: lowered until a measured number of steps holds
-        measured = decoding_seconds(context, context.pipe, steps, frames)
+        measured = decoding_seconds(pipe, steps, repeats, frames)
         if np.median(measured) <= duration:
             break
         steps = min(steps - 1, int(steps * 0.98 * duration / np.median(measured)))
     return {
         "duration_s": number(duration, 1),
-        "seconds_per_step": number(per_step, 2 * context.settings.repeats),
-        "real_time_steps": number(max(steps, 0), context.settings.repeats),
+        "seconds_per_step": number(per_step, 2 * repeats),
+        "real_time_steps": number(max(steps, 0), repeats),
         "seconds_at_real_time_steps": leaf(measured if steps >= 1 else None),
     }
