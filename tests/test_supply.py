@@ -20,7 +20,6 @@ DISTRIBUTIONS = {"PIL": "pillow"}
 OPTIONAL = {
     "training": {"tensorboard": "training/loop.py"},
     "parquet": {"pyarrow": "data/folder/tables.py"},
-    "vibromaf": {"vibromaf": "evaluation/vibrotactile.py"},
 }
 #: Imported by nobody here: pandas needs it, for xlsx.
 INDIRECT = {"openpyxl"}

@@ -1,18 +1,17 @@
 """What the pipeline of an ablation row does on held-out surfaces: reconstruction, rate and distortion, generation."""
 
-import copy
-
 import numpy as np
 import torch
 
 from tactile_diffusers.evaluation.baselines import BaselineRequest, Decimated, latent_rate
 from tactile_diffusers.evaluation.envelopes import Grid, surface_means
-from tactile_diffusers.evaluation.held_out import check_fit
+from tactile_diffusers.evaluation.held_out import check_fit, open_held_out
 from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key, snr_db
 from tactile_diffusers.evaluation.metrics.statistics import excess
 from tactile_diffusers.evaluation.sampling import noise_seeds, reconstruct
 from tactile_diffusers.evaluation.sections import Context, Settings
 from tactile_diffusers.evaluation.sections.context import HALF_PRECISION
+from tactile_diffusers.evaluation.sections.generation import matching_rows
 from tactile_diffusers.evaluation.sections.reconstruction import pair_metrics
 from tactile_diffusers.evaluation.sections.speed import decoding_seconds
 from tactile_diffusers.signal import band_levels_db, nine_band_error_db, resample
@@ -39,22 +38,18 @@ class Bench:
 
     def __init__(self, data, split, quiet=True):
         self.data, self.split, self.quiet = data, split, quiet
-        self._first = None
+        self._data = None
 
     def context(self, pipe):
-        """A `Context` of a pipeline; what does not depend on the pipeline is worked out once for all rows.
+        """A `Context` of a pipeline; the data are shared by all rows.
 
         Raises:
             ValueError: if pipeline and data do not fit together, or the split has nothing to measure.
         """
-        if self._first is None:
-            first = Context(pipe, self.data, self.split, SETTINGS, 0, None, quiet=self.quiet)
-            _ = first.real_bands, first.request, first.real_distances  # kept in it, the reference too
-            self._first = first
-        check_fit(pipe, self._first.held_out)
-        context = copy.copy(self._first)
-        context.pipe, context._generated = pipe, {}
-        return context
+        if self._data is None:
+            self._data = open_held_out(self.data, self.split, SETTINGS.per_surface)
+        check_fit(pipe, self._data.dataset)
+        return Context(pipe, self._data, SETTINGS, 0, None, [1.0], self.quiet)
 
     def measure(self, folder, generates):
         """Everything about one pipeline, as JSON.
@@ -85,21 +80,23 @@ def reconstruction(context):
     """
     steps = {}
     for count in STEPS:
-        textures = reconstruct(context.pipe, context.real, context.rate, count, context.seed, quiet=context.quiet)
-        leaves = pair_metrics(context, textures)
+        textures = reconstruct(
+            context.pipe, context.data.real, context.data.rate, count, context.seed, quiet=context.quiet
+        )
+        leaves = pair_metrics(context.data, textures)
         shown = ("nine_band_db", "snr_db", "power_difference_percent")
         steps[str(count)] = {
             **{name: leaves[name]["mean"] for name in shown},
             **_excess(context, leaves),
             "signed_db": {signed_band_key(band): leaves[signed_band_key(band)]["mean"] for band in SIGNED_BANDS_HZ},
-            "seconds": float(np.median(decoding_seconds(context, context.pipe, count))),
+            "seconds": float(np.median(decoding_seconds(context.pipe, count, context.settings.repeats))),
         }
     return {"parameters": context.pipe.lctg.num_parameters(), "steps": steps}
 
 
 def _excess(context, leaves):
     """Distances over those of the real held-out segments."""
-    return {f"{name}_excess": excess(leaves[name], context.real_distances[name])["mean"] for name in ("ktd", "ftd")}
+    return {f"{name}_excess": excess(leaves[name], context.data.distances[name])["mean"] for name in ("ktd", "ftd")}
 
 
 def rate_distortion(context):
@@ -114,7 +111,7 @@ def rate_distortion(context):
         "snr_db", "ktd_excess" and, at equal bits, the same of "decimated".
     """
     config = context.pipe.lctg.config
-    rows = np.unique(np.linspace(0, len(context.real) - 1, min(RATE_SEGMENTS, len(context.real))).astype(int))
+    rows = np.unique(np.linspace(0, len(context.data.real) - 1, min(RATE_SEGMENTS, len(context.data.real))).astype(int))
     curve = _Curve(context, rows)
     sigma = config.latent_noise or HALF_PRECISION
     points = [curve.point(sigma) for sigma in SIGMAS]
@@ -127,9 +124,9 @@ class _Curve:
     """The segments and latents of one rate-distortion curve."""
 
     def __init__(self, context, rows):
-        self.context, self.surfaces = context, context.surfaces[rows]
-        self.real = context.real[rows]
-        made = context.pipe.encode(self.real, context.rate)
+        self.context, self.surfaces = context, context.data.surfaces[rows]
+        self.real = context.data.real[rows]
+        made = context.pipe.encode(self.real, context.data.rate)
         self.latents, self.level = made.latents, made.level
         self.real_ktd = self._ktd(self.real)
 
@@ -142,9 +139,9 @@ class _Curve:
         noise = torch.from_numpy(rng.standard_normal(latents.shape).astype(np.float32))
         carried = latents.std((0, 2), keepdim=True) > 0  # zero means "not given": it stays zero
         textures = self._decode(torch.where(carried, latents + sigma * noise.to(latents), latents))
-        band = Grid(self.real.shape[-1], self.context.rate, tuple(self.context.held_out.band))
+        band = Grid(self.real.shape[-1], self.context.data.rate, tuple(self.context.data.dataset.band))
         numbers = min(numbers, 2 * (band.end - band.band[0]))  # a texture has no more
-        decimated = Decimated(numbers, bits / numbers).fit(self.context.training)
+        decimated = Decimated(numbers, bits / numbers).fit(self.context.data.training)
         request = BaselineRequest(np.zeros((len(self.real), 3)), self.real)
         return {
             "sigma": sigma,
@@ -168,19 +165,19 @@ class _Curve:
             rows = slice(start, start + _BATCH)
             generators = [torch.Generator("cpu").manual_seed(int(seed)) for seed in seeds[rows]]
             out = self.context.pipe.decode(latents[rows], self.level[rows], None, STEPS[-1], generators)
-            made.append(resample(out.textures, out.sampling_rate, self.context.rate)[:, : self.real.shape[-1]])
+            made.append(resample(out.textures, out.sampling_rate, self.context.data.rate)[:, : self.real.shape[-1]])
         return np.concatenate(made)
 
     def _quality(self, textures):
-        context = self.context
+        data = self.context.data
         return {
-            "nine_band_db": float(nine_band_error_db(textures, self.real, context.rate, context.edges).mean()),
-            "snr_db": float(snr_db(textures, self.real).mean()) if context.held_out.unit == "N" else None,
+            "nine_band_db": float(nine_band_error_db(textures, self.real, data.rate, data.edges).mean()),
+            "snr_db": float(snr_db(textures, self.real).mean()) if data.dataset.unit == "N" else None,
             "ktd_excess": excess(self._ktd(textures), self.real_ktd)["mean"],
         }
 
     def _ktd(self, textures):
-        reference = self.context.reference
+        reference = self.context.data.reference
         return reference.distances(reference.embed(textures), self.surfaces)["ktd"]
 
 
@@ -191,8 +188,8 @@ def generation(context):
         `dict`: "generation" with "ktd_excess" and "ftd_excess" over real of as many textures as there are real ones,
         and "nine_band_db", the error of a surface's mean band levels, in the mean over surfaces.
     """
-    made, rows, surfaces = context.generated(1.0), context.matching(), context.requests[1]
-    distances = context.reference.distances(context.reference.embed(made.textures[rows]), surfaces[rows])
-    bands = surface_means(band_levels_db(made.textures, context.rate, context.edges), surfaces)
-    error = np.abs(bands - surface_means(context.real_bands, context.surfaces)).mean()
+    made, rows, surfaces = context.generated[1.0], matching_rows(context), context.requests[1]
+    distances = context.data.reference.distances(context.data.reference.embed(made.textures[rows]), surfaces[rows])
+    bands = surface_means(band_levels_db(made.textures, context.data.rate, context.data.edges), surfaces)
+    error = np.abs(bands - surface_means(context.data.bands, context.data.surfaces)).mean()
     return {"generation": {**_excess(context, distances), "nine_band_db": float(error)}}

@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from tactile_diffusers.evaluation import TactileEmbedding, novelty
-from tactile_diffusers.evaluation.metrics.copying import (
-    TrainingWaveforms,
-    closer_share,
-    diversity,
-    nearest_distance,
-    precision_recall,
-    rating_diversity,
-    take_spread_db,
-)
+from tactile_diffusers.evaluation import TactileEmbedding
+from tactile_diffusers.evaluation.metrics import copying
+from tactile_diffusers.evaluation.metrics import diversity as diversity_metrics
+from tactile_diffusers.evaluation.metrics.copying import TrainingWaveforms, closer_share, nearest_distance
+from tactile_diffusers.evaluation.metrics.diversity import diversity, precision_recall, rating_diversity, take_spread_db
+from tactile_diffusers.evaluation.metrics.texture_checks import in_blocks
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db
 
 
@@ -89,7 +85,7 @@ def test_it_is_the_largest_correlation_over_lags(noise_textures):
 
 def test_chunks_order_dtype_and_scale_do_not_matter(waveforms, reference, held_out, monkeypatch):
     expected = waveforms.nearest_correlation(held_out[:8])
-    monkeypatch.setattr(novelty, "_SEGMENTS", 7)
+    monkeypatch.setattr(copying, "_SEGMENTS", 7)
     chunks = (rows.astype(np.float32) for rows in np.array_split(reference[::-1], 7))
     other = TrainingWaveforms(chunks, DEVICE_RATE)
     assert len(other) == len(waveforms) == 150
@@ -203,7 +199,7 @@ def test_nearest_distance_is_the_smallest_distance(monkeypatch):
     points, reference = rng.normal(size=(70, 53)), rng.normal(size=(300, 53))
     expected = cdist(points, reference).min(-1)
     np.testing.assert_allclose(nearest_distance(points, reference), expected, rtol=1e-12)
-    monkeypatch.setattr(novelty, "_ROWS", 9)
+    monkeypatch.setattr(copying, "in_blocks", lambda rows: in_blocks(rows, 9))
     np.testing.assert_allclose(nearest_distance(points[::-1], reference[::-1])[::-1], expected, rtol=1e-12)
     # float32 holds the points to 6e-8
     single = nearest_distance(points.astype(np.float32), reference.astype(np.float32))
@@ -252,7 +248,7 @@ def test_precision_and_recall_are_their_definition(monkeypatch):
     expected = (covered(generated, real, 3), covered(real, generated, 3))
     assert 0.2 < min(expected) and max(expected) < 1
     assert precision_recall(generated, real, k=3) == expected
-    monkeypatch.setattr(novelty, "_ROWS", 7)
+    monkeypatch.setattr(diversity_metrics, "in_blocks", lambda rows: in_blocks(rows, 7))
     assert precision_recall(generated[::-1], real[::-1], k=3) == expected
     assert precision_recall(generated.astype(np.float32), real, k=3) == pytest.approx(expected, abs=0.04)  # one member
     for k in (0, 30):

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 
-from tactile_diffusers.evaluation import distances, frechet_tactile_distance, kernel_tactile_distance
+from tactile_diffusers.evaluation import frechet_tactile_distance, kernel_tactile_distance
+from tactile_diffusers.evaluation.metrics import distances
+from tactile_diffusers.evaluation.metrics.texture_checks import in_blocks
 
 
 def _exact_gaussian(mean, covariance, count, rng):
@@ -75,7 +77,7 @@ def test_ktd_does_not_depend_on_order_blocks_or_dtype(monkeypatch):
     assert kernel_tactile_distance(a[::-1], b[::-1], width=10.0) == pytest.approx(whole, abs=1e-9)
     # 0.05 is the limit; float32 inputs differ by 1e-7
     assert kernel_tactile_distance(a.astype(np.float32), b, width=10.0) == pytest.approx(whole, abs=1e-3)
-    monkeypatch.setattr(distances, "_ROWS", 7)
+    monkeypatch.setattr(distances, "in_blocks", lambda rows, size: in_blocks(rows, 7))
     assert kernel_tactile_distance(a, b, width=10.0) == pytest.approx(whole, abs=1e-9)
 
 

@@ -11,7 +11,8 @@ from scipy import signal
 from tactile_diffusers.evaluation import goodness_of_fit, out_of_band_ratio_db, signed_band_error_db, snr_db
 from tactile_diffusers.evaluation.baselines import BaselineRequest, TrainingTextures, default_baselines
 from tactile_diffusers.evaluation.judge import Judge, response_matrix
-from tactile_diffusers.evaluation.metrics.copying import TrainingWaveforms, closer_share, diversity, precision_recall
+from tactile_diffusers.evaluation.metrics.copying import TrainingWaveforms, closer_share
+from tactile_diffusers.evaluation.metrics.diversity import diversity, precision_recall
 from tactile_diffusers.evaluation.metrics.reference import Reference
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass, nine_band_error_db, rms
 from tactile_diffusers.virtual import VirtualSurface, steady_exploration

@@ -8,8 +8,8 @@ from tactile_diffusers.evaluation.control_summary import (
     TOLERANCE,
     VALUES,
     comparisons,
+    control_rows,
     matrix_difference,
-    obedience_rows,
 )
 from tactile_diffusers.evaluation.metrics.statistics import number
 from tactile_diffusers.signal import RATING_AXES
@@ -149,7 +149,7 @@ def _report():
 
 
 def test_figures_of_a_report_stand_beside_the_permuted_ones():
-    rows = obedience_rows(_report())
+    rows = control_rows(_report())
     real, *guided, permuted, best, fresh = rows
     assert guided == ["guidance 1.0", "guidance 2.0"] and "permuted" in permuted and "real" in real
     assert best == "regression of degree 3 on 70 of the same surfaces" and "5000 of fresh surfaces" in fresh
@@ -163,5 +163,5 @@ def test_figures_of_a_report_stand_beside_the_permuted_ones():
 
 
 def test_without_a_regression_there_is_no_row_of_it():
-    rows = obedience_rows(_report() | {"regression": None})
+    rows = control_rows(_report() | {"regression": None})
     assert list(rows)[-1] == "**ratings permuted**"

@@ -127,11 +127,11 @@ def test_a_section_of_a_report_is_another(place, odd, files, damaged, refusal):
 def test_a_kept_section_is_measured_again(tmp_path, foreign):
     path, good = tmp_path / "speed.json", json.dumps({"conditions": {"a": 1}, "result": {"b": 2.0}}).encode()
     path.write_bytes(good)
-    assert _kept(path, {"a": 1}, lambda context: {"b": 3.0}, None) == {"b": 2.0}
+    assert _kept(path, {"a": 1}, lambda: {"b": 3.0}) == {"b": 2.0}
     cuts = [good[: len(good) * tenth // 10] for tenth in range(10)]
     for content in (*cuts, *foreign.values(), b'{"conditions": 7}', b'{"conditions": {"a": 1}}', b"\xff"):
         path.write_bytes(content)
-        assert _kept(path, {"a": 1}, lambda context: {"b": 3.0}, None) == {"b": 3.0}
+        assert _kept(path, {"a": 1}, lambda: {"b": 3.0}) == {"b": 3.0}
         assert json.loads(path.read_text())["result"] == {"b": 3.0}
 
 

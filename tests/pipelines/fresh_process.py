@@ -18,7 +18,7 @@ BASE = (
     "transformers.feature_extraction_utils",
     "scipy.signal",
 )
-HEAVY = ("matplotlib", "librosa", "numba", "gradio", "tensorboard", "pandas", "h5py", "openpyxl", "vibromaf")
+HEAVY = ("matplotlib", "librosa", "numba", "gradio", "tensorboard", "pandas", "h5py", "openpyxl")
 
 
 class Collector(logging.Handler):

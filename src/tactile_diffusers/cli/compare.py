@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ..io.reading import read_json, reading
-from .program import Parser, program, refuse
+from .program import Parser, add_output_argument, program, refuse
 
 
 def parse_arguments(argv=None):
@@ -14,7 +14,7 @@ def parse_arguments(argv=None):
     """
     parser = Parser(
         prog=program("compare.py"),
-        description="Put reports of evaluate.py side by side: what ratings do, on the same held-out surfaces.",
+        description="Compare reports of evaluate.py on the same held-out surfaces: the effect of ratings in each.",
     )
     parser.add_argument(
         "--report",
@@ -23,7 +23,7 @@ def parse_arguments(argv=None):
         metavar="NAME=FOLDER",
         help="output folders of evaluate.py with the sections control and generation, called by these names",
     )
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="report.md and pictures")
+    add_output_argument(parser, "report.md and pictures")
     arguments = parser.parse_args(argv)
     arguments.report = dict(_named(parser, item) for item in arguments.report)
     return arguments

@@ -5,7 +5,17 @@ import json
 import sys
 from pathlib import Path
 
-from .program import Parser, program, refuse
+from .program import (
+    Parser,
+    add_checkpoint_argument,
+    add_seed_argument,
+    checkpoint_name,
+    count,
+    existing_file,
+    load_pipeline,
+    program,
+    refuse,
+)
 
 DESCRIPTION = """\
 Prepares a study in which people feel real, generated and baseline textures, and analyses what they answered.
@@ -33,49 +43,38 @@ def parse_arguments(argv=None):
     _add_analyse(commands.add_parser("analyse", help="the report of filled-in trial lists"))
     for command in commands.choices.values():
         command.add_argument("--quiet", action="store_true", help="print nothing but errors, no progress bars")
-    arguments = parser.parse_args(argv)
-    if arguments.command == "make":
-        if not arguments.data.is_file():
-            parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
-        if arguments.checkpoint is not None and not arguments.checkpoint.is_dir():
-            parser.error(f"argument --checkpoint: {arguments.checkpoint} is not a folder; give a local checkpoint")
-    if getattr(arguments, "participants", None) is not None and arguments.participants < 1:
-        parser.error(f"argument --participants: must be at least 1, got {arguments.participants}")
-    return arguments
+    return parser.parse_args(argv)
 
 
 def _add_make(parser):
     from ..study.stimuli import BASELINES, LEVELS, StimulusSettings
     from ..study.trials import TASKS
 
-    parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="its test surfaces are used")
-    parser.add_argument("--checkpoint", type=Path, metavar="FOLDER", help="default: the bundled checkpoint")
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="new or empty")
-    parser.add_argument("--surfaces", type=int, default=StimulusSettings.surfaces, metavar="N", help="default: 6")
-    parser.add_argument("--participants", type=int, default=12, metavar="N", help="trial lists; default: 12")
-    parser.add_argument("--tasks", nargs="+", choices=TASKS, default=list(TASKS), help="default: all")
-    parser.add_argument("--baselines", nargs="*", choices=BASELINES, default=list(StimulusSettings.baselines))
-    parser.add_argument(
-        "--level",
-        choices=LEVELS,
-        default=StimulusSettings.level,
-        help="matched (default): all textures of a surface have the RMS of its reference take; natural: as they are",
-    )
-    parser.add_argument(
-        "--full-scale", type=float, metavar="N", help="largest force of the device; all are attenuated alike to fit"
-    )
-    parser.add_argument("--seed", type=int, default=StimulusSettings.seed, help="of all choices; default: 0")
+    add, default = parser.add_argument, StimulusSettings
+    add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="its test surfaces are used")
+    add_checkpoint_argument(parser)
+    add("--output", type=Path, required=True, metavar="FOLDER", help="new or empty")
+    add("--surfaces", type=int, default=default.surfaces, metavar="N", help=f"default: {default.surfaces}")
+    add("--participants", type=count, default=12, metavar="N", help="trial lists; default: 12")
+    add("--tasks", nargs="+", choices=TASKS, default=list(TASKS), help="default: all")
+    add("--baselines", nargs="*", choices=BASELINES, default=list(default.baselines),
+        help=f"default: {' '.join(default.baselines)}")  # fmt: skip
+    add("--level", choices=LEVELS, default=default.level,
+        help="matched (default): all textures of a surface have one RMS; natural: as they are")  # fmt: skip
+    add("--full_scale", type=float, metavar="NEWTONS",
+        help="largest force of the device, N, to which all are attenuated; default: largest peak")  # fmt: skip
+    add_seed_argument(parser, "seed of all choices")
 
 
 def _add_rehearse(parser):
-    parser.add_argument("--study", type=Path, required=True, metavar="FOLDER", help="of `make`")
-    parser.add_argument("--output", type=Path, metavar="FOLDER", help="default: rehearsal/ in the study")
-    parser.add_argument("--participants", type=int, metavar="N", help="default: as many as there are trial lists")
-    parser.add_argument("--repeats", type=int, default=100, metavar="N", help="simulated studies; default: 100")
-    for name, what in (("dprime", "sensitivity to a condition"), ("rating_share", "share of the rating that is felt")):
-        parser.add_argument(
-            f"--{name}", nargs="+", type=_condition, default=[], metavar="CONDITION=VALUE", help=f"assumed {what}"
-        )
+    add = parser.add_argument
+    add("--study", type=Path, required=True, metavar="FOLDER", help="of `make`")
+    add("--output", type=Path, metavar="FOLDER", help="default: rehearsal/ in the study")
+    add("--participants", type=count, metavar="N", help="default: as many as there are trial lists")
+    add("--repeats", type=int, default=100, metavar="N", help="simulated studies; default: 100")
+    for name, what in (("dprime", "sensitivity to a condition, d′"), ("rating_share", "share of the rating that is felt")):
+        add(f"--{name}", nargs="+", type=_condition, default=[], metavar="CONDITION=VALUE",
+            help=f"assumed {what}; default: see power.md")  # fmt: skip
 
 
 def _condition(item):
@@ -84,11 +83,12 @@ def _condition(item):
 
 
 def _add_analyse(parser):
-    parser.add_argument("--study", type=Path, required=True, metavar="FOLDER", help="of `make`")
-    parser.add_argument("--responses", type=Path, required=True, metavar="FOLDER", help="trial lists, filled in")
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="report.json, report.md, pictures")
-    parser.add_argument("--allow-missing", action="store_true", help="leave unanswered trials out, and count them")
-    parser.add_argument("--seed", type=int, default=0, help="of the bootstrap; default: 0")
+    add = parser.add_argument
+    add("--study", type=Path, required=True, metavar="FOLDER", help="of `make`")
+    add("--responses", type=Path, required=True, metavar="FOLDER", help="trial lists, filled in")
+    add("--output", type=Path, required=True, metavar="FOLDER", help="report.json, report.md, pictures")
+    add("--allow_missing", action="store_true", help="leave unanswered trials out, and count them; default: refuse")
+    add_seed_argument(parser, "seed of the bootstrap")
 
 
 def main(argv=None):
@@ -109,10 +109,6 @@ def main(argv=None):
 
 
 def _make(arguments):
-    from diffusers.utils.logging import disable_progress_bar
-
-    from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
-
     from ..study import StimulusSettings, make_study
 
     settings = StimulusSettings(
@@ -122,19 +118,14 @@ def _make(arguments):
         full_scale=arguments.full_scale,
         seed=arguments.seed,
     )
-    checkpoint = Path(arguments.checkpoint or bundled_checkpoint())
-    if arguments.quiet:
-        disable_progress_bar()  # of loading
-    pipe = TactileTexturePipeline.from_pretrained(str(checkpoint))
-    pipe.set_progress_bar_config(disable=True)
     study = make_study(
-        pipe,
+        load_pipeline(arguments.checkpoint),
         arguments.data,
         arguments.output,
         settings,
         arguments.participants,
         arguments.tasks,
-        checkpoint.name,
+        checkpoint_name(arguments.checkpoint),
         arguments.quiet,
     )
     if not arguments.quiet:

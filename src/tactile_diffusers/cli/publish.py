@@ -150,7 +150,7 @@ def _report(folder, digests, output, known):
     Raises:
         ValueError: if another checkpoint was evaluated, or a picture is missing.
     """
-    from ..evaluation.summary import readme_markdown
+    from ..evaluation.report_tables import report_markdown
     from ..training.surfaces import count_seen, warning
 
     path, text = folder / "report.json", ""
@@ -164,7 +164,7 @@ def _report(folder, digests, output, known):
         if (judged := report.get("judged")) is not None:
             report["seen_in_training"] = count_seen(judged, known)
             text = warning(report["seen_in_training"], len(judged["surfaces"]))
-        markdown = readme_markdown(report, REPORT)
+        markdown = report_markdown(report, REPORT, level=3, short=True)
     if text:
         print(f"{program('publish.py')}: warning: --report {folder}: {text}", file=sys.stderr)
     pictures = re.findall(rf"\]\({REPORT}/([^)]+)\)", markdown)

@@ -23,7 +23,7 @@ _CHUNK = 256
 def run(context):
     """Both sections; the textures generated at each guidance scale serve both. Writes unseen.png."""
     data, surfaces = context.data, context.requests[1]
-    rows = _matching_rows(context)
+    rows = matching_rows(context)
     nearest = NearestTraining(context)
     generation, unseen = {"real": set_metrics(context, nearest, data.real, data.points, data.surfaces)}, {}
     for scale, generated in context.generated.items():
@@ -41,7 +41,7 @@ def run(context):
     return {"generation": generation, "unseen_surfaces": _unseen_table(context, unseen)}
 
 
-def _matching_rows(context):
+def matching_rows(context):
     """Rows of `context.requests`, as many for each surface as there are held-out segments of it."""
     surfaces, held_out = context.requests[1], context.data.surfaces
     counts = {surface: int((held_out == surface).sum()) for surface in np.unique(held_out)}

@@ -1,17 +1,16 @@
-"""Section "latents": figures of latents whose answer is known, and the section on a tiny pipeline."""
+"""`examples/research/latents.py`: figures of latents whose answer is known, and the study on a tiny pipeline."""
 
 import json
 from dataclasses import replace
 
+import latents
 import numpy as np
 import pytest
+from latents import layer_statistics, layers_of, monotony, time_shift
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import SegmentLimits, prepare_recordings
-from tactile_diffusers.evaluation.report import leaves
-from tactile_diffusers.evaluation.sections import QUICK, Context, latents
-from tactile_diffusers.evaluation.sections.latents import layer_statistics, layers_of, monotony, run, time_shift
-from tactile_diffusers.evaluation.telling import latents_markdown
+from tactile_diffusers.evaluation.sections import QUICK, make_context
 from tactile_diffusers.virtual import generate_recordings
 
 SURFACES = np.repeat(np.arange(20), 2)
@@ -55,9 +54,9 @@ def test_smooth_latents_and_copies_are_told():
 
 
 def test_a_channel_that_never_changes_is_left_out():
-    latents = _noise(4)
-    latents[:, 2] = 0.25
-    found = layer_statistics(latents, SURFACES)
+    values = _noise(4)
+    values[:, 2] = 0.25
+    found = layer_statistics(values, SURFACES)
     assert found["excess_kurtosis"]["n"] == found["slow_share"]["n"] == 3
     assert found["channel_std"]["min"] == pytest.approx(0, abs=1e-12)
     json.dumps(found, allow_nan=False)
@@ -117,24 +116,19 @@ def prepared(tmp_path_factory):
     return folder / "p.h5"
 
 
-def test_section(evaluable_pipe, prepared, tmp_path, monkeypatch):
+def test_study_on_a_tiny_pipeline(evaluable_pipe, prepared, tmp_path, monkeypatch):
     monkeypatch.setattr(latents, "PAIRS", 2)
-    settings = replace(QUICK, per_surface=1)
-    contexts = [Context(evaluable_pipe(False), prepared, "test", settings, 0, tmp_path) for _ in range(2)]
-    first, again = (run(context)["latents"] for context in contexts)
-    assert json.dumps(first, allow_nan=False) == json.dumps(again, allow_nan=False)
-    assert set(first["layers"]) == set(first["time_shift"]) == {"base"}
+    context = make_context(evaluable_pipe(False), prepared, "test", replace(QUICK, per_surface=1), 0, tmp_path)
+    found = latents.study(context)
+    json.dumps(found, allow_nan=False)
+    assert set(found["layers"]) == set(found["time_shift"]) == {"base"}
     assert (tmp_path / "latents.png").stat().st_size > 5000
-    assert all(leaf["n"] is not None for path, leaf in leaves(first) if path[0] != "interpolation")
     # a random network is shift-equivariant too: only the RMS of the two crops differs
-    assert first["time_shift"]["base"]["delay_4_frames"]["mean"] < 0.2
-    written = latents_markdown(first, 3)
-    assert written.startswith("### Latents") and "nan" not in written.lower()
-    tables = [line.count("|") for line in written.splitlines() if line.startswith("|")]
-    assert len(set(tables[:3])) == len(set(tables[3:])) == 1  # no heading breaks its table
+    assert found["time_shift"]["base"]["delay_4_frames"]["mean"] < 0.2
+    assert "nan" not in latents.markdown(found).lower()
 
 
-def test_a_layered_model_is_told_layer_by_layer(make_lctg, make_extractor, prepared, tmp_path, monkeypatch):
+def test_each_layer_of_a_model_is_reported(make_lctg, make_extractor, prepared, tmp_path, monkeypatch):
     """Only what is learned has a bound: elsewhere the share near it is an empty cell."""
     monkeypatch.setattr(latents, "PAIRS", 1)
     pipe = TactileTexturePipeline(
@@ -143,18 +137,11 @@ def test_a_layered_model_is_told_layer_by_layer(make_lctg, make_extractor, prepa
         scheduler=VDDIMScheduler(),
     )
     pipe.set_progress_bar_config(disable=True)
-    context = Context(pipe, prepared, "test", replace(QUICK, per_surface=1), 0, tmp_path)
-    section = run(context)["latents"]
+    context = make_context(pipe, prepared, "test", replace(QUICK, per_surface=1), 0, tmp_path)
+    section = latents.study(context)
     assert list(section["layers"]) == ["levels", "base", "detail"]
     known = {name: entry["near_bound_share"]["mean"] is not None for name, entry in section["layers"].items()}
     assert known == {"levels": False, "base": True, "detail": False}
-    assert section["layers"]["detail"]["largest"]["mean"] > 1  # or else an empty cell would hide nothing
-    written = latents_markdown(section)
-    lines = [line.split("|") for line in written.splitlines() if line.startswith("|")]
-    column = next(index for index, cell in enumerate(lines[0]) if "share above" in cell)
-    cells = {line[1].strip(): line[column].strip() for line in lines[2:5]}
-    assert cells["levels layer"] == cells["detail layer"] == "–" != cells["base layer"]
-    assert "learned" not in written
 
 
 def test_layers_of_models(make_lctg):
