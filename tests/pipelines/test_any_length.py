@@ -68,7 +68,7 @@ def test_ten_seconds_decoded_whole_equal_overlapped_pieces():
     """The bundled model, whose windows are shorter than what its coarsest level sees: equal to a tolerance only.
 
     The RMS of the difference is 3.4 % and the nine bands differ by 0.003 dB on these latents, which jump from frame to
-    frame; the tolerance of the RMS is twice that. On recordings it is 0.5 % (report, section "robustness").
+    frame; the tolerance of the RMS is twice that. On recordings it is 0.5 % (examples/research).
     """
     pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
     lctg, generator = pipe.lctg, torch.Generator().manual_seed(0)
