@@ -72,9 +72,12 @@ def _add_rehearse(parser):
     add("--output", type=Path, metavar="FOLDER", help="default: rehearsal/ in the study")
     add("--participants", type=count, metavar="N", help="default: as many as there are trial lists")
     add("--repeats", type=int, default=100, metavar="N", help="simulated studies; default: 100")
-    for name, what in (("dprime", "sensitivity to a condition, d′"), ("rating_share", "share of the rating that is felt")):
+    for name, what in (
+        ("dprime", "sensitivity to a condition, d′"),
+        ("rating_share", "share of the rating that is felt"),
+    ):
         add(f"--{name}", nargs="+", type=_condition, default=[], metavar="CONDITION=VALUE",
-            help=f"assumed {what}; default: see power.md")  # fmt: skip
+            help=f"assumed {what}; see power.md")  # fmt: skip
 
 
 def _condition(item):
