@@ -230,7 +230,7 @@ def test_latent_rate_is_its_formula():
     assert latent_rate(latents, 0.1) == pytest.approx(1.5, abs=0.02)
     assert latent_rate(np.full((2, 3, 4), 7.0), 0.1) == 0
     for sigma in (0.0, nan, -1.0):
-        with pytest.raises(ValueError, match="`sigma` must be above 0"):
+        with pytest.raises(ValueError, match="`sigma` must be .*above 0"):
             latent_rate(latents, sigma)
 
 
@@ -383,7 +383,7 @@ def test_misuse_is_refused(training, request_):
         ({"textures": np.zeros((150, 100))}, "too short"),
         ({"ratings": np.zeros((149, 3))}, "`training.ratings` must have one row for each of the 150"),
         ({"ratings": np.full((150, 3), inf)}, "`training.ratings` must be finite, or NaN"),
-        ({"friction_coefficients": np.zeros(150)}, "must be above 0, got 0.0. Set unknown ones to NaN"),
+        ({"friction_coefficients": np.zeros(150)}, "must be .*above 0, got 0.0. Set unknown ones to NaN"),
         ({"surface_ids": np.zeros(3)}, "`training.surface_ids` must have one row"),
     ),
 )
@@ -395,5 +395,5 @@ def test_bad_training_textures_are_refused(change, message, training):
 def test_bad_settings_are_refused():
     for make in (lambda value: Decimated(value, 1), lambda value: Decimated(1, value), KnnBlend, Ridge):
         for value in (0, -1, nan):
-            with pytest.raises(ValueError, match="must be above 0"):
+            with pytest.raises(ValueError, match="must be .*above 0"):
                 make(value)

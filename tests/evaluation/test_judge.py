@@ -228,5 +228,5 @@ def test_bad_textures_and_requests_are_refused():
         response_matrix(requested, flat)
     with pytest.raises(ValueError, match="also when one surface is left out"):
         response_interval(requested[:20], requested[:20], groups[:20])
-    with pytest.raises(ValueError, match="at least 2 surfaces"):
+    with pytest.raises(ValueError, match="at least 3 surfaces"):
         response_interval(requested, requested, np.zeros(len(requested)))

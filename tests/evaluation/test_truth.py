@@ -7,15 +7,9 @@ from scipy import stats
 
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation import truth
-from tactile_diffusers.evaluation.truth import (
-    KERNEL_WIDTH,
-    RatedTextures,
-    draw_surfaces,
-    log_kernel,
-    recorded_truth,
-    truth_of,
-    virtual_truth,
-)
+from tactile_diffusers.evaluation import virtual_truth as virtual
+from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, RatedTextures, log_kernel, recorded_truth
+from tactile_diffusers.evaluation.virtual_truth import draw_surfaces, truth_of, virtual_truth
 from tactile_diffusers.signal import level
 from tactile_diffusers.virtual import FIRST_FRESH, VirtualSurface, fresh_ratings, fresh_textures, generate_recordings
 
@@ -253,7 +247,7 @@ def describe(textures, levels, friction_coefficients):
 
 
 def test_virtual_truth_explores_what_it_drew(prepared, monkeypatch):
-    monkeypatch.setattr(truth, "_CHUNK", 6)  # three surfaces at a time
+    monkeypatch.setattr(virtual, "CHUNK", 6)  # three surfaces at a time
     data = PreparedDataset(prepared, "test")
     rated = virtual_truth(data, REQUESTS, describe, surfaces=8, candidates=40, seconds=8.0, seed=2)
     training = np.unique(PreparedDataset(prepared, "train", "full").surface_ids)
@@ -301,8 +295,8 @@ def test_what_is_held_out_takes_no_part(tmp_path, monkeypatch):
         asked.update(settings)
         return fresh_ratings(*args, **settings)
 
-    monkeypatch.setattr(truth, "fresh_textures", explore)
-    monkeypatch.setattr(truth, "fresh_ratings", rate)
+    monkeypatch.setattr(virtual, "fresh_textures", explore)
+    monkeypatch.setattr(virtual, "fresh_ratings", rate)
     virtual_truth(PreparedDataset(prepared, "hard"), REQUESTS, describe, surfaces=20, candidates=60, seconds=4.0)
     assert any(VirtualSurface(4, FIRST_FRESH + n).parameters.material == material for n in range(60))
     assert all(VirtualSurface(4, number).parameters.material != material for number, _ in explored)
@@ -324,7 +318,7 @@ def test_surfaces_without_a_segment_are_tried_again_then_dropped(prepared, monke
         count = {0: 0 if trial == 0 else 1, 1: 0}.get((number - FIRST_FRESH) % 4, 2)
         return (np.zeros((count, 8), np.float32), *(np.full(count, value, np.float32) for value in (0.5, -5.0, 80.0)))
 
-    monkeypatch.setattr(truth, "fresh_textures", some_fail)
+    monkeypatch.setattr(virtual, "fresh_textures", some_fail)
     data = PreparedDataset(prepared, "test")
     rated = virtual_truth(data, REQUESTS, describe, surfaces=20, candidates=40)
     first = np.array([number for number, trial in tried if trial == 0])
@@ -336,7 +330,7 @@ def test_surfaces_without_a_segment_are_tried_again_then_dropped(prepared, monke
     drawn, importance = draw_surfaces(ratings, REQUESTS, 20)
     np.testing.assert_array_equal(rated.ratings, ratings[drawn[drawn % 4 != 1]])
     np.testing.assert_array_equal(rated.importance, importance[drawn % 4 != 1])
-    monkeypatch.setattr(truth, "fresh_textures", lambda number, **settings: some_fail(FIRST_FRESH + 1, 0))
+    monkeypatch.setattr(virtual, "fresh_textures", lambda number, **settings: some_fail(FIRST_FRESH + 1, 0))
     with pytest.raises(ValueError, match="No fresh surface has a segment"):
         virtual_truth(data, [POPULATION], describe, surfaces=3, candidates=40)
 
@@ -348,14 +342,14 @@ def test_full_subset_has_no_limits(prepared, monkeypatch):
         limits.append(settings["limits"])
         return np.zeros((1, 8), np.float32), *np.ones((3, 1), np.float32)
 
-    monkeypatch.setattr(truth, "fresh_textures", note)
+    monkeypatch.setattr(virtual, "fresh_textures", note)
     for subset in ("filtered", "full"):
         virtual_truth(PreparedDataset(prepared, "train", subset), [POPULATION], describe, surfaces=1, candidates=40)
     assert tuple(limits[0].speed) == (66.0, 99.0) and limits[1].speed is None and limits[1].normal_force is None
 
 
 def test_recorded_truth_takes_all_surfaces_as_they_are(prepared, monkeypatch):
-    monkeypatch.setattr(truth, "_CHUNK", 5)
+    monkeypatch.setattr(truth, "CHUNK", 5)
     data = PreparedDataset(prepared, "all", "full")
     rated = recorded_truth(data, describe, per_surface=3)
     assert len(rated.ratings) == 6 and (rated.importance == 1).all()
@@ -390,7 +384,7 @@ def test_other_recipes_rates_and_nonsense_are_refused(prepared, monkeypatch):
             virtual_truth(data, [POPULATION], describe, **{name: 0})
     with pytest.raises(ValueError, match="native rate, 10000 Hz"):
         virtual_truth(PreparedDataset(prepared, sampling_rate=2500), [POPULATION], describe)
-    made = truth.RECIPE_VERSION
-    monkeypatch.setattr(truth, "RECIPE_VERSION", made + 1)
+    made = virtual.RECIPE_VERSION
+    monkeypatch.setattr(virtual, "RECIPE_VERSION", made + 1)
     with pytest.raises(ValueError, match=f"is of recipe {made}, the code makes surfaces of recipe {made + 1}"):
         virtual_truth(data, [POPULATION], describe)

@@ -18,7 +18,8 @@ from .metrics.errors import (
 )
 from .metrics.reference import Reference
 from .metrics.statistics import jackknife, leaf
-from .truth import RatedTextures, truth_of
+from .truth import RatedTextures
+from .virtual_truth import truth_of
 
 __all__ = [
     "FEATURE_NAMES",

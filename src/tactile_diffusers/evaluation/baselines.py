@@ -1,8 +1,8 @@
-"""Baselines that every model is compared with: what silence, noise, a neighbour or a few numbers already achieve.
+"""Baselines that every model is compared with: silence, noise, a neighbour, or a few numbers.
 
 Each is fitted on textures of the training surfaces and then makes one texture for each row of a request. `knows` says
-what it looks at: "nothing", the "ratings", or the "recording" that it is to describe (so it competes with a decoder).
-All are deterministic under the generator that is passed in.
+what it uses: "nothing", the "ratings", or the "recording" itself (so it competes with a decoder). The results depend
+only on the generator that is passed in.
 """
 
 from dataclasses import dataclass, replace
@@ -11,6 +11,7 @@ import numpy as np
 from scipy import fft
 
 from ..signal import BAND_HZ, rms
+from ..signal.checks import check_number
 from . import envelopes
 from .metrics.texture_checks import check_textures
 
@@ -29,10 +30,15 @@ class TrainingTextures:
     sampling_rate: float  # Hz, a whole number
     band: tuple[float, float] = BAND_HZ  # Hz, to which the textures were filtered
 
+    def keep(self, rows):
+        """The segments of a mask or of indices."""
+        names = ("textures", "ratings", "friction_coefficients", "surface_ids")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
 
 @dataclass(frozen=True)
 class BaselineRequest:
-    """What is asked for: one texture a row."""
+    """What is requested: one texture a row."""
 
     ratings: np.ndarray  # (n, 3) z-scores, NaN = not specified
     textures: np.ndarray | None = None  # (n, samples) N: the recording to describe
@@ -40,7 +46,7 @@ class BaselineRequest:
 
 
 class Baseline:
-    """Base of all: checks what comes in. Subclasses write `_sample`, and `_fit` where there is something to fit."""
+    """Base class, which checks the input. Subclasses write `_sample`, and `_fit` where there is something to fit."""
 
     slug = ""
     knows = "nothing"
@@ -50,8 +56,8 @@ class Baseline:
         """Learns from `training` (`TrainingTextures`) and returns itself.
 
         Raises:
-            ValueError: if an array has another shape than it must, or bad numbers; if the textures are too short for
-                the band; for those that know ratings also if no surface is rated on every axis.
+            ValueError: if an array has the wrong shape or bad numbers; if the textures are too short for the band; for
+                baselines that work from ratings also if no surface is rated on every axis.
         """
         training = _checked_training(training)
         self.grid = envelopes.Grid(training.textures.shape[-1], training.sampling_rate, tuple(training.band))
@@ -63,8 +69,8 @@ class Baseline:
         """One texture for each row of `request`: (n, samples) float64, N, of the training textures' rate and length.
 
         Raises:
-            ValueError: if the baseline is not fitted, an array of the request has another shape than it must or bad
-                numbers, or the recordings that this baseline knows are missing.
+            ValueError: if the baseline is not fitted, an array of the request has the wrong shape or bad numbers, or
+                the recordings that this baseline needs are missing.
         """
         return self._sample(self._checked_request(request), rng)
 
@@ -84,23 +90,17 @@ class Baseline:
         if recordings is None:
             raise ValueError(f"The baseline {self.slug!r} needs `request.{name}`, got None. Pass the recordings.")
         recordings = check_textures(f"request.{name}", recordings, rank=2).astype(np.float64)
-        wanted = (len(request.ratings), self.grid.samples)
-        if recordings.shape != wanted:
+        shape = (len(request.ratings), self.grid.samples)
+        if recordings.shape != shape:
             raise ValueError(
-                f"`request.{name}` must have the shape {wanted}, one row for each of `request.ratings` and as long as "
+                f"`request.{name}` must have the shape {shape}, one row for each of `request.ratings` and as long as "
                 f"the training textures, got {recordings.shape}."
             )
         return recordings
 
 
-def _positive(name, value):
-    if not value > 0:
-        raise ValueError(f"`{name}` must be above 0, got {value}.")
-    return value
-
-
 class Silence(Baseline):
-    """Nothing at all: 0 dB SNR, better than any texture that feels right but is another waveform."""
+    """Silence: 0 dB SNR, better than any texture that feels right but is another waveform."""
 
     slug = "silence"
 
@@ -118,7 +118,7 @@ class OtherTake(Baseline):
 
 
 class PhaseRandomised(Baseline):
-    """The recording's own amplitude spectrum with random phases: what the spectrum alone can say.
+    """The recording's own amplitude spectrum with random phases.
 
     Bins above 1.05 times the band are left out: they hold little but the jump from a texture's last sample to its
     first, which random phases would turn into noise.
@@ -136,7 +136,7 @@ class PhaseRandomised(Baseline):
 
 
 class MeanSpectrum(Baseline):
-    """Gaussian noise with the mean spectrum of the training textures, averaged in dB: one answer for all."""
+    """Gaussian noise with the mean spectrum of the training textures, averaged in dB."""
 
     slug = "mean_spectrum"
 
@@ -149,44 +149,21 @@ class MeanSpectrum(Baseline):
 
 
 class EnvelopeNoise(Baseline):
-    """Base: noise under an envelope that `_density` fits to the recording, (n, bins), with the recording's RMS."""
+    """Gaussian noise under an envelope fitted to the recording, with the recording's RMS.
+
+    Args:
+        slug (`str`): of the baseline.
+        density (`Callable`): (textures (n, samples), grid) -> power spectra (n, bins).
+    """
 
     knows = "recording"
 
+    def __init__(self, slug, density):
+        self.slug, self._density = slug, density
+
     def _sample(self, request, rng):
         textures = self._recordings(request)
-        return self.grid.noise(self._density(textures), rng, rms(textures))
-
-
-class LinearPrediction(EnvelopeNoise):
-    """Autoregressive model of order 20: 21 numbers a texture with the level.
-
-    Noise with the model's spectrum at the texture's bins is what the recursion makes of white noise around a closed
-    loop, so there is no warm-up to discard.
-    """
-
-    slug = "lpc20"
-
-    def _density(self, textures):
-        return envelopes.lpc_density(textures, self.grid)
-
-
-class BetaEnvelope(EnvelopeNoise):
-    """Beta distribution over linear frequency: 3 numbers a texture. Ours, after arXiv 2605.23804."""
-
-    slug = "beta_envelope"
-
-    def _density(self, textures):
-        return envelopes.beta_density(envelopes.fit_beta(textures, self.grid), self.grid)
-
-
-class SlopeEnvelope(EnvelopeNoise):
-    """Asymmetric band-pass: 4 numbers a texture. Ours, after arXiv 2605.23804."""
-
-    slug = "slope_envelope"
-
-    def _density(self, textures):
-        return envelopes.slope_density(envelopes.fit_slope(textures, self.grid), self.grid)
+        return self.grid.noise(self._density(textures, self.grid), rng, rms(textures))
 
 
 class NineBandNoise(Baseline):
@@ -202,23 +179,24 @@ class NineBandNoise(Baseline):
 class Decimated(Baseline):
     """The recording low-passed and quantised to as many bits a second as a latent carries.
 
-    Kept are the lowest coefficients of its cosine transform from the band's lower edge up, `numbers_per_second` times
-    the duration of them: 500 a second reach 250 Hz up. At most they reach 1.05 times the band, where textures end.
-    Each is whitened by the training textures' mean spectrum and gets Gaussian noise at the signal-to-noise ratio s for
-    which such a channel carries `1/2 log2(1 + s)` bits; the signal is the texture's own whitened power, its level
+    It keeps the lowest coefficients of the cosine transform from the band's lower edge up, at most to 1.05 times the
+    band. Each is whitened by the training textures' mean spectrum and gets Gaussian noise at the signal-to-noise ratio
+    s for which such a channel carries `1/2 log2(1 + s)` bits; the signal is the texture's own whitened power, its level
     counting as known. Undoing the whitening gives the noise the colour of the mean spectrum, so that weak bands
     survive as they do in a latent of whitened textures.
 
     Args:
-        numbers_per_second (`float`): real numbers a second.
+        numbers_per_second (`float`): real numbers a second; 500 reach 250 Hz up.
         bits_per_number (`float`): bits each; infinity = no noise. See `latent_rate`.
     """
 
     slug, knows = "decimated", "recording"
 
     def __init__(self, numbers_per_second, bits_per_number):
-        self.numbers_per_second = _positive("numbers_per_second", numbers_per_second)
-        self.bits_per_number = _positive("bits_per_number", bits_per_number)
+        self.numbers_per_second = check_number("numbers_per_second", numbers_per_second, above=0)
+        if not bits_per_number > 0:
+            raise ValueError(f"`bits_per_number` must be above 0, got {bits_per_number}.")
+        self.bits_per_number = bits_per_number
 
     def _fit(self, training):
         samples, rate = self.grid.samples, self.grid.sampling_rate
@@ -246,22 +224,22 @@ def latent_rate(latents, sigma):
         sigma (`float`): standard deviation of the noise that the decoder was trained with, in the latents' unit.
 
     Returns:
-        `float`: bits per number; more than they really carry where numbers are correlated.
+        `float`: bits per number; an upper bound where numbers are correlated.
 
     Raises:
         ValueError: if the latents are not (n, channels, frames) or not finite, or `sigma` is not above 0.
     """
     latents = check_textures("latents", latents, rank=3).astype(np.float64)
-    sigma = _positive("sigma", sigma)
+    sigma = check_number("sigma", sigma, above=0)
     return float(np.mean(0.5 * np.log2(1 + latents.var(axis=(0, 2)) / sigma**2)))
 
 
 class KnnBlend(Baseline):
     """Blend of the training surfaces whose ratings are nearest, after Hassan, Abdulali and Jeon (2019).
 
-    They interpolate models of neighbouring textures in a perceptual space (10.1109/TIE.2019.2914572); here the
-    surfaces' spectra, level included, are averaged in dB, weighing one over the distance in the axes that are
-    specified. Where no axis is specified, the surfaces are drawn at random for each texture and weigh the same.
+    They interpolate models of neighbouring textures in a perceptual space (10.1109/TIE.2019.2914572). Here the
+    surfaces' spectra, level included, are averaged in dB with weights of one over the distance in the specified axes.
+    Where no axis is specified, the surfaces are drawn at random for each texture and weigh the same.
 
     Args:
         neighbours (`int`): surfaces to blend.
@@ -270,7 +248,7 @@ class KnnBlend(Baseline):
     slug, knows = "knn_blend", "ratings"
 
     def __init__(self, neighbours=5):
-        self.neighbours = int(_positive("neighbours", neighbours))
+        self.neighbours = int(check_number("neighbours", neighbours, above=0))
 
     def _fit(self, training):
         training = _rated(training)
@@ -297,7 +275,7 @@ class KnnBlend(Baseline):
         """Weight of each training surface in each row: (n, surfaces), rows add up to 1."""
         difference = np.nan_to_num(ratings[:, None] - self._ratings)  # an axis that is not specified adds nothing
         distance = np.maximum(np.sqrt((difference**2).sum(-1)), _LEAST_DISTANCE)
-        # ties in random order: that is the draw where nothing is specified
+        # ties in random order, which is the draw where nothing is specified
         order = np.lexsort((rng.random(distance.shape), distance), axis=-1)[:, : self.neighbours]
         weights = np.zeros_like(distance)
         np.put_along_axis(weights, order, 1 / np.take_along_axis(distance, order, -1), -1)
@@ -307,7 +285,7 @@ class KnnBlend(Baseline):
 class Ridge(Baseline):
     """Ridge regression from ratings to the nine band levels and the log friction coefficient, then noise.
 
-    Fitted over surfaces (means of their segments). How segments scatter about their surface's mean is added as one
+    Fitted over surfaces (means of their segments). The scatter of segments about their surface's mean is added as one
     draw from the Gaussian with its covariance. Ratings that are not specified are drawn from the training surfaces'
     Gaussian given the specified ones, so that sets of textures spread as surfaces do.
 
@@ -318,7 +296,7 @@ class Ridge(Baseline):
     slug, knows = "ridge", "ratings"
 
     def __init__(self, penalty=1.0):
-        self.penalty = _positive("penalty", penalty)
+        self.penalty = check_number("penalty", penalty, above=0)
 
     def _fit(self, training):
         training = _rated(training)
@@ -351,10 +329,16 @@ class Ridge(Baseline):
 
 def default_baselines(numbers_per_second, bits_per_number):
     """One of each, not fitted, in the order of every table: slug -> baseline. The numbers are those of `Decimated`."""
-    describing = (LinearPrediction(), BetaEnvelope(), SlopeEnvelope(), NineBandNoise())
-    decimated = Decimated(numbers_per_second, bits_per_number)
-    made = (Silence(), OtherTake(), PhaseRandomised(), MeanSpectrum(), *describing, decimated, KnnBlend(), Ridge())
-    return {baseline.slug: baseline for baseline in made}
+    baselines = (
+        *(Silence(), OtherTake(), PhaseRandomised(), MeanSpectrum()),
+        EnvelopeNoise("lpc20", envelopes.lpc_density),
+        EnvelopeNoise("beta_envelope", lambda rows, grid: envelopes.beta_density(envelopes.fit_beta(rows, grid), grid)),
+        EnvelopeNoise(
+            "slope_envelope", lambda rows, grid: envelopes.slope_density(envelopes.fit_slope(rows, grid), grid)
+        ),
+        *(NineBandNoise(), Decimated(numbers_per_second, bits_per_number), KnnBlend(), Ridge()),
+    )
+    return {baseline.slug: baseline for baseline in baselines}
 
 
 #: Slugs of all baselines, in the order of every table.
@@ -369,8 +353,7 @@ def _rated(training):
             "`training.ratings` must hold a surface that is rated on every axis, got none: leave out the baselines "
             "that know ratings (knn_blend, ridge), or give ratings."
         )
-    names = ("textures", "ratings", "friction_coefficients", "surface_ids")
-    return replace(training, **{name: getattr(training, name)[rated] for name in names})
+    return training.keep(rated)
 
 
 def _checked_training(training):

@@ -2,8 +2,8 @@
 
 The beta and the slope envelope are ours, after *Perceptually Lossless Tactile Texture Synthesis with Compact Spectral
 Envelope Models* (Balasubramanian and Vardar, arXiv 2605.23804), which names the two families; its formulas were not at
-hand, so nothing here claims to reproduce it. Differences: one envelope a texture, not a sequence over time; the shapes
-and the ways of fitting are those written below.
+hand, so nothing here claims to reproduce it. Differences: one envelope a texture, not a sequence over time, and the
+shapes and fits below.
 """
 
 from dataclasses import dataclass
@@ -89,7 +89,7 @@ class Grid:
         return noise * (level / np.maximum(rms(noise), _TINY))[:, None]
 
     def interpolate_db(self, frequencies, decibels):
-        """Density (n, bins) at `self.frequencies` from decibels (n, points) at `frequencies`: see `interpolate_db`."""
+        """Density (n, bins) at the bins from decibels (n, points) at `frequencies`: see `interpolate_db`."""
         return 10 ** (interpolate_db(frequencies, decibels, self.frequencies) / 10)
 
 

@@ -1,6 +1,6 @@
 """The data of an evaluation: held-out segments, and the training segments that they are compared with."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -105,9 +105,7 @@ class HeldOutData:
         if self.baseline_surfaces is None:
             return self.training
         kept = PreparedDataset(self.train.path, "train", max_surfaces=self.baseline_surfaces).surface_ids
-        rows = np.isin(self.training.surface_ids, kept)
-        fields = ("textures", "ratings", "friction_coefficients", "surface_ids")
-        return replace(self.training, **{name: getattr(self.training, name)[rows] for name in fields})
+        return self.training.keep(np.isin(self.training.surface_ids, kept))
 
     @cached_property
     def reference(self):

@@ -1,7 +1,7 @@
-"""The judge: which ratings a texture would be given, read from the texture itself.
+"""The judge: ratings estimated from a texture, to measure control.
 
-It is fitted on real textures of training surfaces and measures whether generated textures carry what was requested. It
-is never used in training a generator: a generator that had learnt from it could please it without being right.
+It is fitted on real textures of training surfaces. It is never used in training a generator, which could otherwise
+learn to please it without being right.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
 from ..signal import RATING_AXES
-from .metrics.statistics import jackknife_interval
+from .metrics.statistics import jackknife
 
 #: Weight of log friction beside the features of the embedding, in standard deviations: one number that carries nearly
 #: all of slipperiness, beside 53 others. Cross-validated R² of slipperiness on virtual surfaces, weights 1, 3 and 6:
@@ -67,13 +67,11 @@ class Judge:
                 only, or fewer than ten surfaces are rated on all axes.
         """
         points, log_friction = np.asarray(points, dtype=np.float64), np.asarray(log_friction, dtype=np.float64)
-        ratings, surface_ids = np.asarray(ratings, dtype=np.float64), np.asarray(surface_ids)
-        _check_lengths(points, log_friction=log_friction, ratings=ratings, surface_ids=surface_ids)
-        _check_ratings(ratings=ratings)
+        _check_lengths(points, log_friction=log_friction, surface_ids=surface_ids)
+        ratings = _checked_ratings("ratings", ratings, points)
         rated = ~np.isnan(ratings).any(1)
-        points, log_friction, ratings, surface_ids = (
-            values[rated] for values in (points, log_friction, ratings, surface_ids)
-        )
+        columns = (points, log_friction, ratings, np.asarray(surface_ids))
+        points, log_friction, ratings, surface_ids = (values[rated] for values in columns)
         names, surface = np.unique(surface_ids, return_inverse=True)
         if len(names) < FEWEST_SURFACES:
             raise ValueError(
@@ -96,7 +94,7 @@ class Judge:
         return cls(inputs, centre, friction, intercept, coefficients, choices)
 
     def predict(self, points, log_friction):
-        """Ratings that textures would be given.
+        """Estimates the ratings of textures.
 
         Args:
             points (`np.ndarray`): (n, features), by the embedding that `fit` was given.
@@ -124,55 +122,71 @@ class Judge:
             points, log_friction: as in `predict`.
             ratings (`np.ndarray`): (n, 3) of each texture's surface; NaN is left out.
         """
-        sums = _rating_sums(self.predict(points, log_friction), ratings)
-        return _r2(*sums.sum(0))
+        return _r2(self.predict(points, log_friction), _checked_ratings("ratings", ratings, points))
 
     def r2_interval(self, points, log_friction, ratings, surface_ids):
         """95 % interval of `r2` by leaving out one surface at a time: low and high, (3,) each."""
-        _check_lengths(np.asarray(points), surface_ids=surface_ids)
-        sums = _rating_sums(self.predict(points, log_friction), ratings)
-        total = sums.sum(0)
-        return jackknife_interval(_r2(*total), _r2(*np.moveaxis(total - _by_group(sums, surface_ids), 1, 0)))
+        predicted, ratings = self.predict(points, log_friction), _checked_ratings("ratings", ratings, points)
+        _check_lengths(predicted, surface_ids=surface_ids)
+        return jackknife(lambda mask: _r2(predicted[mask], ratings[mask]), surface_ids)[1]
 
 
-def response_matrix(recovered, requested):
-    """How recovered ratings follow requested ones: least squares with an intercept.
+def _r2(predicted, ratings):
+    known = ~np.isnan(ratings)
+    error = np.where(known, np.square(predicted - np.nan_to_num(ratings)), 0).sum(0)
+    mean = np.nan_to_num(ratings).sum(0) / np.maximum(known.sum(0), 1)
+    squares = np.where(known, np.square(np.nan_to_num(ratings) - mean), 0).sum(0)
+    return 1 - error / np.maximum(squares, np.finfo(np.float64).tiny)
 
-    Ones on the diagonal are full control; zeros, no control; anything off the diagonal, leakage from one rating into
+
+def response_matrix(estimated, requested):
+    """Slopes of estimated on requested ratings: least squares with an intercept.
+
+    Ones on the diagonal are full control, zeros no control; anything off the diagonal is leakage from one rating into
     another. Read it beside the matrix of real textures: the judge's own slopes are below one.
 
     Args:
-        recovered (`np.ndarray`): (n, 3), from `Judge.predict`.
+        estimated (`np.ndarray`): (n, 3), from `Judge.predict`.
         requested (`np.ndarray`): (n, 3), all specified; for requests that leave axes free, the ratings that come along
             with them (`RatedTextures.mean_rating`).
 
     Returns:
-        `np.ndarray`: (3, 3) slopes, [recovered axis, requested axis].
+        `np.ndarray`: (3, 3) slopes, [estimated axis, requested axis].
 
     Raises:
         ValueError: if shapes differ, a value is not finite, or the requests do not vary along three axes.
     """
-    gram, cross = _moments(recovered, requested)
-    return _slopes(gram.sum(0), cross.sum(0))
+    requested = _checked_ratings("requested", requested, requested, complete=True)
+    estimated = _checked_ratings("estimated", estimated, requested, complete=True)
+    rows = np.concatenate([np.ones((len(requested), 1)), requested], axis=1)
+    gram = rows.T @ rows
+    if not np.linalg.cond(gram) < 1e10:
+        raise ValueError(
+            "`requested` must vary along all three axes independently, also when one surface is left out: give more "
+            "different requests."
+        )
+    return np.linalg.solve(gram, rows.T @ estimated)[1:].T
 
 
-def response_interval(recovered, requested, surface_ids):
+def response_interval(estimated, requested, surface_ids):
     """95 % interval of `response_matrix` by leaving out one surface, or one request, at a time.
 
     Args:
-        recovered, requested: as in `response_matrix`.
+        estimated, requested: as in `response_matrix`.
         surface_ids (`np.ndarray`): (n,) which textures belong together: takes of one request, or of one surface.
 
     Returns:
-        `tuple[np.ndarray, np.ndarray]`: low and high, (3, 3) each.
+        `np.ndarray`: (2, 3, 3) low and high.
 
     Raises:
-        ValueError: also if the requests of fewer surfaces vary along three axes than can be left out.
+        ValueError: also if the requests vary along fewer axes when one surface is left out, or there are fewer than
+            three surfaces.
     """
-    gram, cross = _moments(recovered, requested)
-    _check_lengths(np.asarray(requested), surface_ids=surface_ids)
-    left_out = (sums.sum(0) - _by_group(sums, surface_ids) for sums in (gram, cross))
-    return jackknife_interval(_slopes(gram.sum(0), cross.sum(0)), _slopes(*left_out))
+    estimated, requested = np.asarray(estimated), np.asarray(requested)
+    _check_lengths(requested, surface_ids=surface_ids)
+    if len(np.unique(surface_ids)) < 3:
+        raise ValueError("`surface_ids` must name at least 3 surfaces for an interval.")
+    return jackknife(lambda mask: response_matrix(estimated[mask], requested[mask]), surface_ids)[1]
 
 
 def _inputs(points, log_friction, centre, friction):
@@ -233,63 +247,21 @@ def _left_out_errors(kernel, ratings, fold, regularisation):
     return squares / len(ratings)
 
 
-def _rating_sums(predicted, ratings):
-    """What R² is made of, for each texture: (n, 4, 3) squared error, rating, its square, and 1; NaN counts nothing."""
-    ratings = np.asarray(ratings, dtype=np.float64)
-    _check_lengths(predicted, ratings=ratings)
-    _check_ratings(ratings=ratings)
-    known, values = ~np.isnan(ratings), np.nan_to_num(ratings)
-    return np.stack([known * np.square(predicted - values), values, values**2, known], axis=1)
-
-
-def _r2(error, total, squares, count):
-    return 1 - error / np.maximum(squares - total**2 / np.maximum(count, 1), np.finfo(np.float64).tiny)
-
-
-def _moments(recovered, requested):
-    """Per row the products that least squares is made of: (n, 4, 4) and (n, 4, 3)."""
-    recovered, requested = np.asarray(recovered, dtype=np.float64), np.asarray(requested, dtype=np.float64)
-    _check_lengths(recovered, requested=requested)
-    _check_ratings(recovered=recovered, requested=requested)
-    for name, values in (("recovered", recovered), ("requested", requested)):
-        if np.isnan(values).any():
-            raise ValueError(f"`{name}` must not hold NaN: leave such rows out, or fill in the ratings of the truth.")
-    rows = np.concatenate([np.ones((len(requested), 1)), requested], axis=1)
-    return rows[:, :, None] * rows[:, None, :], rows[:, :, None] * recovered[:, None, :]
-
-
-def _slopes(gram, cross):
-    """(..., 3, 3) [recovered, requested] from sums of products (..., 4, 4) and (..., 4, 3)."""
-    if not (np.linalg.cond(gram) < 1e10).all():
-        raise ValueError(
-            "`requested` must vary along all three axes independently, also when one surface is left out: give more "
-            "different requests."
-        )
-    return np.swapaxes(np.linalg.solve(gram, cross)[..., 1:, :], -1, -2)
-
-
-def _by_group(rows, surface_ids):
-    """Sums of rows (n, ...) over each surface: (surfaces, ...)."""
-    names, group = np.unique(np.asarray(surface_ids), return_inverse=True)
-    if len(names) < 2:
-        raise ValueError("`surface_ids` must name at least 2 surfaces for an interval.")
-    sums = np.zeros((len(names), *rows.shape[1:]))
-    np.add.at(sums, group, rows)
-    return sums
-
-
 def _check_finite(name, values):
     bad = ~np.isfinite(values).all(1)
     if bad.any():
         raise ValueError(f"`{name}` must be finite, but texture {np.argmax(bad)} ({bad.sum()} in all) is not.")
 
 
-def _check_ratings(**ratings):
-    for name, values in ratings.items():
-        if values.ndim != 2 or values.shape[1] != len(RATING_AXES) or np.isinf(values).any():
-            raise ValueError(
-                f"`{name}` must have the shape (n, {len(RATING_AXES)}) and no infinity, got {values.shape}."
-            )
+def _checked_ratings(name, ratings, points, complete=False):
+    """Ratings (n, 3) as float64, one row for each of `points`; `complete`: without NaN."""
+    ratings = np.asarray(ratings, dtype=np.float64)
+    if ratings.ndim != 2 or ratings.shape[1] != len(RATING_AXES) or np.isinf(ratings).any():
+        raise ValueError(f"`{name}` must have the shape (n, {len(RATING_AXES)}) and no infinity, got {ratings.shape}.")
+    if complete and np.isnan(ratings).any():
+        raise ValueError(f"`{name}` must not hold NaN: leave such rows out, or fill in the ratings of the truth.")
+    _check_lengths(np.asarray(points), **{name: ratings})
+    return ratings
 
 
 def _check_lengths(points, **others):

@@ -1,29 +1,22 @@
-"""The truth of a request: what real textures of surfaces with such ratings are like.
+"""The truth of a request: measures of real textures of surfaces with such ratings.
 
 A request is a rating vector with NaN where an axis is not specified. No surface has exactly the requested ratings, so
-surfaces count by a Gaussian kernel over the specified axes. Where the ratings are cheap and the textures are not
-(virtual surfaces), surfaces are drawn where the requests need them and weighted back: importance sampling with
-self-normalised weights.
+surfaces count by a Gaussian kernel over the specified axes.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from tqdm import tqdm
 
-from ..data import HoldOut, PreparedDataset, SegmentLimits
 from ..signal import RATING_AXES
-from ..virtual import FIRST_FRESH, RECIPE_VERSION, VirtualSurface, fresh_ratings, fresh_textures, rater_settings
 from .metrics.statistics import jackknife_interval
 
 #: Standard deviation of the kernel over ratings, z-scores: a third of what ratings spread over surfaces.
 KERNEL_WIDTH = 0.25
 #: Below so many surfaces that count, a request lies outside of what the data hold: extrapolation.
 LEAST_EFFECTIVE_SIZE = 20
-VIRTUAL_SOURCE = "virtual surfaces"
 # textures that are described at once
-_CHUNK = 256
+CHUNK = 256
 
 
 @dataclass
@@ -183,121 +176,6 @@ def log_kernel(ratings, request, width=KERNEL_WIDTH):
     return np.where(np.isnan(logs), -np.inf, logs)
 
 
-def draw_surfaces(ratings, requests, count, seed=0):
-    """Draws surfaces where requests need them, with replacement.
-
-    The probability of a surface is the mean over requests of its share in the request's kernel weights, so that each
-    request gets the same number of surfaces on average.
-
-    Args:
-        ratings (`np.ndarray`): (candidates, 3) z-scores.
-        requests (`Sequence`): rating vectors; three NaN stand for the whole population.
-        count (`int`): draws.
-        seed (`int`): of the draws.
-
-    Returns:
-        `tuple[np.ndarray, np.ndarray]`: the distinct surfaces drawn, in ascending order, and their importance: draws
-        over probability.
-    """
-    probability = np.zeros(len(ratings))
-    for request in requests:
-        logs = log_kernel(ratings, request)
-        weights = np.exp(logs - logs.max())
-        probability += weights / weights.sum() / len(requests)
-    # rounding must not keep the sum from 1, which numpy insists on
-    draws = np.random.default_rng(seed).multinomial(count, probability / probability.sum())
-    drawn = np.flatnonzero(draws)
-    return drawn, draws[drawn] / probability[drawn]
-
-
-def virtual_truth(
-    dataset,
-    requests,
-    describe,
-    surfaces=1500,
-    candidates=20000,
-    seconds=12.0,
-    per_surface=2,
-    seed=0,
-    workers=1,
-    quiet=True,
-):
-    """The truth of requests to a model of virtual surfaces, from fresh surfaces of the same collection.
-
-    Surfaces, explorers and raters are like those of the ordinary splits; what is held out takes no part.
-
-    Args:
-        dataset (`PreparedDataset`): of virtual surfaces, at its native rate: it says which collection, raters, limits
-            and filter; its training surfaces set the units of the ratings, its subset whether limits hold.
-        requests (`Sequence`): (3,) rating vectors that the truth is wanted of, NaN = not specified; three NaN stand for
-            the whole population.
-        describe (`callable`): (textures (k, samples) float32 in N, levels (k,), friction coefficients (k,)) -> dict of
-            arrays (k, ...), the measures. Called with some hundreds of textures at a time.
-        surfaces (`int`): draws; a surface that is drawn twice is explored once and counts twice.
-        candidates (`int`): fresh surfaces that are rated and drawn from.
-        seconds (`float`): of each recording.
-        per_surface (`int`): textures of each surface at most.
-        seed (`int`): of the draws.
-        workers (`int`): threads that explore; the result is the same.
-        quiet (`bool`): no progress bar.
-
-    Returns:
-        `RatedTextures`. A surface whose first recordings hold no segment is explored once more, then dropped.
-
-    Raises:
-        ValueError: if `dataset` is none of virtual surfaces or of another version of the recipe, its textures are not
-            at their native rate, or an argument is out of range.
-    """
-    facts = _check_virtual(dataset, requests, surfaces, per_surface)
-    training = np.unique(PreparedDataset(dataset.path, "train", "full").surface_ids)
-    numbers = [int(dataset.surfaces[surface].split("-")[0]) for surface in training]
-    asked = rater_settings(facts)
-    asked["raters"] = _ordinary(facts, "raters", [f"rater-{number}" for number in range(asked["raters"])])
-    ratings = fresh_ratings(candidates, facts["seed"], training=numbers, **asked)
-    met = _ordinary_candidates(facts, candidates)
-    drawn, importance = draw_surfaces(ratings[met], requests, surfaces, seed)
-    drawn = met[drawn]
-    limits = SegmentLimits(**facts["limits"])
-    settings = dict(
-        seed=facts["seed"],
-        explorers=_ordinary(facts, "explorers", sorted({name.split("/")[1] for name in dataset.recordings})),
-        seconds=seconds,
-        limits=limits if dataset.subset == "filtered" else limits.without_conditions(),
-        band=dataset.band,
-        order=facts["filter_order"],
-        passes=facts["filter_passes"],
-        turnarounds=facts["turnarounds"],
-        per_surface=per_surface,
-    )
-    counts, measures = _explore_and_describe(drawn + FIRST_FRESH, describe, settings, workers, quiet)
-    kept = counts > 0
-    if not kept.any():
-        raise ValueError(f"No fresh surface has a segment within {limits} in {seconds} s: explore for longer.")
-    surface_ids = np.repeat(np.arange(kept.sum()), counts[kept])
-    return RatedTextures(_joined(measures), surface_ids, ratings[drawn[kept]], importance[kept], int(np.sum(~kept)))
-
-
-def _explore_and_describe(numbers, describe, settings, workers, quiet):
-    """Number of textures of each surface, (surfaces,), and what `describe` said of them, a list of dicts."""
-
-    def explore(number):
-        first = fresh_textures(number, trial=0, **settings)
-        return first if len(first[0]) else fresh_textures(number, trial=1, **settings)
-
-    step = max(1, _CHUNK // settings["per_surface"])
-    counts, measures = [], []
-    bar = tqdm(total=len(numbers), desc="truth", unit="surface", disable=quiet)
-    with bar, ThreadPoolExecutor(workers) as pool:
-        for start in range(0, len(numbers), step):
-            explored = list(pool.map(explore, numbers[start : start + step]))
-            counts += [len(textures) for textures, *_ in explored]
-            textures, friction, levels, _ = (np.concatenate(column) for column in zip(*explored, strict=True))
-            if len(textures):
-                measures.append(describe(textures, levels, friction))
-            bar.update(len(explored))
-    return np.array(counts), measures
-
-
 def recorded_truth(dataset, describe, per_surface=4, seed=0):
     """The truth of requests from all surfaces of a data set as they are: for data that cannot be made afresh.
 
@@ -311,68 +189,14 @@ def recorded_truth(dataset, describe, per_surface=4, seed=0):
         `RatedTextures`, of importance 1; surfaces without a segment are not in it.
     """
     chosen = dataset.non_overlapping(per_surface, seed)
-    chunks = [chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)]
+    chunks = [chosen[start : start + CHUNK] for start in range(0, len(chosen), CHUNK)]
     measures = [
         describe(dataset.textures(rows), dataset.levels[rows], dataset.friction_coefficients[rows]) for rows in chunks
     ]
     surfaces, surface_ids = np.unique(dataset.surface_ids[chosen], return_inverse=True)
-    return RatedTextures(_joined(measures), surface_ids, dataset.surface_ratings[surfaces], np.ones(len(surfaces)))
+    return RatedTextures(joined(measures), surface_ids, dataset.surface_ratings[surfaces], np.ones(len(surfaces)))
 
 
-def truth_of(dataset, requests, describe, seed=0, quiet=True, **settings):
-    """`virtual_truth` if the data are virtual surfaces, else `recorded_truth`.
-
-    Args:
-        dataset (`PreparedDataset` or `str` or `Path`): the data set, or its file, of which all surfaces are taken.
-        requests, describe, seed, quiet: of `virtual_truth`.
-        **settings: further arguments of `virtual_truth`; only "per_surface" counts for recorded data.
-
-    Returns:
-        `RatedTextures`
-    """
-    if not isinstance(dataset, PreparedDataset):
-        dataset = PreparedDataset(dataset, split="all")
-    if dataset.attributes["source"] == VIRTUAL_SOURCE:
-        return virtual_truth(dataset, requests, describe, seed=seed, quiet=quiet, **settings)
-    chosen = {"per_surface": settings["per_surface"]} if "per_surface" in settings else {}
-    return recorded_truth(dataset, describe, seed=seed, **chosen)
-
-
-def _joined(measures):
-    return {name: np.concatenate([part[name] for part in measures]) for name in measures[0]}
-
-
-def _ordinary(facts, kind, names):
-    """Numbers of the raters or explorers that are not held out, from names such as "rater-3"."""
-    held = HoldOut(**facts["hold_out"]).held(kind, names) if facts["hold_out"] else [False] * len(names)
-    return [int(name.rsplit("-", 1)[1]) for name, out in zip(names, held, strict=True) if not out]
-
-
-def _ordinary_candidates(facts, candidates):
-    """Which of the fresh surfaces are of no class that is held out: (n,) int64."""
-    if not facts["hold_out"] or not facts["hold_out"]["surfaces"]:
-        return np.arange(candidates)
-    names = [VirtualSurface(facts["seed"], FIRST_FRESH + number).name for number in range(candidates)]
-    return np.flatnonzero(~HoldOut(**facts["hold_out"]).held("surfaces", names))
-
-
-def _check_virtual(dataset, requests, surfaces, per_surface):
-    """The file's attributes, once they are known to describe a collection that can be continued."""
-    facts = dataset.attributes
-    if facts["source"] != VIRTUAL_SOURCE:
-        raise ValueError(f"`dataset` must hold virtual surfaces, got {facts['source']!r}. Use `recorded_truth`.")
-    if facts.get("recipe_version") != RECIPE_VERSION:
-        raise ValueError(
-            f"`dataset` is of recipe {facts.get('recipe_version')}, the code makes surfaces of recipe "
-            f"{RECIPE_VERSION}: generate the data again, or use `recorded_truth`."
-        )
-    if dataset.sampling_rate != facts["sampling_rate"]:
-        raise ValueError(
-            f"`dataset` must be at its native rate, {facts['sampling_rate']} Hz: open it without `sampling_rate`."
-        )
-    if not len(requests):
-        raise ValueError("`requests` must not be empty; three NaN stand for the whole population.")
-    for name, value in (("surfaces", surfaces), ("per_surface", per_surface)):
-        if int(value) != value or value < 1:
-            raise ValueError(f"`{name}` must be a whole number of at least 1, got {value}.")
-    return facts
+def joined(parts):
+    """Dicts of arrays, joined along their first axis."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -15,7 +15,8 @@ from ..metrics.rating_effects import d_prime, latent_shift_percent, shape_change
 from ..metrics.statistics import jackknife, leaf, number
 from ..report_figures import plot_control, plot_responses
 from ..sampling import noise_seeds
-from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE, truth_of
+from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
+from ..virtual_truth import truth_of
 
 # requests from which three slopes and an intercept can be told, also with one left out
 _FEWEST_REQUESTS = 6
