@@ -173,9 +173,9 @@ def test_what_cannot_be_made_is_refused(evaluable_pipe, prepared, tmp_path):
         ({"baselines": ("silence",)}, "`baselines` must be different ones"),
         ({"baselines": ("ridge", "ridge")}, "`baselines` must be different ones"),
         ({"level": "loud"}, "`level` must be one of"),
-        ({"full_scale": 0.0}, "`full_scale` must be above 0 N"),
-        ({"full_scale": float("nan")}, "`full_scale` must be above 0 N"),
-        ({"seed": -1}, "`seed` must be at least 0"),
+        ({"full_scale": 0.0}, "`full_scale` must be a finite number above 0 in N"),
+        ({"full_scale": float("nan")}, "`full_scale` must be a finite number above 0 in N"),
+        ({"seed": -1}, "`seed` must be a whole number of at least 0"),
     ],
 )
 def test_bad_settings_are_refused(changes, message):

@@ -1,10 +1,8 @@
-"""From answers to numbers with intervals: what participants told apart, found alike and felt.
+"""Analysis of answers: ABX, similarity and ratings, with intervals over participants.
 
-Each participant gives one number per measure and condition; a group's number is the mean over participants, and its
-95 % interval a bootstrap over participants: bias-corrected and accelerated (Efron 1987), with percentiles as far out as
-Student's t needs for so few participants, because a plain bootstrap is too narrow for them (Hesterberg 2015, "What
-teachers should know about the bootstrap", expanded percentiles). It says how the number would vary with other
-participants and the same surfaces, not with other surfaces.
+Each participant gives one number per measure and condition. The group's number is the mean over participants; its 95 %
+interval is a bootstrap over participants, bias-corrected and accelerated (Efron 1987), with percentiles expanded for
+few participants (Hesterberg 2015, "What teachers should know about the bootstrap"). It holds for these surfaces.
 """
 
 import numpy as np
@@ -68,7 +66,7 @@ def analyse(key, answers, missing=0, seed=0):
 
 
 def describe(key, answers):
-    """Answers with what was played: columns `condition`, `surface`, `correct` (ABX) and `asked` (ratings) added.
+    """Adds to answers the columns `condition`, `surface`, `correct` (ABX) and `asked` (requested ratings).
 
     The condition of a pair is that of the texture beside the reference; of two references it is "other_surface".
     """
@@ -104,7 +102,7 @@ def _pivot(answers, values):
 
 
 def rating_scores(described):
-    """How answers follow what was asked for, over surfaces: (participants, (measure, condition, axis)).
+    """Regression of answers on requested ratings over surfaces: (participants, (measure, condition, axis)).
 
     Measures are "slope", in answer units per z-score, and "correlation" (Pearson); NaN where fewer than three surfaces
     were rated, or, for the correlation, all were rated alike.

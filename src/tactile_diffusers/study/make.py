@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..data import PreparedDataset
 from ..io.files import write_text
+from ..signal.checks import check_whole_number
 from ..version import __version__
 from .folder import FORMAT, KEY, PRIVATE, PROTOCOL, SETTINGS, STIMULI, TRIALS, VERSION, Study, read_study, write_csv
 from .protocol import protocol_markdown
@@ -38,8 +39,7 @@ def make_study(pipe, data, output, settings, participants=12, tasks=TASKS, check
     output = Path(output)
     if output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise ValueError(f"`output` {output} must be a new or an empty folder: ids of two studies must not mix.")
-    if participants < 1:
-        raise ValueError(f"`participants` must be at least 1, got {participants}.")
+    check_whole_number("participants", participants)
     stimuli = make_stimuli(pipe, data, settings, quiet)
     trials = participant_trials(stimuli.key, 1, settings.seed, tasks)  # refuses before anything is written
     facts = {

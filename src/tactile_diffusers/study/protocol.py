@@ -1,4 +1,4 @@
-"""protocol.md: what was made, what to tell participants, and what the files hold."""
+"""protocol.md: the stimuli, the instructions for participants, and the columns of the files."""
 
 from .folder import KEY, KEY_COLUMNS, PRIVATE, STIMULI, TRIALS
 from .study_report import label
@@ -71,15 +71,13 @@ def _listed(columns):
 _PROTOCOL = """# Protocol
 
 **Nothing here is a human result.** The files are stimuli and trial lists for a study that is still to be done.
-Numbers of simulated participants (`make_study.py rehearse`) show what the design can find, not what people feel.
-
 This page is for the experimenter; participants hear only what is under "What to tell participants".
 
 ## What was made
 
 Checkpoint `{checkpoint}`, data `{data}` ({source}). {surfaces} held-out surfaces, chosen to lie far apart in their
 ratings. Of each: {conditions}. The reference take is what the others are compared with; another take is a second piece
-of the same surface, the best that anything can be; generated textures were asked for by the surface's ratings alone;
+of the same surface, the best that can be expected; generated textures were made from the surface's ratings alone;
 a reconstruction went through encoder and decoder.
 
 {level} Levels as played: {quietest:.2f} to {loudest:.2f} mN RMS.
@@ -92,10 +90,9 @@ display can tell: play the loudest file (largest `peak_n` in the key) before the
 ## Blinding
 
 Names in `{STIMULI}/` are random. Each texture is there twice, under unrelated names; the copy is only played as X of
-ABX, so that a trial list does not tell the answer. `{PRIVATE}/` holds the key. Keep it from participants and from
-whoever runs the sessions until all answers are in, and keep the seed: whoever has it can make the key again. Files hold
-no rating and no seed, but their waveforms are what they are: who analyses them, or reads the friction coefficients, can
-guess which belong together.
+ABX, so that a trial list does not tell the answer. `{PRIVATE}/` holds the key. Keep the key and the seed from
+participants and from whoever runs the sessions until all answers are in. Files hold no rating and no seed, but an
+analysis of their waveforms can show which belong together.
 
 ## What to tell participants
 
@@ -126,9 +123,9 @@ Fill in `response`, keep everything else, and save as CSV with commas (UTF-8) in
     python examples/make_study.py rehearse --study FOLDER --participants {participants}
     python examples/make_study.py analyse --study FOLDER --responses RESPONSES --output REPORT
 
-Rehearse first: it fills in answers of simulated participants and says how often a study of this size would find
-the differences that you assume. Decide on the number of participants, the comparisons and the exclusion of participants
-before the first one comes, and write them down (preregistration).
+Rehearse first: simulated participants show how often a study of this size would find the differences that you
+assume. Decide on the number, the comparisons and the exclusion of participants before the first one comes, and write
+them down (preregistration).
 
 ## Ethics
 

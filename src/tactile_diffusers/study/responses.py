@@ -1,4 +1,4 @@
-"""Answers of participants: read from CSV files, held against the trial lists, refused where they cannot be right."""
+"""Answers of participants: read from CSV files and checked against the trial lists."""
 
 import warnings
 from pathlib import Path
@@ -50,7 +50,7 @@ def _read_table(path):
 
 
 def check_responses(trials, responses, allow_missing=False):
-    """Puts answers beside their trials, once they are known to belong there.
+    """Joins answers with their trials, and refuses those that do not belong there.
 
     Args:
         trials (`pandas.DataFrame`): trial lists, columns `TRIAL_COLUMNS`.

@@ -1,7 +1,6 @@
-"""Participants of known sensitivity, played by a program: to try the analysis and the power of a design.
+"""Simulated participants of known sensitivity, to try the analysis and the power of a design.
 
-Nothing here is a result about people. Every spread is an assumption; those of ratings are those of the virtual raters
-(`data/virtual/raters.py`).
+Nothing here is a result about people. Every spread is an assumption; those of ratings are of the virtual raters.
 """
 
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ import pandas
 from tqdm.auto import tqdm
 
 from ..signal import RATING_AXES
+from ..signal.checks import check_number, check_whole_number
 from ..virtual.raters import DISAGREEMENT, GAIN_SPREAD, OFFSET_SPREAD, TYPICAL_GAIN
 from .analysis import abx_scores, bootstrap, describe, rating_scores, similarity_scores
 from .responses import SIMULATED, check_responses
@@ -29,11 +29,11 @@ SIMILARITY_PER_DPRIME = 18.0
 
 @dataclass(frozen=True)
 class Population:
-    """Whom the participants are drawn from.
+    """A population of simulated participants.
 
     Attributes:
         dprime (`dict[str, float]`): condition -> sensitivity to its difference from the reference, 0 or more.
-        rating_share (`dict[str, float]`): condition -> share of the asked rating that is felt.
+        rating_share (`dict[str, float]`): condition -> share of the requested rating that is felt.
         dprime_spread (`float`): standard deviation over participants of the logarithm of a factor on every d'.
         similarity_noise (`float`): of each answer, points.
         rating_gain (`float`): answer units per z-score of a participant with the typical gain.
@@ -51,19 +51,13 @@ class Population:
     rating_noise: float = 1.0
 
     def __post_init__(self):
-        bad = {condition: value for condition, value in self.dprime.items() if not 0 <= value < np.inf}
-        if bad:
-            raise ValueError(f"`dprime` must be finite and at least 0, got {bad}.")
-        bad = {condition: value for condition, value in self.rating_share.items() if not np.isfinite(value)}
-        if bad:
-            raise ValueError(f"`rating_share` must be finite, got {bad}.")
+        for condition, value in self.dprime.items():
+            check_number(f"dprime[{condition!r}]", value, at_least=0)
+        for condition, value in self.rating_share.items():
+            check_number(f"rating_share[{condition!r}]", value)
 
     def check(self, conditions):
-        """Refuses names that no texture of a study has.
-
-        Raises:
-            ValueError: naming the first one.
-        """
+        """Raises a ValueError for a condition that no texture of a study has."""
         compared = {*conditions, OTHER_SURFACE} - {REFERENCE}
         for name, known in (("dprime", compared), ("rating_share", set(conditions))):
             unknown = sorted(set(getattr(self, name)) - known)
@@ -80,10 +74,10 @@ class Population:
 def simulate(key, trials, population, rng):
     """Fills in the responses of simulated participants.
 
-    ABX: A, B and X are drawn anew in each trial from Gaussians of unit variance, 0 and d' for the two textures, and
-    decided by the differencing model (`sensitivity.py`), so that the proportion correct is a result of the model and
-    not put in. Similarity falls by `SIMILARITY_PER_DPRIME` points a d', with noise, clipped to the scale. Ratings are
-    the surface's rating times rating_share, plus noise, times the gain, plus the offset, rounded and clipped.
+    ABX: A, B and X are drawn in each trial from Gaussians of unit variance, 0 and d' for the two textures, and decided
+    by the differencing model (`sensitivity.py`). Similarity falls by `SIMILARITY_PER_DPRIME` points a d', with noise,
+    clipped to the scale. Ratings are the surface's rating times the share that is felt, plus noise, times the gain,
+    plus the offset, rounded and clipped.
 
     Args:
         key (`pandas.DataFrame`): of the study.
@@ -175,8 +169,7 @@ def power(key, participants, seed, population, tasks=TASKS, repeats=100, quiet=T
     Raises:
         ValueError: if `repeats` is below 1 or the population names conditions that the study has not.
     """
-    if repeats < 1:
-        raise ValueError(f"`repeats` must be at least 1, got {repeats}.")
+    check_whole_number("repeats", repeats)
     population.check(set(key["condition"]))
     trials, found = simulated_trials(key, participants, seed, tasks), {}
     for repeat in tqdm(range(1, repeats + 1), desc="simulated studies", disable=quiet):

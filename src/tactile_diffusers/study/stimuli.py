@@ -1,4 +1,4 @@
-"""What is felt: real, generated and baseline textures of held-out surfaces, at one level, under blind ids."""
+"""Stimuli: real, generated and baseline textures of held-out surfaces, at one level, under blind ids."""
 
 from dataclasses import dataclass
 
@@ -11,6 +11,7 @@ from ..evaluation.held_out import check_fit, check_unseen
 from ..evaluation.sampling import generate, noise_seeds, reconstruct
 from ..export import write_npz, write_wav
 from ..signal import RATING_AXES, rms
+from ..signal.checks import check_number, check_seed
 from .folder import KEY_COLUMNS
 
 REFERENCE, OTHER_TAKE, GENERATED, RECONSTRUCTED = "reference", "other_take", "generated", "reconstructed"
@@ -26,7 +27,7 @@ _TRAINING_SEGMENTS, _CANDIDATES = 4, 4
 
 @dataclass(frozen=True)
 class StimulusSettings:
-    """What is made.
+    """Settings of the stimuli.
 
     Attributes:
         surfaces (`int`): held-out surfaces, 2 or more, spread over the ratings.
@@ -52,10 +53,9 @@ class StimulusSettings:
             raise ValueError(f"`baselines` must be different ones of {BASELINES}, got {self.baselines}.")
         if self.level not in LEVELS:
             raise ValueError(f"`level` must be one of {LEVELS}, got {self.level!r}.")
-        if self.full_scale is not None and not 0 < self.full_scale < np.inf:
-            raise ValueError(f"`full_scale` must be above 0 N, got {self.full_scale}. Give the device's largest force.")
-        if self.seed < 0:
-            raise ValueError(f"`seed` must be at least 0, got {self.seed}.")
+        if self.full_scale is not None:
+            check_number("full_scale", self.full_scale, "N", above=0)
+        check_seed(self.seed)
 
 
 @dataclass(frozen=True)
@@ -108,13 +108,10 @@ def make_stimuli(pipe, data, settings, quiet=True):
 
 
 def choose_takes(dataset, surfaces, seed):
-    """Surfaces that lie far from each other in ratings, and two takes of each that share no sample.
+    """Chooses surfaces whose ratings lie far apart, and two takes of each that share no sample.
 
-    Takes are by one explorer where one has two: fingers differ, and another take is to show how alike a surface is to
-    itself.
-
-    The first is the one farthest from the middle; each further one is the farthest from those chosen, so that ratings
-    that were asked for spread widely.
+    The first surface is the one farthest from the middle, each further one the farthest from those chosen. Takes are by
+    one explorer where one has two, because fingers differ.
 
     Args:
         dataset (`PreparedDataset`): held-out surfaces.
@@ -215,7 +212,7 @@ def _baseline_textures(train, request, settings):
 
 
 def _blinded(held_out, rows, sets, facts, settings):
-    """`Stimuli` from what was made: levels, the common scale, and two ids for each texture."""
+    """`Stimuli` from textures: levels, the common scale, and two ids for each texture."""
     key, textures = [], []
     for condition, made in sets.items():
         levelled, gains_db = _levelled(condition, made, sets[REFERENCE], settings.level)
@@ -251,7 +248,7 @@ def _levelled(condition, made, reference, level):
 
 
 def blind_ids(count, rng):
-    """(count,) different random ids: six consonants each, which say nothing of what they name."""
+    """(count,) different random ids of six consonants each."""
     found = {}
     while len(found) < count:
         found["".join(rng.choice(_LETTERS, _LETTERS_PER_ID))] = None
@@ -261,9 +258,8 @@ def blind_ids(count, rng):
 def write_stimuli(folder, stimuli):
     """Writes each texture as `<id>.wav` with its sidecar and as `<id>.npz`.
 
-    All files have one scale, so that a player that ignores sidecars keeps the levels. What would tell conditions apart
-    is not in them: no ratings, the seed 0, one reference speed. They are written in the order of their ids, so that
-    the times of the files tell nothing either.
+    All files have one scale, so that a player that ignores sidecars keeps the levels. They hold nothing that would
+    reveal a condition: no ratings, the seed 0, one reference speed, and they are written in the order of their ids.
 
     Args:
         folder (`Path`): exists.

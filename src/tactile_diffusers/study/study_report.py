@@ -1,4 +1,4 @@
-"""A report of a study as people read it: Markdown and pictures."""
+"""The report of a study: Markdown and pictures."""
 
 import json
 
@@ -14,25 +14,56 @@ from .sensitivity import abx_proportion_correct
 from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE
 from .trials import ENDS, OTHER_SURFACE, RATING, SCALES
 
-SIMULATED_WORDS = "SIMULATED participants: no person felt anything. This shows what the design can find, no result."
+SIMULATED_NOTE = "SIMULATED participants: no person felt anything. This shows what the design can find, no result."
 LABELS = {
     REFERENCE: "reference take",
     OTHER_TAKE: "another take",
     RECONSTRUCTED: "reconstructed",
     GENERATED: "generated from ratings",
+    **{slug: name for slug, name in NAMES.items() if slug != OTHER_TAKE},
     OTHER_SURFACE: "reference of another surface",
 }
-_FILES = {"abx": "abx.png", "similarity": "similarity.png", "ratings": "ratings.png"}
+#: Task -> heading, columns of the table, and a note.
+_TASKS = {
+    "abx": (
+        "ABX",
+        {
+            "proportion_correct": "proportion correct",
+            "dprime": "d′",
+            "difference": "proportion minus that of another take",
+        },
+        "Against the reference take of the same surface; 0.5 is guessing. d′ is that of the mean proportion "
+        "(differencing model, Macmillan and Creelman). Another take may be told apart as well, so compare with it: a "
+        "difference whose interval lies above 0 is told apart more easily. A negative d′ is a result below guessing.",
+    ),
+    "similarity": (
+        "Similarity",
+        {"similarity": ("similarity, 0–100", 1), "difference": ("minus that of another take", 1)},
+        "To the reference take. Another take is the highest that can be expected, another surface the low end.",
+    ),
+    "ratings": (
+        "Ratings",
+        {
+            "slope": "slope",
+            "difference": "slope minus that of the reference take",
+            "correlation": "correlation",
+            "spread": "spread over participants",
+        },
+        "Answers (0–8) against the requested ratings (z-scores of the surface), over surfaces. The slope of real takes "
+        "is the best that this device and these participants allow. Where levels are matched, every texture has the "
+        "level of its surface, so a baseline that knows no ratings has the slope that levels alone give.",
+    ),
+}
 
 
 def label(condition):
-    """What people call a condition."""
-    return LABELS.get(condition) or NAMES.get(condition, condition)
+    """The name of a condition in tables."""
+    return LABELS.get(condition, condition)
 
 
 def _ordered(conditions):
     """Real textures first, then ours, then baselines, then the low end."""
-    order = [REFERENCE, OTHER_TAKE, RECONSTRUCTED, GENERATED, *NAMES, OTHER_SURFACE]
+    order = list(LABELS)
     return sorted(conditions, key=lambda condition: order.index(condition) if condition in order else len(order))
 
 
@@ -50,81 +81,37 @@ def write_report(folder, report, key, answers):
     plots = {"abx": _plot_abx, "similarity": _plot_similarity, "ratings": _plot_ratings}
     for name, plot in plots.items():
         if report[name] is not None:
-            plot(report, describe(key, answers), folder / _FILES[name])
+            plot(report, describe(key, answers), folder / f"{name}.png")
     write_text(folder / "report.md", report_markdown(report))
 
 
 def report_markdown(report):
     """The report as Markdown with tables and links to the pictures."""
-    parts = [f"{title('Study', 1)}{_head(report)}"]
-    if report["abx"]:
-        parts.append(title("ABX", 2) + _ABX_NOTE + "\n\n" + _table(report["abx"], _ABX_COLUMNS) + _picture("abx"))
-    if report["similarity"]:
-        table = _table(report["similarity"], _SIMILARITY_COLUMNS)
-        parts.append(title("Similarity", 2) + _SIMILARITY_NOTE + "\n\n" + table + _picture("similarity"))
+    counts = ", ".join(f"{count} {task}" for task, count in report["answers"].items())
+    head = f"**{SIMULATED_NOTE}**\n\n" if report["simulated"] else ""
+    head += (
+        f"{report['participants']} participants; answers: {counts}; {report['missing']} trials not answered. Brackets: "
+        f"95 % intervals by bootstrap over participants ({RESAMPLES} resamples, bias-corrected and accelerated, "
+        f"widened for few participants), from {LEAST_PARTICIPANTS} participants on. They hold for these surfaces. No "
+        "correction for many comparisons."
+    )
+    parts = [title("Study", 1) + head]
+    for task, (heading, columns, note) in _TASKS.items():
+        if report[task]:
+            table = markdown_table(_rows(report[task], task), labels=columns, interval=True)
+            parts.append(f"{title(heading, 2)}{note}\n\n{table}\n\n![{task}]({task}.png)")
     if report["ratings"]:
-        rows = {
-            f"{label(condition)}: {axis}": report["ratings"][condition][axis]
-            for axis in RATING_AXES
-            for condition in _ordered(report["ratings"])
-            if axis in report["ratings"][condition]
-        }
-        table = markdown_table(rows, labels=_RATING_COLUMNS, interval=True)
-        agreement = markdown_table(report["reliability"], labels=_RELIABILITY_COLUMNS)
-        parts.append(title("Ratings", 2) + _RATING_NOTE + "\n\n" + table + _picture("ratings"))
-        parts.append(title("Agreement of participants", 2) + _RELIABILITY_NOTE + "\n\n" + agreement)
+        columns = {"mean_correlation": "mean correlation of pairs", "alpha": "Cronbach's alpha", "pairs": "pairs"}
+        parts.append(title("Agreement of participants", 2) + markdown_table(report["reliability"], labels=columns))
     return "\n\n".join(parts) + "\n"
 
 
-_ABX_COLUMNS = {
-    "proportion_correct": "proportion correct",
-    "dprime": "d′",
-    "difference": "proportion minus that of another take",
-}
-_ABX_NOTE = (
-    "Against the reference take of the same surface; 0.5 is guessing. d′ is that of the mean proportion (differencing "
-    "model, Macmillan and Creelman). Another take of a surface is not the same waveform and may be told apart as well: "
-    "it is the yardstick. A difference whose interval lies above 0 is told apart more easily than that. A negative d′ "
-    "is a result below guessing."
-)
-_SIMILARITY_COLUMNS = {"similarity": ("similarity, 0–100", 1), "difference": ("minus that of another take", 1)}
-_SIMILARITY_NOTE = (
-    "To the reference take. Another take is the highest that can be expected, another surface the low end of the scale."
-)
-_RATING_COLUMNS = {
-    "slope": "slope",
-    "difference": "slope minus that of the reference take",
-    "correlation": "correlation",
-    "spread": "spread over participants",
-}
-_RATING_NOTE = (
-    "What was felt (0–8) against what was asked for (z-scores of the surface), over surfaces. The slope of real takes "
-    "is what can be expected of this device and these participants. Where levels are matched, every texture has the "
-    "level of its surface, so that a baseline that knows no ratings has the slope that levels alone give."
-)
-_RELIABILITY_COLUMNS = {"mean_correlation": "mean correlation of pairs", "alpha": "Cronbach's alpha", "pairs": "pairs"}
-_RELIABILITY_NOTE = "Over all textures that were rated."
-
-
-def _head(report):
-    counts = ", ".join(f"{count} {task}" for task, count in report["answers"].items())
-    lines = [f"**{SIMULATED_WORDS}**\n"] if report["simulated"] else []
-    lines.append(
-        f"{report['participants']} participants; answers: {counts}; {report['missing']} trials not answered. Brackets: "
-        f"95 % intervals by bootstrap over participants ({RESAMPLES} resamples, bias-corrected and accelerated, "
-        f"widened for few participants), from {LEAST_PARTICIPANTS} participants on. They hold for these surfaces: "
-        "other surfaces are not part of them. No correction for many comparisons."
-    )
-    return "\n".join(lines)
-
-
-def _table(entries, columns):
-    rows = {label(condition): entries[condition] for condition in _ordered(entries)}
-    return markdown_table(rows, labels=columns, interval=True)
-
-
-def _picture(name):
-    return f"\n\n![{name}]({_FILES[name]})"
+def _rows(entries, task):
+    conditions = _ordered(entries)
+    if task != "ratings":
+        return {label(condition): entries[condition] for condition in conditions}
+    pairs = ((axis, condition) for axis in RATING_AXES for condition in conditions if axis in entries[condition])
+    return {f"{label(condition)}: {axis}": entries[condition][axis] for axis, condition in pairs}
 
 
 def _heading(report, text):
@@ -149,17 +136,12 @@ def _plot_conditions(panel, leaves, scores):
 def _plot_abx(report, described, path):
     leaves = {condition: entry["proportion_correct"] for condition, entry in report["abx"].items()}
     with figure_panels(path, 1, 1, (1.6 + 1.5 * len(leaves), 4.6)) as panels:
-        panel = panels[0, 0]
-        scores = abx_scores(described)
+        panel, scores, ticks = panels[0, 0], abx_scores(described), [0, 1, 2, 3, 4]
         _plot_conditions(panel, leaves, scores)
         panel.axhline(0.5, color="black", linestyle="--", linewidth=1)
-        panel.set(
-            ylim=(min(0.4, scores.min(axis=None)) - 0.03, 1.03),
-            ylabel="proportion correct",
-            title=_heading(report, "ABX against the reference take"),
-        )
+        low = min(0.4, scores.min(axis=None)) - 0.03
+        panel.set(ylim=(low, 1.03), ylabel="proportion correct", title=_heading(report, "ABX"))
         right = panel.twinx()
-        ticks = [0, 1, 2, 3, 4]
         right.set(ylim=panel.get_ylim(), ylabel="d′")
         right.set_yticks(abx_proportion_correct(ticks), ticks)
 
@@ -169,41 +151,37 @@ def _plot_similarity(report, described, path):
     low, high = SCALES["similarity"]
     with figure_panels(path, 1, 1, (1.6 + 1.5 * len(leaves), 4.6)) as panels:
         _plot_conditions(panels[0, 0], leaves, similarity_scores(described))
-        words = _heading(report, "similarity to the reference take")
-        panels[0, 0].set(ylim=(low - 3, high + 3), ylabel="similarity", title=words)
+        heading = _heading(report, "similarity to the reference take")
+        panels[0, 0].set(ylim=(low - 3, high + 3), ylabel="similarity", title=heading)
 
 
 def _plot_ratings(report, described, path):
-    """Mean answer of the participants to each texture against what was asked for, and the line through them."""
+    """Mean answer of the participants to each texture against the requested rating, and the line through them."""
     rated = described[described["task"] == RATING]
     means = rated.groupby(["axis", "condition", "stimulus_a"])[["asked", "value"]].mean()
     low, high = SCALES[RATING]
     with figure_panels(path, 1, len(RATING_AXES), (14, 5.2)) as panels:
         for panel, axis in zip(panels[0], RATING_AXES, strict=True):
-            for name in _ordered(report["ratings"]):
-                if axis not in report["ratings"][name]:
-                    continue
-                asked, felt = means.loc[(axis, name)].to_numpy().T
-                [dots] = panel.plot(asked, felt, "o", markersize=4, label=label(name))
-                if np.ptp(asked) > 0:
-                    ends = np.array([asked.min(), asked.max()])
-                    panel.plot(ends, np.polyval(np.polyfit(asked, felt, 1), ends), color=dots.get_color(), linewidth=1)
+            for name in (name for name in _ordered(report["ratings"]) if axis in report["ratings"][name]):
+                requested, answers = means.loc[(axis, name)].to_numpy().T
+                [dots] = panel.plot(requested, answers, "o", markersize=4, label=label(name))
+                if np.ptp(requested) > 0:
+                    ends = np.array([requested.min(), requested.max()])
+                    line = np.polyval(np.polyfit(requested, answers, 1), ends)
+                    panel.plot(ends, line, color=dots.get_color(), linewidth=1)
             zero, full = ENDS[axis]
-            panel.set(
-                ylim=(low - 0.2, high + 0.2),
-                xlabel=f"{axis} asked for, z",
-                ylabel=f"felt: {low:g} {zero}, {high:g} {full}",
-            )
+            panel.set(ylim=(low - 0.2, high + 0.2), xlabel=f"requested {axis}, z")
+            panel.set_ylabel(f"answer: {low:g} {zero}, {high:g} {full}")
             panel.grid(alpha=0.3)
         panels[0, 0].figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
         panels[0, 1].set_title(_heading(report, "ratings: mean over participants"))
 
 
 _POWER_NOTE = (
-    "Share of simulated studies in which the 95 % interval over participants leaves out what there would be if there "
-    "were nothing to find: guessing, no difference from another take, no slope. For a condition that is assumed to "
-    "equal another take it is the rate of false alarms, about 0.05 from eight participants on. The assumptions are "
-    "below; yours go in by `--dprime` and `--rating_share`."
+    "Share of simulated studies whose 95 % interval over participants leaves out what there would be if there were "
+    "nothing to find: guessing, no difference from another take, no slope. For a condition that is assumed to equal "
+    "another take it is the rate of false alarms, about 0.05 from eight participants on. Change the assumptions below "
+    "by `--dprime` and `--rating_share`."
 )
 _POWER_COLUMNS = {
     "abx_above_chance": "ABX above guessing",
@@ -217,7 +195,7 @@ def power_markdown(facts, population, conditions):
 
     Args:
         facts (`dict`): "participants", "repeats" and "power" (of `simulated.power`).
-        population (`Population`): what was assumed.
+        population (`Population`): the assumptions.
         conditions (`Sequence[str]`): of the study.
 
     Returns:
@@ -225,29 +203,23 @@ def power_markdown(facts, population, conditions):
     """
     shares = facts["power"]
     counts = f"{facts['participants']} participants, {facts['repeats']} simulated studies."
-    parts = [f"{title('Power of the design', 1)}**{SIMULATED_WORDS}**\n\n{counts} {_POWER_NOTE}"]
-    rows = {}
-    compared = {condition for measure in _POWER_COLUMNS for condition in shares.get(measure, {})}
-    for name in _ordered(compared):
-        rows[label(name)] = {measure: shares.get(measure, {}).get(name) for measure in _POWER_COLUMNS}
-    if rows:
+    parts = [f"{title('Power of the design', 1)}**{SIMULATED_NOTE}**\n\n{counts} {_POWER_NOTE}"]
+    compared = _ordered({condition for measure in _POWER_COLUMNS for condition in shares.get(measure, {})})
+    if compared:
+        rows = {label(n): {measure: shares.get(measure, {}).get(n) for measure in _POWER_COLUMNS} for n in compared}
         parts.append(markdown_table(rows, labels=_POWER_COLUMNS))
     slopes = {}
-    found = {tuple(place.split(": ")): share for place, share in shares.get("slope_unlike_zero", {}).items()}
-    for name in _ordered({condition for condition, _ in found}):
-        slopes[label(name)] = {axis: found[name, axis] for axis in RATING_AXES}
+    for place, share in shares.get("slope_unlike_zero", {}).items():
+        condition, axis = place.split(": ")
+        slopes.setdefault(condition, {})[axis] = share
     if slopes:
         labels = {axis: f"slope of {axis} unlike 0" for axis in RATING_AXES}
-        parts.append(markdown_table(slopes, labels=labels))
+        parts.append(markdown_table({label(name): slopes[name] for name in _ordered(slopes)}, labels=labels))
     assumed = {
-        label(condition): {
-            "dprime": population.dprime_of(condition),
-            "rating_share": population.rating_share_of(condition),
-        }
-        for condition in _ordered({*conditions, OTHER_SURFACE} - {REFERENCE})
+        label(name): {"dprime": population.dprime_of(name), "rating_share": population.rating_share_of(name)}
+        for name in _ordered({*conditions, OTHER_SURFACE})
     }
-    assumed[label(REFERENCE)] = {"rating_share": population.rating_share_of(REFERENCE)}
-    assumed[label(OTHER_SURFACE)].pop("rating_share")
+    del assumed[label(OTHER_SURFACE)]["rating_share"], assumed[label(REFERENCE)]["dprime"]
     labels = {"dprime": "d′ from the reference", "rating_share": "share of the rating that is felt"}
     parts.append(title("Assumptions", 2) + markdown_table(assumed, labels=labels))
     return "\n\n".join(parts) + "\n"

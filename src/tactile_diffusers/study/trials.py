@@ -1,4 +1,4 @@
-"""What each participant does: three tasks, each in an order that is random and balanced, the same for the same number.
+"""Trial lists: three tasks, each in a random, balanced order that depends on the participant's number.
 
 ABX: A and B are the reference take of a surface and another texture of it; X is one of the two again. Each pair comes
 four times, once in each arrangement (which of the two is A, which is X), in four blocks that hold every pair once, and
