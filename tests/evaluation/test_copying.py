@@ -120,13 +120,6 @@ def test_a_nearly_empty_overlap_is_no_copy(waveforms, held_out):
     assert waveforms.nearest_correlation(burst).max() < 0.35
 
 
-def test_progress_bars_can_be_silenced(reference, capsys):
-    TrainingWaveforms([reference[:2]], DEVICE_RATE).nearest_correlation(reference[:1])
-    assert capsys.readouterr().err == ""
-    TrainingWaveforms([reference[:2]], DEVICE_RATE, quiet=False).nearest_correlation(reference[:1])
-    assert "nearest training segment" in capsys.readouterr().err
-
-
 def test_waveforms_refuse_bad_input(waveforms, reference):
     with pytest.raises(ValueError, match="`chunks` must hold at least one"):
         TrainingWaveforms([], DEVICE_RATE)
@@ -269,14 +262,6 @@ def test_take_spread_of_known_takes():
     assert take_spread_db(levels[[2, 1, 3, 0]] + 7, [0, 1, 0, 1]) == pytest.approx(np.sqrt(5))
 
 
-def test_take_spread_is_unbiased():
-    rng = np.random.default_rng(4)
-    groups = np.repeat(np.arange(400), 2 + np.arange(400) % 4)
-    levels = rng.normal(scale=5, size=(400, 9))[groups] + rng.normal(scale=1.5, size=(len(groups), 9))
-    # 1000 degrees of freedom in each of nine bands: relative deviation 1/sqrt(2 * 9000) = 0.7 %
-    assert take_spread_db(levels, groups) == pytest.approx(1.5, rel=0.03)
-
-
 def test_diversity_of_repetition_is_zero_and_of_honest_takes_one(noise_textures):
     # textures of one slope and level would be takes; here all 60 of one distribution play takes of one surface
     real, honest = (band_levels_db(noise_textures(60, seed), DEVICE_RATE) for seed in (31, 32))
@@ -332,17 +317,6 @@ def test_diversity_of_a_rating_is_the_share_of_what_ratings_leave_open(share, sl
     assert made == pytest.approx(share, rel=0.06)
 
 
-def test_diversity_of_a_rating_is_more_than_that_of_a_surface():
-    # takes of a rating that differ as takes of a surface do, 1 dB of 4, are not diverse
-    rng = np.random.default_rng(6)
-    levels, ratings, surfaces = _rated_surfaces(rng)
-    levels = levels + rng.standard_normal(levels.shape)
-    made, groups = _takes(rng, 1.0)
-    assert diversity(made, groups, levels, surfaces) == pytest.approx(1, rel=0.06)
-    # 1 / sqrt(4^2 + 1^2)
-    assert rating_diversity(made, groups, CENTRES, levels, ratings, surfaces) == pytest.approx(0.243, rel=0.06)
-
-
 def test_surfaces_count_alike_however_many_textures_they_have():
     rng = np.random.default_rng(7)
     levels, ratings, surfaces = _rated_surfaces(rng, per_surface=1)
@@ -384,12 +358,3 @@ def test_ratings_with_few_surfaces_near_and_single_takes_are_left_out():
     # 10 surfaces with two textures each are no 20
     few = [part[(real[2] % 40) < 10] for part in real]
     assert np.isnan(rating_diversity(levels, groups, CENTRES, *few))
-
-
-def test_few_surfaces_do_not_make_real_takes_look_alike():
-    # some 22 surfaces that count settle the four numbers of a line: uncorrected, real variances would be 15 % too small
-    rng = np.random.default_rng(10)
-    found = [rating_diversity(*_takes(rng, 4.0), CENTRES, *_rated_surfaces(rng, near=30)) ** -2 for _ in range(60)]
-    # real over generated variances, with a standard error of 1 %; surfaces at the rim, which a line follows most, count
-    # little, so that the correction is 3 % too large
-    assert np.mean(found) == pytest.approx(1.0, abs=0.065)

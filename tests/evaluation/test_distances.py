@@ -5,8 +5,6 @@ import pytest
 from scipy.linalg import sqrtm
 
 from tactile_diffusers.evaluation import frechet_tactile_distance, kernel_tactile_distance
-from tactile_diffusers.evaluation.metrics import distances
-from tactile_diffusers.evaluation.metrics.texture_checks import in_blocks
 
 
 def _exact_gaussian(mean, covariance, count, rng):
@@ -37,13 +35,6 @@ def test_ftd_of_general_gaussians_is_the_formula_with_a_matrix_root():
     assert frechet_tactile_distance(a, b) == pytest.approx(expected, rel=1e-8)
 
 
-def test_ftd_of_a_set_with_itself_is_zero_even_if_features_are_constant():
-    a = np.random.default_rng(2).normal(size=(100, 8))
-    a[:, 3] = 1.0
-    # rounding of a trace of about 7
-    assert frechet_tactile_distance(a, a[::-1]) == pytest.approx(0, abs=1e-6)
-
-
 def test_ktd_is_unbiased():
     rng = np.random.default_rng(3)
     values = [
@@ -67,18 +58,6 @@ def test_ktd_of_shifted_gaussians_is_the_closed_form():
     standard_error = np.std(values, ddof=1) / np.sqrt(len(values))
     assert abs(np.mean(values) - expected) < 3 * standard_error
     assert standard_error < 0.05 * expected  # or the line above would show nothing
-
-
-def test_ktd_does_not_depend_on_order_blocks_or_dtype(monkeypatch):
-    rng = np.random.default_rng(5)
-    a, b = rng.normal(size=(70, 53)), rng.normal(size=(90, 53)) + 0.3
-    whole = kernel_tactile_distance(a, b, width=10.0)
-    assert kernel_tactile_distance(b, a, width=10.0) == pytest.approx(whole, abs=1e-9)
-    assert kernel_tactile_distance(a[::-1], b[::-1], width=10.0) == pytest.approx(whole, abs=1e-9)
-    # 0.05 is the limit; float32 inputs differ by 1e-7
-    assert kernel_tactile_distance(a.astype(np.float32), b, width=10.0) == pytest.approx(whole, abs=1e-3)
-    monkeypatch.setattr(distances, "in_blocks", lambda rows, size: in_blocks(rows, 7))
-    assert kernel_tactile_distance(a, b, width=10.0) == pytest.approx(whole, abs=1e-9)
 
 
 @pytest.mark.parametrize("distance", [frechet_tactile_distance, lambda a, b: kernel_tactile_distance(a, b, 1.0)])

@@ -12,21 +12,9 @@ from tactile_diffusers.evaluation import (
     signed_band_error_db,
     snr_db,
 )
-from tactile_diffusers.signal import DEVICE_RATE, band_pass, nine_band_error_db, rms
+from tactile_diffusers.signal import DEVICE_RATE, band_pass, rms
 
 BANDS = ((20, 60), (60, 150), (400, 650), (650, 1000), (1000, 1200))
-
-
-def test_doubling_is_six_decibels_everywhere(held_out):
-    double = 2 * held_out
-    expected = 20 * np.log10(2)
-    np.testing.assert_allclose(nine_band_error_db(double, held_out, DEVICE_RATE), expected)
-    np.testing.assert_allclose(level_error_db(double, held_out), expected)
-    np.testing.assert_allclose(level_error_db(held_out, double), -expected)
-    np.testing.assert_allclose(log_spectral_distance_db(double, held_out, DEVICE_RATE), expected)
-    np.testing.assert_allclose(signed_band_error_db(double, held_out, DEVICE_RATE, BANDS), expected)
-    np.testing.assert_allclose(goodness_of_fit(double, held_out, DEVICE_RATE), 1)
-    np.testing.assert_allclose(snr_db(double, held_out), 0, atol=1e-9)
 
 
 def test_silence_has_zero_snr_and_the_rms_of_the_reference_as_error(held_out):
@@ -42,12 +30,6 @@ def test_another_take_has_an_snr_of_minus_three_decibels(noise_textures):
     first, second = noise_textures(100, seed=3), noise_textures(100, seed=4)
     snr = snr_db(first / rms(first)[:, None], second / rms(second)[:, None])
     assert snr.mean() == pytest.approx(-10 * np.log10(2), abs=0.3)
-
-
-def test_a_perfect_copy_is_perfect(held_out):
-    assert (rmse(held_out, held_out) == 0).all()
-    assert (snr_db(held_out, held_out) > 200).all()
-    assert (log_spectral_distance_db(held_out, held_out, DEVICE_RATE) == 0).all()
 
 
 def test_snr_and_rmse_of_noise_at_a_tenth(held_out):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 from ablate_rows import read_rows
-from ablate_training import DIGEST, TrainingFailed, stages, train, training_facts
+from ablate_training import DIGEST, TrainingFailed, stages, train
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.evaluation.sections import Settings
@@ -200,13 +200,6 @@ def test_a_row_that_another_process_is_at_is_left_alone(run, launched, tmp_path,
     assert run() == 0 and launched == ["train_lctg noise/phase-2", "train_dale noise/dale"]
 
 
-def test_report_only_tells_what_is_done(run, launched, tmp_path, capsys):
-    assert run("--report-only") == 1 and not launched
-    assert run("--only base") == 0 and "no result yet of noise" in capsys.readouterr().err
-    launched.clear()
-    assert run("--report-only") == 0 and not launched and "`noise`" not in capsys.readouterr().out
-
-
 def test_a_failed_training_does_not_stop_the_others(run, launched, tmp_path, capsys):
     launched.failing = {"dale"}
     assert run() == 1
@@ -271,19 +264,6 @@ def test_the_log_of_a_failed_process_is_shown(tmp_path, data, monkeypatch):
     monkeypatch.setattr(ablate_training, "LAUNCHER", [sys.executable, str(tmp_path / "launcher.py")])
     with pytest.raises(TrainingFailed, match="exit code 1; the last lines of .*phase-1.log:\n2\nbroken"):
         train(rows[0], stages(rows[0], tmp_path / "out", data), tmp_path, threads=2)
-
-
-def test_pace_is_the_median_over_resumed_phases(tmp_path, data):
-    row = read_rows(write_rows(tmp_path / "rows", base=BASE))[0]
-    planned = stages(row, tmp_path / "out", data)
-    for stage, paces in zip(planned, ([0.1, 0.2], [0.2, 9.0, 0.1]), strict=True):
-        stage.folder.mkdir(parents=True)
-        seconds = np.cumsum(50 * np.array(paces))
-        entries = [{"step": 50 * n, "train/velocity": 1 / n, "seconds": s} for n, s in enumerate(seconds, 1)]
-        (stage.folder / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in entries))
-    facts = training_facts(planned)
-    assert facts["step_seconds"] == pytest.approx(0.2) and facts["loss"] == pytest.approx(1 / 3)
-    assert facts["training_seconds"] == pytest.approx(50 * 9.6)
 
 
 @pytest.fixture
