@@ -18,11 +18,11 @@ EXTRAS = PROJECT["optional-dependencies"]
 DISTRIBUTIONS = {"PIL": "pillow"}
 #: Extra -> what the package imports of it, and where (one call path each; the error names the extra).
 OPTIONAL = {
-    "training": {"tensorboard": "training/loop.py"},
+    "training": {"tensorboard": "training/launch.py"},
     "parquet": {"pyarrow": "data/folder/tables.py"},
 }
-#: Imported by nobody here: pandas needs it, for xlsx.
-INDIRECT = {"openpyxl"}
+#: Imported by nobody here: pandas needs the one for xlsx, huggingface_hub the other for model cards.
+INDIRECT = {"openpyxl", "jinja2"}
 #: As it is imported first by every Python process, its children's too: each attempt to leave the machine fails and is
 #: written down, so that no `except` hides it. What C libraries open by themselves is not seen.
 NO_NETWORK = """

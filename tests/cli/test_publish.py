@@ -16,13 +16,15 @@ from tactile_diffusers.cli import evaluate, publish
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.card import write_card
 from tactile_diffusers.evaluation.report import folder_digest
-from tactile_diffusers.training.surfaces import surfaces_of, trained_on
+from tactile_diffusers.training.trained_surfaces import surfaces_of, trained_on
 
 RECORD = {
     "script": "examples/train_dale.py",
     "arguments": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5", "quiet": True, "scale_lr": False},
     "segments": 7,
     "steps": 9,
+    "changed": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5"},
+    "processes": 1,
     "machine": "a test",
     "versions": {"torch": "2", "diffusers": "0"},
 }
@@ -113,7 +115,7 @@ class TestFolder:
         assert TactileTexturePipeline.from_pretrained(out, lctg=lctg).resolve_steps() == (2, 5)
         weights = load_file(out / "lctg_distilled" / "diffusion_pytorch_model.safetensors")
         assert weights.popitem()[1].dtype == torch.float16
-        assert 'from_pretrained("small", subfolder="lctg_distilled")' in card_of(out)
+        assert 'from_pretrained("small", decoder="distilled")' in card_of(out)
         assert not any(str(tmp_path) in path.read_text() for path in out.rglob("*.json"))
         make_lctg(seed=9).save_pretrained(run / "lctg_distilled")
         assert re.search("--distilled .* has another encoder", refused(words, capsys))

@@ -10,10 +10,10 @@ import pytest
 from ablate_training import training_facts as facts_of_a_row
 
 from tactile_diffusers.evaluation.training_record import training_facts
-from tactile_diffusers.training.card_runs import describe_run
-from tactile_diffusers.training.figures import plot_losses
+from tactile_diffusers.training.card import describe_run
+from tactile_diffusers.training.progress_figures import plot_losses
 from tactile_diffusers.training.record import is_complete, phases, read_log, read_record, trim_log
-from tactile_diffusers.training.surfaces import count_seen, trained_on
+from tactile_diffusers.training.trained_surfaces import count_seen, trained_on
 
 RECORD = {
     "script": "examples/train_lctg.py",
@@ -60,7 +60,7 @@ def _read_all(run):
 
 def test_a_whole_record_is_told(run):
     assert _read_all(run)
-    assert "Last training loss 0.4" in describe_run(run, run.parent, 1)
+    assert describe_run(run, run.parent, 1)["loss"] == "0.4000"
 
 
 @pytest.mark.parametrize("key", [*RECORD, "surfaces", "pretrained_model_name_or_path"])
@@ -112,7 +112,7 @@ def test_damaged_lines_of_a_log_are_left_out(run):
     (run / "log.jsonl").write_bytes(b"\n".join(DAMAGED) + b"\n" + good + DAMAGED[6])
     assert read_log(run) == LOG
     assert _read_all(run)
-    plot_losses(run / "log.jsonl", run / "loss.png")
+    plot_losses(run)
     assert (run / "loss.png").read_bytes()[:4] == b"\x89PNG"
     assert trim_log(run, 5) == LOG[:1]  # a training that goes on mends it
     assert (run / "log.jsonl").read_text() == json.dumps(LOG[0]) + "\n"
@@ -133,4 +133,4 @@ def test_a_log_that_was_cut(run, size):
 def test_entries_without_times(run):
     (run / "log.jsonl").write_text('{"step": 9, "train/loss": 0.4}\n')
     assert _read_all(run)
-    assert "an unknown time" in describe_run(run, run.parent, 1)
+    assert describe_run(run, run.parent, 1)["time"] == "an unknown time"

@@ -229,7 +229,7 @@ def test_a_training_that_was_cut_off_goes_on(run, launched, tmp_path):
     [
         ({"arguments": {"learning_rat": "x"}}, "phase-1 is refused by train_lctg.py"),
         ({"arguments": {"no_such_thing": 1}}, "unrecognized arguments: --no_such_thing=1"),
-        ({"arguments": {"learning_rate": -1}}, "--learning_rate must be positive"),
+        ({"arguments": {"learning_rate": -1}}, "--learning_rate: must be positive"),
         ({"dale": {"max_train_steps": 1, "octave_exponent": 1}}, "dale is refused by train_dale.py"),
     ],
 )

@@ -1,6 +1,5 @@
 """What the tests of training share: a prepared data set, the scripts as modules, tiny trainings."""
 
-import argparse
 import importlib.util
 import json
 from pathlib import Path
@@ -10,9 +9,10 @@ import torch
 from accelerate.state import AcceleratorState, GradientState
 
 from tactile_diffusers.data import SegmentLimits, prepare_recordings
-from tactile_diffusers.training.arguments import add_training_arguments, check_training_arguments
-from tactile_diffusers.training.loop import Trainer, make_accelerator
-from tactile_diffusers.training.losses import velocity_loss
+from tactile_diffusers.training.arguments import training_parser
+from tactile_diffusers.training.launch import make_accelerator
+from tactile_diffusers.training.loop import Trainer
+from tactile_diffusers.training.steps import velocity_loss
 from tactile_diffusers.virtual import generate_recordings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -131,9 +131,9 @@ class _Step(torch.nn.Module):
         super().__init__()
         self.model, self.at, self.calls = model, at, 0
 
-    def forward(self, batch, generator):
+    def forward(self, batch, random):
         self.calls += 1
-        noise = torch.randn(batch["state"].shape, generator=generator)
+        noise = random.normal(*batch["state"].shape)
         velocity = self.model(batch["state"] + noise, 500.0, batch["ratings"], return_dict=False)[0]
         loss = velocity_loss(velocity, batch["state"] - noise).mean()
         loss = self.at.get(self.calls, lambda value: value)(loss)
@@ -161,9 +161,8 @@ def make_trainer(make_dale):
         _reset_accelerate()
         fixed = {"train_data_dir": "none", "output_dir": output, "report_to": "none", "quiet": True}
         fixed |= {"train_batch_size": 3, "lr_warmup_steps": 1, "learning_rate": 1e-2, "max_train_steps": 4}
-        args = add_training_arguments(argparse.ArgumentParser()).parse_args(command_line(fixed | options))
-        check_training_arguments(args)
-        validate = validate or (lambda model, step: {"nothing": 0.0})
+        args = training_parser("a test").parse_args(command_line(fixed | options))
+        validate = validate or (lambda model: {"nothing": 0.0})
         return Trainer(make_accelerator(args), args, _Step(make_dale(), at or {}), "dale", _Rows(rows), None, validate)
 
     return make

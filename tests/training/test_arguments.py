@@ -2,18 +2,14 @@
 
 import argparse
 import json
+import re
 import sys
 
 import huggingface_hub
 import pytest
 import torch
 
-from tactile_diffusers.training.arguments import (
-    add_hub_arguments,
-    add_training_arguments,
-    check_model_folder,
-    check_training_arguments,
-)
+from tactile_diffusers.training.arguments import training_parser
 
 #: Of diffusers' examples/unconditional_image_generation and examples/text_to_image; those that have no meaning here
 #: are listed, with reasons, in `tactile_diffusers/training/arguments.py`.
@@ -37,19 +33,50 @@ def test_names_are_those_of_diffusers(script, name, capsys):
 
 
 def test_defaults_that_users_rely_on():
-    parser = add_training_arguments(argparse.ArgumentParser())
-    add_hub_arguments(parser)
+    parser = training_parser("a test")
     same = {"train_batch_size": 16, "num_train_epochs": 100, "gradient_accumulation_steps": 1, "max_grad_norm": 1.0}
     same |= {"checkpointing_steps": 500, "dataloader_num_workers": 0, "logging_dir": "logs", "mixed_precision": "no"}
     same |= {"ema_inv_gamma": 1.0, "ema_power": 0.75, "report_to": "tensorboard", "push_to_hub": False}
     assert {name: parser.get_default(name) for name in same} == same
 
 
-@pytest.mark.parametrize(("name", "value"), [("ema_inv_gamma", "0"), ("ema_power", "-1"), ("ema_power", "nan")])
-def test_impossible_averages_are_refused(name, value):
-    words = ["--train_data_dir", "d.h5", "--output_dir", "out", f"--{name}={value}"]
-    with pytest.raises(ValueError, match=f"--{name} must be positive"):
-        check_training_arguments(add_training_arguments(argparse.ArgumentParser()).parse_args(words))
+COMMON = ["train_lctg", "train_dale", "distill_lctg"]
+REFUSED = [
+    *((name, value, COMMON) for name in ("train_batch_size", "max_train_steps") for value in ("0", "-3", "many")),
+    *((name, "0", COMMON) for name in ("eval_batch_size", "num_train_epochs", "gradient_accumulation_steps")),
+    *((name, "0", COMMON) for name in ("checkpointing_steps", "validation_steps", "max_train_samples")),
+    ("checkpoints_total_limit", "0", COMMON),
+    ("validation_samples", "-1", COMMON),
+    *(("learning_rate", value, COMMON) for value in ("0", "-1e-3", "nan")),
+    *(("ema_decay", value, COMMON) for value in ("1", "-0.1", "nan")),
+    ("ema_inv_gamma", "0", COMMON),
+    *(("ema_power", value, COMMON) for value in ("-1", "nan")),
+    ("mixed_precision", "int8", COMMON),
+    ("report_to", "fax", COMMON),
+    ("seed", "x", COMMON),
+    *(("detail_dropout", value, ["train_lctg", "distill_lctg"]) for value in ("-0.1", "1.5", "nan")),
+    *((name, "-1", ["train_lctg", "distill_lctg"]) for name in ("octave_exponent", "spectral_loss_weight")),
+    *((name, "-1", ["train_lctg"]) for name in ("latent_penalty", "preemphasis_clip_db")),
+    *((name, value, ["train_dale"]) for name in ("condition_dropout", "unconditional") for value in ("-0.1", "1.5")),
+    *((name, "-1", ["train_dale"]) for name in ("rating_jitter", "scalar_weight", "conditioning_weight")),
+    *((name, "0", ["train_dale"]) for name in ("max_train_surfaces", "rating_head_steps")),
+    ("ratings", "mixed", ["train_dale"]),
+    ("student_steps", "0", ["distill_lctg"]),
+    ("student_steps", "8", ["distill_lctg"]),  # as many as the teacher's
+]
+
+
+@pytest.mark.parametrize(("name", "value", "scripts"), REFUSED)
+def test_impossible_values_are_refused_by_name(script, name, value, scripts, capsys):
+    words = ["--train_data_dir=d.h5", "--output_dir=out"]
+    for each in scripts:
+        model = [] if each == "train_lctg" else ["--pretrained_model_name_or_path=lctg"]
+        parse = script(each).parse_args
+        parse([*words, *model])
+        with pytest.raises(SystemExit) as stopped:
+            parse([*words, *model, f"--{name}={value}"])
+        assert stopped.value.code == 2
+        assert re.search(rf"argument --{name}.*{re.escape(value)}", capsys.readouterr().err)
 
 
 def test_averages_are_taken_as_asked(make_trainer, tmp_path):
@@ -124,13 +151,3 @@ class TestHub:
     def test_without_being_asked_nothing_is_sent(self, script, run_script, sent, tmp_path):
         run_script(script("train_lctg"), "lctg", tmp_path / "lctg", max_train_steps=1, hub_model_id="someone/textures")
         assert sent == []
-
-
-@pytest.mark.parametrize("name", ["./nope", "/nowhere/nope", "a/b/c", "runs/nope", "~/nope"])
-def test_a_path_to_nothing_is_no_name_on_the_hub(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "runs").mkdir()
-    with pytest.raises(FileNotFoundError, match=f"there is no folder {name}"):
-        check_model_folder(name)
-    check_model_folder("someone/textures")
-    check_model_folder(None)

@@ -95,7 +95,7 @@ class TestAfterTraining:
             *("| parameters | LCTG 0.0195 million, DALE", "LCTG 5, DALE 5", "VDDIMScheduler of order 2"),
             *("2500 Hz inside, 10000 Hz delivered", "4 channels", "32 a segment", "| reference speed | 8"),
             *("Virtual surfaces are simulated", "extrapolated: roughness -", "No person has felt"),
-            *("### lctg", "### dale", "last validation: velocity_rated", "examples/evaluate.py --checkpoint dale"),
+            *("### lctg", "### dale", "Last validation: velocity_rated", "examples/evaluate.py --checkpoint dale"),
         ):
             assert told in card, told
         assert "train DALE on it" in card_of(runs / "lctg")
@@ -119,7 +119,7 @@ class TestAfterTraining:
         output = run_script(script("train_lctg"), "lctg", tmp_path / "second", **options)
         card = card_of(output)
         assert card.index("### lctg") < card.index("### second") and "--subset full" in card
-        assert "| limits of segments | none of force and speed |" in card
+        assert "| limits of segments | none |" in card
 
 
 def test_the_bundled_checkpoint_has_its_name_and_code_that_runs(monkeypatch):
@@ -192,13 +192,7 @@ class TestWriting:
         write_card(folder, pipe, dataset, [], licence="mit")
         assert ModelCard(card_of(folder)).data.license == "mit"
 
-    def test_a_training_of_an_earlier_version_and_one_that_lost_its_log(self, folder, pipe, dataset):
-        record = json.loads((folder / "training.json").read_text())
-        del record["changed"]
-        (folder / "training.json").write_text(json.dumps(record))
-        write_card(folder, pipe, dataset, [folder])
-        card = card_of(folder)
-        assert "--adam_beta1 0.9" in card and "--scale_lr" not in card and "has its default" not in card
+    def test_a_training_that_lost_its_log(self, folder, pipe, dataset):
         (folder / "log.jsonl").unlink()
         (folder / "loss.png").unlink()
         write_card(folder, pipe, dataset, [folder])

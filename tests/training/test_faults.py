@@ -13,7 +13,7 @@ from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.io.locks import unlock_folder
-from tactile_diffusers.training import ending
+from tactile_diffusers.training import card
 from tactile_diffusers.training.checkpoints import checkpoints, clear_unfinished, latest_checkpoint, save_result
 from tactile_diffusers.training.record import read_log
 
@@ -116,7 +116,7 @@ class TestOtherCheckpoints:
         options = {"checkpointing_steps": 2, "validation_steps": 2}
         make_trainer(tmp_path / "unbroken", **options).run()
 
-        def dying(model, step):
+        def dying(model):
             raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
@@ -161,7 +161,7 @@ class TestResult:
     def test_what_cannot_be_written_leaves_the_older_one(self, tmp_path):
         (tmp_path / "checkpoint-7").mkdir()
         save_result(tmp_path, lambda folder: self._save(folder, 10))
-        with pytest.raises(OSError, match=r"results in could not be written.*MiB are free.*checkpoint-7\."):
+        with pytest.raises(OSError, match=r"trained models could not be written.*MiB are free.*checkpoint-7\."):
             save_result(tmp_path, lambda folder: self._save(folder, 30))
         assert self._steps(tmp_path) == 10 and _names(tmp_path) == ["checkpoint-7", "model_index.json", "scheduler"]
 
@@ -254,10 +254,10 @@ class TestFullDisk:
     def test_no_room_for_what_tells_of_the_result(
         self, script, run_script, small_quota, monkeypatch, tmp_path, what, function
     ):
-        output, original = tmp_path / "output", getattr(ending, function)
+        output, original = tmp_path / "output", getattr(card, function)
         with monkeypatch.context() as patch:
-            patch.setattr(ending, function, lambda *a, **k: small_quota(1000) or original(*a, **k))
-            message = rf"^{what} could not be written to .*The training is finished and what it results in is whole\."
+            patch.setattr(card, function, lambda *a, **k: small_quota(1000) or original(*a, **k))
+            message = rf"^{what} could not be written to .*The training is finished and its models are saved\."
             with pytest.raises(OSError, match=rf"{message}.*--resume_from_checkpoint latest\.$"):
                 run_script(script("train_lctg"), "lctg", output, max_train_steps=1)
         small_quota(None)

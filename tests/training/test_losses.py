@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from tactile_diffusers.training.losses import (
-    multi_resolution_spectral_loss,
+from tactile_diffusers.training.steps import (
+    frequency_aware_loss,
     octave_weights,
     rating_loss,
     velocity_loss,
@@ -69,30 +69,28 @@ def test_octave_weights():
 
 def test_spectral_loss_of_identical_signals_is_zero_and_grows():
     clean, noise = _noise(2, 4096), _noise(2, 4096, seed=1)
-    assert multi_resolution_spectral_loss(clean, clean).tolist() == [0.0, 0.0]
-    losses = torch.stack([multi_resolution_spectral_loss(clean + s * noise, clean) for s in (0.1, 0.3, 1.0, 3.0)])
+    assert frequency_aware_loss(clean, clean).tolist() == [0.0, 0.0]
+    losses = torch.stack([frequency_aware_loss(clean + s * noise, clean) for s in (0.1, 0.3, 1.0, 3.0)])
     assert (losses[0] > 0).all() and (losses.diff(dim=0) > 0).all()
 
 
 def test_spectral_loss_of_a_gain_is_its_logarithm():
     clean = 100 * _noise(3, 4096)  # far above the floor that keeps silence out of the logarithm
-    loss = multi_resolution_spectral_loss(clean * 2, clean)
+    loss = frequency_aware_loss(clean * 2, clean)
     # a bin here and there comes near the floor: below 0.1 %
     torch.testing.assert_close(loss, torch.full((3,), math.log(2)), rtol=2e-3, atol=0)
 
 
 def test_spectral_loss_hears_no_sign_and_is_symmetric():
     one, other = _noise(2, 2048), _noise(2, 2048, seed=1)
-    assert multi_resolution_spectral_loss(-one, one).max() < 1e-6  # float32
-    torch.testing.assert_close(
-        multi_resolution_spectral_loss(one, other), multi_resolution_spectral_loss(other, one), rtol=1e-6, atol=0
-    )
+    assert frequency_aware_loss(-one, one).max() < 1e-6  # float32
+    torch.testing.assert_close(frequency_aware_loss(one, other), frequency_aware_loss(other, one), rtol=1e-6, atol=0)
 
 
 def test_spectral_loss_is_per_row_and_differentiable():
     one, other = _noise(3, 2048).requires_grad_(), _noise(3, 2048, seed=1)
-    loss = multi_resolution_spectral_loss(one, other)
-    alone = multi_resolution_spectral_loss(one[1:2], other[1:2])
+    loss = frequency_aware_loss(one, other)
+    alone = frequency_aware_loss(one[1:2], other[1:2])
     torch.testing.assert_close(loss[1:2], alone, rtol=1e-5, atol=0)
     loss.mean().backward()
     assert one.grad.isfinite().all() and one.grad.any()
@@ -100,15 +98,15 @@ def test_spectral_loss_is_per_row_and_differentiable():
 
 def test_spectral_loss_of_silence_is_finite():
     silent = torch.zeros(1, 2048, requires_grad=True)
-    loss = multi_resolution_spectral_loss(silent, _noise(1, 2048))
+    loss = frequency_aware_loss(silent, _noise(1, 2048))
     loss.sum().backward()
     assert loss.isfinite().all() and silent.grad.isfinite().all()
 
 
 def test_windows_longer_than_the_signal_are_left_out():
     one, other = _noise(1, 300), _noise(1, 300, seed=1)
-    expected = multi_resolution_spectral_loss(one, other, (64, 256))
-    assert torch.equal(multi_resolution_spectral_loss(one, other, (64, 256, 1024)), expected)
+    expected = frequency_aware_loss(one, other, (64, 256))
+    assert torch.equal(frequency_aware_loss(one, other, (64, 256, 1024)), expected)
 
 
 # --- ratings

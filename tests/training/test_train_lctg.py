@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.training.surfaces import surfaces_of
+from tactile_diffusers.training.trained_surfaces import surfaces_of
 
 WEIGHTS = "diffusion_pytorch_model.safetensors"
 
@@ -160,16 +160,16 @@ class TestCheckpoints:
         output = train(tmp_path / "lctg", checkpointing_steps=2, max_train_steps=3)
         assert _names(output) == ["checkpoint-2", "checkpoint-3"]
 
-    def test_a_loss_that_is_nan_stops_the_training_and_leaves_the_last_checkpoint(
-        self, lctg_script, train, tmp_path, monkeypatch
-    ):
-        calls, velocity_loss = [], lctg_script.velocity_loss
+    def test_a_loss_that_is_nan_stops_the_training_and_leaves_the_last_checkpoint(self, train, tmp_path, monkeypatch):
+        from tactile_diffusers.training import steps
+
+        calls, velocity_loss = [], steps.velocity_loss
 
         def broken(*arguments):
             calls.append(None)
             return velocity_loss(*arguments) * (float("nan") if len(calls) > 3 else 1.0)
 
-        monkeypatch.setattr(lctg_script, "velocity_loss", broken)
+        monkeypatch.setattr(steps, "velocity_loss", broken)
         with pytest.raises(FloatingPointError, match=r"loss is nan in step 4\..*indices \[.*checkpoint-2\."):
             train(tmp_path / "lctg", max_train_steps=6)
         weights = _weights(tmp_path / "lctg" / "checkpoint-2" / "lctg")
@@ -201,10 +201,6 @@ class TestRefusals:
         [
             ({"train_data_dir": "/nowhere/prepared.h5"}, FileNotFoundError, "/nowhere/prepared.h5"),
             ({"train_batch_size": 100_000}, ValueError, "train_batch_size"),
-            ({"spectral_loss_weight": -1}, ValueError, "--spectral_loss_weight"),
-            ({"preemphasis_clip_db": -1}, ValueError, "--preemphasis_clip_db"),
-            ({"octave_exponent": -1}, ValueError, "--octave_exponent"),
-            ({"train_batch_size": 0}, ValueError, "--train_batch_size"),
             ({"lr_scheduler": "zigzag"}, ValueError, "zigzag"),
         ],
         ids=lambda value: str(value) if isinstance(value, dict) else None,
@@ -242,11 +238,11 @@ class TestLearning:
         assert entry["train/loss"] == pytest.approx(expected, rel=1e-5)  # float32
 
     def test_second_phase_goes_on_from_the_first(self, train, trained, tmp_path):
-        options = {"pretrained_model_name_or_path": trained, "subset": "full", "freeze_encoder": True}
+        options = {"pretrained_model_name_or_path": trained, "subset": "full"}
         output = train(tmp_path / "second", max_train_steps=2, **options)
         before, after = _weights(trained / "lctg"), _weights(output / "lctg")
         moved = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
-        assert moved == {"decoder", "time_embedder"}
+        assert moved == {"encoder", "decoder", "time_embedder"}
         extractor = "feature_extractor/preprocessor_config.json"
         assert (output / extractor).read_bytes() == (trained / extractor).read_bytes()
         assert (

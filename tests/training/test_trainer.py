@@ -11,7 +11,7 @@ from accelerate import Accelerator
 from safetensors.torch import load_file
 
 from tactile_diffusers.io.locks import fcntl, is_locked, unlock_folder
-from tactile_diffusers.training.loop import latest_checkpoint
+from tactile_diffusers.training.checkpoints import latest_checkpoint
 
 
 def _state(model):
@@ -50,9 +50,9 @@ def test_noise_depends_on_the_seed(make_trainer, tmp_path):
         trainer = make_trainer(tmp_path / name, seed=seed)
         forward, drawn[name] = trainer.module.forward, []
 
-        def look(batch, generator, forward=forward, seen=drawn[name]):
-            seen.append(torch.randn(3, generator=generator.clone_state()))
-            return forward(batch, generator)
+        def look(batch, random, forward=forward, seen=drawn[name]):
+            seen.append(torch.randn(3, generator=random.generator.clone_state()))
+            return forward(batch, random)
 
         trainer.module.forward = look
         trainer.run()
@@ -81,7 +81,7 @@ def test_accumulated_batches_are_one_large_batch(make_trainer, tmp_path):
 def test_averaged_weights_are_validated_and_returned_and_the_raw_ones_trained_on(make_trainer, tmp_path):
     seen = []
 
-    def validate(model, step):
+    def validate(model):
         assert not model.training and not torch.is_grad_enabled()
         seen.append(_state(model))
         return {"score": 1.0}
@@ -148,7 +148,7 @@ def test_other_processes_than_the_main_one_lock_nothing(make_trainer, tmp_path, 
 
 def test_tensorboard_gets_scalars(make_trainer, tmp_path):
     event_accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
-    make_trainer(tmp_path, report_to="tensorboard", validate=lambda model, step: {"score": 0.25}).run()
+    make_trainer(tmp_path, report_to="tensorboard", validate=lambda model: {"score": 0.25}).run()
     files = (tmp_path / "logs").rglob("events.*")  # the hyperparameters have one of their own
     read = [event_accumulator.EventAccumulator(str(file)).Reload() for file in files]
     [events] = [events for events in read if "lr" in events.Tags()["scalars"]]

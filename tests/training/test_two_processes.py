@@ -4,15 +4,10 @@ import json
 import os
 import subprocess
 import sys
-from itertools import islice
 from pathlib import Path
 
 import pytest
-import torch
 from safetensors.torch import load_file
-
-from tactile_diffusers.training.batches import EndlessBatches
-from tactile_diffusers.training.draws import Draws
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # `accelerate launch --cpu --num_processes 2` starts one process (accelerate 1.15); torchrun is what it uses for GPUs
@@ -71,36 +66,3 @@ def test_dale_learns_in_two_processes_as_in_one(lctg, script, run_script, option
     one = run_script(script("train_dale"), "dale", tmp_path / "one", train_batch_size=4, **changes)
     _launch("train_dale.py", options_of_a_tiny_training("dale", tmp_path / "two", train_batch_size=2, **changes))
     _assert_learned_alike(one, tmp_path / "two", "dale")
-
-
-def _draws(seed, share):
-    return Draws(torch.Generator().manual_seed(seed), torch.device("cpu"), share)
-
-
-def _all(draws, rows):
-    return [draws.normal(rows, 3), draws.uniform(rows), draws.strata(rows), draws.normal(rows, 1, 5)]
-
-
-@pytest.mark.parametrize("processes", [2, 3])
-def test_processes_draw_together_what_one_draws(processes):
-    whole = _all(_draws(3, (0, 1)), 2 * processes)
-    parts = [_all(_draws(3, (index, processes)), 2) for index in range(processes)]
-    for one, several in zip(whole, zip(*parts, strict=True), strict=True):
-        assert torch.equal(one, torch.cat(several))
-
-
-def test_strata_hold_one_number_each():
-    places = torch.cat([_draws(0, (index, 2)).strata(5) for index in range(2)])
-    assert torch.equal((places * 10).floor(), torch.arange(10.0))
-
-
-@pytest.mark.parametrize("length", [12, 14, 23])
-def test_batches_of_processes_that_take_turns_are_those_of_one(length):
-    small = list(islice(EndlessBatches(length, 2, 5, processes=3), 30))
-    large = list(islice(EndlessBatches(length, 6, 5), 10))
-    assert [sum(small[turn : turn + 3], []) for turn in range(0, 30, 3)] == large
-
-
-def test_too_large_a_global_batch_is_refused():
-    with pytest.raises(ValueError, match=r"`train_batch_size` \(3\) in each of 2 processes exceeds .* \(5\)"):
-        EndlessBatches(5, 3, 0, processes=2)

@@ -71,7 +71,7 @@ def main(argv=None):
     from accelerate import PartialState
 
     from ..io.locks import unlock_folder
-    from ..training.processes import on_cpu
+    from ..training.launch import on_cpu
 
     # processes that are done wait for the last one, however long its shards take
     state = PartialState(on_cpu(), timeout=timedelta(weeks=1))

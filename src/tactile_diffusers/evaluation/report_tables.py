@@ -1,6 +1,6 @@
 """report.md: the tables of a report."""
 
-from ..training.surfaces import warning
+from ..training.trained_surfaces import warning
 from .control_tables import (
     control_effect_markdown,
     control_markdown,

@@ -1,4 +1,4 @@
-"""Which items a batch of a training holds, and what LCTG's holds of them."""
+"""Which items a batch of a training holds, and how they are put together."""
 
 import itertools
 
@@ -27,11 +27,24 @@ def make_collate(extractor, sampling_rate):
     return collate
 
 
+class TensorRows(torch.utils.data.Dataset):
+    """Rows of equally long tensors, as dicts: `{"state": (n, ...), "weight": (n,)}` has n of them."""
+
+    def __init__(self, tensors):
+        self.tensors = tensors
+
+    def __len__(self):
+        return len(next(iter(self.tensors.values())))
+
+    def __getitem__(self, index):
+        return {name: values[index] for name, values in self.tensors.items()}
+
+
 class EndlessBatches(torch.utils.data.Sampler):
     """Batches of indices for ever: a new seeded permutation each epoch, incomplete last batches dropped.
 
-    The n-th batch depends on the seed and n alone, so a resumed training goes on where it was. Processes take turns:
-    theirs of one step are one global batch, the same as that of a single process with as many rows.
+    The n-th batch depends on the seed and n alone, so a resumed training continues where it was. Processes take turns:
+    their batches of one step are together the batch that a single process with as many rows would have.
 
     Args:
         length (`int`): size of the data set.

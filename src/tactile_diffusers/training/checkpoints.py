@@ -1,6 +1,6 @@
-"""What a training writes into its output folder: whole or absent, whatever is killed, and when.
+"""Checkpoints and results in an output folder: each is whole or absent, even if the process is killed.
 
-Everything is written, and removed, under a name that begins with "unfinished-"; the next start clears these away.
+Folders are written, and removed, under a name that begins with "unfinished-"; the next start removes what is left.
 """
 
 import os
@@ -11,17 +11,15 @@ from pathlib import Path
 
 from safetensors import SafetensorError
 
-CHECKPOINT = re.compile(r"checkpoint-(\d+)")
-#: Where what a training results in is put together.
-RESULT = "unfinished-result"
-_UNFINISHED = re.compile(rf"unfinished-(removal-of-)?checkpoint-\d+|{RESULT}")
-#: A pipeline folder is one by this file.
-_INDEX = "model_index.json"
+_CHECKPOINT = re.compile(r"checkpoint-(\d+)")
+_RESULT = "unfinished-result"
+_UNFINISHED = re.compile(rf"unfinished-(removal-of-)?checkpoint-\d+|{_RESULT}")
+_INDEX = "model_index.json"  # makes a folder a pipeline
 
 
 def step_of(checkpoint):
     """The step in the name of a checkpoint folder; `None` for other names."""
-    found = CHECKPOINT.fullmatch(Path(checkpoint).name)
+    found = _CHECKPOINT.fullmatch(Path(checkpoint).name)
     return int(found[1]) if found else None
 
 
@@ -42,7 +40,7 @@ def unfinished_checkpoint(output_dir, step):
 
 
 def finish_checkpoint(folder):
-    """Gives a checkpoint that is written its name, once it is on disk."""
+    """Renames a written checkpoint to its final name, once it is on disk."""
     final = folder.with_name(folder.name.removeprefix("unfinished-"))
     _flush(folder)
     if final.is_dir():
@@ -52,7 +50,7 @@ def finish_checkpoint(folder):
 
 
 def remove_checkpoint(folder):
-    """Removes a checkpoint under another name: what a kill leaves of it must not pass for a whole one."""
+    """Removes a checkpoint under another name: what a kill leaves of it must not look like a whole one."""
     aside = folder.with_name(f"unfinished-removal-of-{folder.name}")
     shutil.rmtree(aside, ignore_errors=True)
     os.replace(folder, aside)
@@ -60,27 +58,27 @@ def remove_checkpoint(folder):
 
 
 def clear_unfinished(output_dir):
-    """Removes what a killed training left half-written or half-removed: of a folder that this process has locked."""
+    """Removes what a killed training left half-written or half-removed, in a folder that this process has locked."""
     for path in Path(output_dir).iterdir():
         if _UNFINISHED.fullmatch(path.name):
             shutil.rmtree(path, ignore_errors=True)
-        elif path.match(".*.tmp"):  # of `data.files.write_text`
+        elif path.match(".*.tmp"):  # of `io.files.write_text`
             path.unlink(missing_ok=True)
 
 
 @contextmanager
 def writing(what, output_dir, temporary=None, finished=False):
-    """Says what could not be written, where the training stands and how to go on; removes `temporary` then.
+    """Turns a failed write into an `OSError` that says what is missing and how to continue; removes `temporary` then.
 
     Args:
-        what (`str`): is written by the block.
+        what (`str`): the block writes.
         output_dir (`str` or `Path`): of the training.
         temporary (`Path`, *optional*): a folder that the block writes.
-        finished (`bool`): whether what the training results in is in the folder already.
+        finished (`bool`): whether the trained models are in the folder already.
 
     Raises:
-        OSError: if the block raises what the writers of files raise: besides `OSError`, safetensors and torch have
-            errors of their own. Of what is finished nothing may raise that does not say so.
+        OSError: if the block raises `OSError`, or what safetensors and torch raise; after the training is finished,
+            if it raises anything.
     """
     caught = (Exception,) if finished else (OSError, RuntimeError, SafetensorError)
     try:
@@ -90,38 +88,38 @@ def writing(what, output_dir, temporary=None, finished=False):
             shutil.rmtree(temporary, ignore_errors=True)
         free = shutil.disk_usage(output_dir).free / 2**20
         if finished:
-            stands = "The training is finished and what it results in is whole. To have this too, make room, then call"
-            stands += " again with --resume_from_checkpoint latest."
+            advice = "The training is finished and its models are saved. Make room, then run it again"
         else:
-            stands = f"{last_good(output_dir)} Make room, then go on with --resume_from_checkpoint latest."
+            advice = f"{last_good(output_dir)} Make room, then continue"
         raise OSError(
-            f"{what} could not be written to {output_dir}: {error} ({free:.1f} MiB are free there). {stands}"
+            f"{what} could not be written to {output_dir}: {error} ({free:.1f} MiB are free there). {advice} with "
+            "--resume_from_checkpoint latest."
         ) from error
 
 
 def last_good(output_dir):
-    """A sentence that names the checkpoint to go on from."""
+    """A sentence that names the checkpoint to continue from."""
     latest = latest_checkpoint(output_dir)
     return "There is no checkpoint yet." if latest is None else f"The last good checkpoint is {latest}."
 
 
 def save_result(output_dir, save):
-    """Writes what a training results in: its parts appear when all are whole, one by one, the pipeline's index last.
+    """Writes the trained models: parts appear when all are whole, one by one, the pipeline's index last.
 
     Args:
         output_dir (`str` or `Path`): of the training. Other files in it stay.
         save (`Callable`): `save(folder)` writes into an empty folder, given as a `str`.
 
     Raises:
-        OSError: if it cannot be written; what was there before is still there.
+        OSError: if they cannot be written; what was there before is still there.
     """
-    output, temporary = Path(output_dir), Path(output_dir) / RESULT
-    with writing("What the training results in", output, temporary):
+    output, temporary = Path(output_dir), Path(output_dir) / _RESULT
+    with writing("The trained models", output, temporary):
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir()
         save(str(temporary))
         _flush(temporary)
-    # with the index of an earlier result, parts that are half exchanged would pass for a pipeline
+    # with the index of an earlier result, half-exchanged parts would look like a pipeline
     (output / _INDEX).unlink(missing_ok=True)
     for part in sorted(temporary.iterdir(), key=lambda path: path.name == _INDEX):
         target = output / part.name

@@ -4,22 +4,15 @@ import json
 import logging
 import math
 import os
-import platform
 import shutil
-import sys
 import time
 from pathlib import Path
 
-import diffusers
 import torch
-from accelerate import Accelerator
-from accelerate.utils import DataLoaderConfiguration, ProjectConfiguration, set_seed
 from diffusers.optimization import get_scheduler
 from diffusers.training_utils import EMAModel
 from tqdm.auto import tqdm
 
-from ..io.files import write_text
-from ..io.locks import lock_folder
 from .batches import EndlessBatches
 from .checkpoints import (
     checkpoints,
@@ -32,58 +25,15 @@ from .checkpoints import (
     unfinished_checkpoint,
     writing,
 )
-from .processes import on_cpu
-from .record import trim_log
-from .surfaces import surfaces_of
+from .record import trim_log, write_record
+from .steps import BatchNoise
 
 logger = logging.getLogger(__name__)
 #: Distance between the noise seeds of two training seeds: a prime near the golden section of 2^32, so that trainings of
 #: neighbouring seeds never meet.
 _SEED_STRIDE = 0x9E3779B1
-
-
-def make_accelerator(args):
-    """Accelerator, seeds and the tracker for parsed arguments.
-
-    The output folder is this process's until `training.ending.finish`, or until the process ends, however it does.
-
-    Raises:
-        ValueError: if the output folder holds another training, or another process trains there.
-        ImportError: if the tracker is not installed, naming the extra.
-    """
-    output = Path(args.output_dir)
-    used = output.is_dir() and any(step_of(p) is not None or p.name == "log.jsonl" for p in output.iterdir())
-    if used and not args.overwrite_output_dir and not args.resume_from_checkpoint:
-        raise ValueError(
-            f"--output_dir {output} already holds a training. Give --resume_from_checkpoint latest to go on, or "
-            "--overwrite_output_dir to start again."
-        )
-    if args.report_to in ("tensorboard", "all"):
-        try:
-            import tensorboard  # noqa: F401
-        except ImportError as error:
-            raise ImportError(
-                f'--report_to {args.report_to} needs: pip install "tactile-diffusers[training]"; or give '
-                "--report_to none."
-            ) from error
-    if args.allow_tf32:
-        torch.backends.cuda.matmul.allow_tf32 = True
-    project = ProjectConfiguration(project_dir=args.output_dir, logging_dir=str(output / args.logging_dir))
-    accelerator = Accelerator(
-        cpu=on_cpu(),
-        gradient_accumulation_steps=args.gradient_accumulation_steps,
-        mixed_precision=args.mixed_precision,
-        log_with=None if args.report_to == "none" else args.report_to,
-        project_config=project,
-        # each process takes its own batches of the endless sampler; nothing is gathered at an epoch's end
-        dataloader_config=DataLoaderConfiguration(even_batches=False),
-    )
-    if accelerator.is_main_process:
-        output.mkdir(parents=True, exist_ok=True)
-        lock_folder(output, "--output_dir")
-    logging.basicConfig(format="%(asctime)s %(message)s", level=logging.INFO if accelerator.is_main_process else 40)
-    set_seed(args.seed)
-    return accelerator
+#: Updates between two lines of the log.
+_LOGGING_STEPS = 50
 
 
 class Trainer:
@@ -91,57 +41,215 @@ class Trainer:
 
     Args:
         accelerator (`Accelerator`): from `make_accelerator`.
-        args (`argparse.Namespace`): with what `add_training_arguments` adds.
-        step_module (`torch.nn.Module`): `step_module(batch, generator)` returns (loss, dict of scalars), means over the
-            rows of the batch; the model to train is its attribute `model` (a diffusers `ModelMixin`). The generator's
-            state is the same in every process: draw with `Draws`.
+        args (`argparse.Namespace`): with the arguments of `training_parser`.
+        step_module (`torch.nn.Module`): `step_module(batch, random)` returns (loss, dict of scalars), means over the
+            rows of the batch; the model to train is its attribute `model` (a diffusers `ModelMixin`), and `random` a
+            `BatchNoise`.
         name (`str`): of the model in checkpoint folders.
         dataset: indexable, with `__len__`.
         collate (`Callable`, *optional*): items -> batch (a dict of tensors); `None` = stacked.
-        validate (`Callable`, *optional*): `validate(model, step)` -> dict of scalars; called with the averaged weights.
+        validate (`Callable`, *optional*): `validate(model)` -> dict of scalars; called with the averaged weights.
+        surfaces (`dict`, *optional*): of `surfaces_of`, for `training.json`.
     """
 
-    def __init__(self, accelerator, args, step_module, name, dataset, collate, validate):
+    def __init__(self, accelerator, args, step_module, name, dataset, collate=None, validate=None, surfaces=None):
         self.accelerator, self.args, self.name, self.validate = accelerator, args, name, validate
-        self.dataset, self.collate, self.module = dataset, collate, step_module
-        self.output = Path(args.output_dir)
+        self.dataset, self.collate, self.module, self.surfaces = dataset, collate, step_module, surfaces
+        self.output, processes = Path(args.output_dir), accelerator.num_processes
         if args.gradient_checkpointing:
             step_module.model.enable_gradient_checkpointing()
-        batches = max(1, len(dataset) // args.train_batch_size // accelerator.num_processes)
+        batches = max(1, len(dataset) // args.train_batch_size // processes)
         updates_per_epoch = math.ceil(batches / args.gradient_accumulation_steps)
         self.total_steps = args.max_train_steps or args.num_train_epochs * updates_per_epoch
         rate = args.learning_rate
         if args.scale_lr:
-            rate *= args.gradient_accumulation_steps * args.train_batch_size * accelerator.num_processes
-        parameters = [p for p in step_module.parameters() if p.requires_grad]
+            rate *= args.gradient_accumulation_steps * args.train_batch_size * processes
         self.optimizer = torch.optim.AdamW(
-            parameters,
+            [p for p in step_module.parameters() if p.requires_grad],
             lr=rate,
             betas=(args.adam_beta1, args.adam_beta2),
             weight_decay=args.adam_weight_decay,
             eps=args.adam_epsilon,
         )
         # the prepared scheduler advances once per process and update: count both warm-up and total so
-        processes = accelerator.num_processes
         self.lr_scheduler = get_scheduler(
             args.lr_scheduler,
             optimizer=self.optimizer,
             num_warmup_steps=args.lr_warmup_steps * processes,
             num_training_steps=self.total_steps * processes,
         )
-        self.ema = None
-        if args.use_ema:
-            model = step_module.model
-            self.ema = EMAModel(
-                model.parameters(), decay=args.ema_decay, use_ema_warmup=True, inv_gamma=args.ema_inv_gamma,
-                power=args.ema_power, foreach=args.foreach_ema, model_cls=type(model), model_config=model.config,
-            )  # fmt: skip
-            self.ema.to(accelerator.device)
+        self.ema = self._make_ema() if args.use_ema else None
         accelerator.register_save_state_pre_hook(self._save_models)
         accelerator.register_load_state_pre_hook(self._load_models)
         self.step, self.seconds, self.owes_validation = 0, 0.0, False
 
-    # accelerate's own files hold optimiser, learning rate and random state; the weights go to diffusers' format
+    @property
+    def model(self):
+        """The model that is trained, out of the wrapper of several processes."""
+        return self.accelerator.unwrap_model(self.module).model
+
+    def run(self):
+        """Trains to the end and returns the model with averaged weights, in eval mode."""
+        args, accelerator = self.args, self.accelerator
+        self.module.train()
+        self.module, self.optimizer, self.lr_scheduler = accelerator.prepare(
+            self.module, self.optimizer, self.lr_scheduler
+        )
+        self.sampler = EndlessBatches(
+            len(self.dataset), args.train_batch_size, args.seed, processes=accelerator.num_processes
+        )
+        self._resume()
+        loader = self._make_loader()
+        self._start_tracker()
+        logger.info(
+            "***** Running training ***** segments %d, batch %d x %d, steps %d, parameters %.2f M, %s",
+            len(self.dataset), args.train_batch_size, args.gradient_accumulation_steps, self.total_steps,
+            sum(p.numel() for p in self.optimizer.param_groups[0]["params"]) / 1e6, accelerator.device,
+        )  # fmt: skip
+        if accelerator.is_main_process:
+            with writing("training.json", self.output):
+                write_record(args, accelerator, len(self.dataset), self.total_steps, self.surfaces)
+        if self.owes_validation:
+            self._validate()
+        self._loop(loader)
+        if self.step % args.checkpointing_steps:
+            self.save_checkpoint()
+        with writing("The log of the tracker", self.output):
+            accelerator.end_training()
+        model = self.model
+        if self.ema is not None:
+            self.ema.copy_to(model.parameters())
+        return model.eval()
+
+    def _make_ema(self):
+        args, model = self.args, self.module.model
+        ema = EMAModel(
+            model.parameters(), decay=args.ema_decay, use_ema_warmup=True, inv_gamma=args.ema_inv_gamma,
+            power=args.ema_power, foreach=args.foreach_ema, model_cls=type(model), model_config=model.config,
+        )  # fmt: skip
+        ema.to(self.accelerator.device)
+        return ema
+
+    def _make_loader(self):
+        self.sampler.start = self.step * self.args.gradient_accumulation_steps * self.accelerator.num_processes
+        loader = torch.utils.data.DataLoader(
+            self.dataset,
+            batch_sampler=self.sampler,
+            collate_fn=self.collate,
+            num_workers=self.args.dataloader_num_workers,
+            # its own: a loader draws once when it starts, which an unbroken training does once and a resumed one twice
+            generator=torch.Generator(),
+        )
+        return self.accelerator.prepare(loader)
+
+    def _start_tracker(self):
+        if self.args.report_to != "none":
+            plain = {name: value for name, value in vars(self.args).items() if isinstance(value, int | float | str)}
+            plain.pop("hub_token", None)
+            with writing("The log of the tracker", self.output):
+                self.accelerator.init_trackers(self.args.tracker_project_name, plain)
+
+    # --- the loop
+
+    def _loop(self, loader):
+        args, accelerator = self.args, self.accelerator
+        quiet = args.quiet or not accelerator.is_main_process
+        bar = tqdm(total=self.total_steps, initial=self.step, disable=quiet, desc=self.name, mininterval=5)
+        micro, sums, count, began = 0, {}, 0, time.time() - self.seconds
+        for batch in loader:
+            if self.step >= self.total_steps:
+                break
+            scalars = self._update(batch, self.step * args.gradient_accumulation_steps + micro)
+            micro = (micro + 1) % args.gradient_accumulation_steps
+            sums = {key: sums.get(key, 0.0) + value for key, value in scalars.items()}
+            count += 1
+            if not accelerator.sync_gradients:
+                continue
+            self.step += 1
+            bar.update()
+            if self.ema is not None:
+                self.ema.step(self.model.parameters())
+            if self.step % _LOGGING_STEPS == 0 or self.step == self.total_steps:
+                # rows of all processes count: the mean over processes, which have equally many
+                sums = dict(zip(sums, accelerator.reduce(torch.stack(list(sums.values())), "mean"), strict=True))
+                means = {f"train/{k}": float(v) / count for k, v in sums.items()}
+                self._log({**means, "lr": self.lr_scheduler.get_last_lr()[0], "seconds": time.time() - began})
+                bar.set_postfix(loss=means["train/loss"], refresh=False)
+                sums, count = {}, 0
+            if self.step % args.checkpointing_steps == 0:
+                self.save_checkpoint()
+            if self._validates_now():
+                self._validate()
+        bar.close()
+
+    def _update(self, batch, number):
+        """Forward, backward and, at the end of an accumulation, the optimiser; returns loss and scalars.
+
+        Args:
+            batch (`dict[str, torch.Tensor]`): of this process.
+            number (`int`): of the batch since the beginning of the training.
+        """
+        accelerator = self.accelerator
+        with accelerator.accumulate(self.module):
+            with accelerator.autocast():
+                loss, scalars = self.module(batch, self._noise(number))
+            if not torch.isfinite(loss):
+                own = number * accelerator.num_processes + accelerator.process_index
+                raise self._not_finite(f"The loss is {loss.item()}", [own])
+            accelerator.backward(loss)
+            if accelerator.sync_gradients:
+                norm = accelerator.clip_grad_norm_(self.module.parameters(), self.args.max_grad_norm)
+                # with a scaler (fp16) too large gradients are expected: it leaves the step out
+                if accelerator.scaler is None and not torch.isfinite(norm):
+                    batches = self.args.gradient_accumulation_steps * accelerator.num_processes
+                    all_of_them = range(self.step * batches, (self.step + 1) * batches)
+                    raise self._not_finite(f"The norm of the gradient is {norm.item()}, of a finite loss,", all_of_them)
+            self.optimizer.step()
+            self.lr_scheduler.step()
+            self.optimizer.zero_grad()
+        return {"loss": loss.detach(), **scalars}
+
+    def _noise(self, number):
+        """`BatchNoise` that depends on the seed and the batch's number alone: the same after a resume."""
+        accelerator = self.accelerator
+        # the CPU's generator reads 32 bits of its seed; a seed that is shifted up would go unread
+        seed = (self.args.seed * _SEED_STRIDE + number) % 2**32
+        generator = torch.Generator(accelerator.device).manual_seed(seed)
+        return BatchNoise(generator, accelerator.device, (accelerator.process_index, accelerator.num_processes))
+
+    def _not_finite(self, what, batches):
+        """The error that stops the training: `batches` are the numbers of those that led to it."""
+        indices = [index for number in batches for index in self.sampler.batch(number)]
+        return FloatingPointError(
+            f"{what} in step {self.step + 1}. The batch is made of the segments with indices {indices} of the training "
+            f"set: look at them, or lower --learning_rate. {last_good(self.output)}"
+        )
+
+    def _log(self, values):
+        with writing("The log", self.output):
+            self.accelerator.log(values, step=self.step)
+            if self.accelerator.is_main_process:
+                with open(self.output / "log.jsonl", "a") as file:
+                    file.write(json.dumps({"step": self.step, **values}) + "\n")
+
+    def _validates_now(self):
+        return bool(self.validate) and (self.step % self.args.validation_steps == 0 or self.step == self.total_steps)
+
+    def _validate(self):
+        model = self.model
+        if self.ema is not None:
+            self.ema.store(model.parameters())
+            self.ema.copy_to(model.parameters())
+        model.eval()
+        if self.accelerator.is_main_process:
+            with torch.no_grad():
+                self._log({f"validation/{name}": float(value) for name, value in self.validate(model).items()})
+        model.train()
+        if self.ema is not None:
+            self.ema.restore(model.parameters())
+
+    # --- checkpoints: accelerate keeps optimiser, learning rate and random state; weights are in diffusers' format
+
     def _save_models(self, models, weights, folder):
         if self.accelerator.is_main_process:
             for module in models:
@@ -156,8 +264,7 @@ class Trainer:
             loaded = type(model).from_pretrained(folder, subfolder=self.name)
             model.load_state_dict(loaded.state_dict())
         if self.ema is not None:
-            cls = type(self.accelerator.unwrap_model(self.module).model)
-            loaded = EMAModel.from_pretrained(os.path.join(folder, f"{self.name}_ema"), cls)
+            loaded = EMAModel.from_pretrained(os.path.join(folder, f"{self.name}_ema"), type(self.model))
             self.ema.load_state_dict(loaded.state_dict())
             self.ema.to(self.accelerator.device)
 
@@ -166,7 +273,7 @@ class Trainer:
 
         Raises:
             FloatingPointError: if a weight is not finite.
-            OSError: if it cannot be written, telling how to go on.
+            OSError: if it cannot be written; the message says how to continue.
         """
         if not all(parameter.isfinite().all() for parameter in self.module.parameters()):
             raise FloatingPointError(
@@ -185,6 +292,7 @@ class Trainer:
                 remove_checkpoint(old)
 
     def _resume(self):
+        """Loads the checkpoint that was asked for, or clears the folder for a new training."""
         wanted, main = self.args.resume_from_checkpoint, self.accelerator.is_main_process
         if main:
             clear_unfinished(self.output)
@@ -206,163 +314,18 @@ class Trainer:
         self.accelerator.load_state(str(folder))
         self.step = step_of(folder)
         logger.info("Resumed from %s", folder)
-        if main:  # what came after the checkpoint will come again
-            for other in checkpoints(self.output):
-                # or it would be the latest, and the first that is written now the oldest
-                if step_of(other) >= self.step and not other.samefile(folder):
-                    logger.info("Removing %s, which the training now goes another way to", other)
-                    remove_checkpoint(other)
-            entries = trim_log(self.output, self.step)
-            self.seconds = max((entry.get("seconds", 0.0) for entry in entries), default=0.0)
-            # the checkpoint comes first: a kill after it takes the validation of its step
-            known = {entry["step"] for entry in entries if any(key.startswith("validation/") for key in entry)}
-            self.owes_validation = self._validates_now() and self.step not in known
+        if main:
+            self._forget_later_steps(folder)
 
-    def _describe(self):
-        """Writes `training.json`: the command, the data, the machine and the versions, for the model card."""
-        script, defaults = Path(sys.argv[0]), getattr(self.args, "defaults", {})
-        kept = ("defaults", "hub_token")  # a secret is written nowhere
-        arguments = {k: v for k, v in vars(self.args).items() if v is not None and k not in kept}
-        record = {
-            "script": f"{script.parent.name}/{script.name}",
-            "arguments": arguments,
-            "changed": {k: v for k, v in arguments.items() if k not in defaults or v != defaults[k]},
-            "segments": len(self.dataset),
-            "trained_on": surfaces_of(self.dataset),
-            "steps": self.total_steps,
-            "processes": self.accelerator.num_processes,  # the global batch is that of each, times these
-            "machine": f"{platform.machine()}, {torch.get_num_threads()} thread(s), {self.accelerator.device}",
-            "versions": {"torch": torch.__version__, "diffusers": diffusers.__version__},
-        }
-        with writing("training.json", self.output):
-            write_text(self.output / "training.json", json.dumps(record, indent=2) + "\n")
-
-    def _log(self, values):
-        with writing("The log", self.output):
-            self.accelerator.log(values, step=self.step)
-            if self.accelerator.is_main_process:
-                with open(self.output / "log.jsonl", "a") as file:
-                    file.write(json.dumps({"step": self.step, **values}) + "\n")
-
-    def _not_finite(self, what, batches):
-        """The error that stops the training: `batches` are the numbers of those that led to it."""
-        indices = [index for number in batches for index in self.sampler.batch(number)]
-        return FloatingPointError(
-            f"{what} in step {self.step + 1}. The batch is made of the segments with indices {indices} of the training "
-            f"set: look at them, or lower --learning_rate. {last_good(self.output)}"
-        )
-
-    def _validates_now(self):
-        return bool(self.validate) and (self.step % self.args.validation_steps == 0 or self.step == self.total_steps)
-
-    def _validate(self):
-        model = self.accelerator.unwrap_model(self.module).model
-        if self.ema is not None:
-            self.ema.store(model.parameters())
-            self.ema.copy_to(model.parameters())
-        model.eval()
-        if self.accelerator.is_main_process:
-            with torch.no_grad():
-                self._log({f"validation/{k}": float(v) for k, v in self.validate(model, self.step).items()})
-        model.train()
-        if self.ema is not None:
-            self.ema.restore(model.parameters())
-
-    def run(self):
-        """Trains to the end and returns the model with averaged weights, in eval mode."""
-        args, accelerator = self.args, self.accelerator
-        self.module.train()
-        self.module, self.optimizer, self.lr_scheduler = accelerator.prepare(
-            self.module, self.optimizer, self.lr_scheduler
-        )
-        self.sampler = sampler = EndlessBatches(
-            len(self.dataset), args.train_batch_size, args.seed, processes=accelerator.num_processes
-        )
-        self._resume()
-        sampler.start = self.step * args.gradient_accumulation_steps * accelerator.num_processes
-        loader = torch.utils.data.DataLoader(
-            self.dataset,
-            batch_sampler=sampler,
-            collate_fn=self.collate,
-            num_workers=args.dataloader_num_workers,
-            # its own: a loader draws once when it starts, which an unbroken training does once and a resumed one twice
-            generator=torch.Generator(),
-        )
-        loader = accelerator.prepare(loader)
-        if args.report_to != "none":
-            told = {k: v for k, v in vars(args).items() if k != "hub_token"}
-            config = {k: v for k, v in told.items() if isinstance(v, int | float | str | bool)}
-            with writing("The log of the tracker", self.output):
-                accelerator.init_trackers(args.tracker_project_name, config)
-        logger.info(
-            "***** Running training ***** segments %d, batch %d x %d, steps %d, parameters %.2f M, %s",
-            len(self.dataset), args.train_batch_size, args.gradient_accumulation_steps, self.total_steps,
-            sum(p.numel() for p in self.optimizer.param_groups[0]["params"]) / 1e6, accelerator.device,
-        )  # fmt: skip
-        if accelerator.is_main_process:
-            self._describe()
-        if self.owes_validation:
-            self._validate()
-        self._loop(loader)
-        if self.step % args.checkpointing_steps:
-            self.save_checkpoint()
-        with writing("The log of the tracker", self.output):
-            accelerator.end_training()
-        model = accelerator.unwrap_model(self.module).model
-        if self.ema is not None:
-            self.ema.copy_to(model.parameters())
-        return model.eval()
-
-    def _loop(self, loader):
-        args, accelerator = self.args, self.accelerator
-        quiet = args.quiet or not accelerator.is_main_process
-        bar = tqdm(total=self.total_steps, initial=self.step, disable=quiet, desc=self.name, mininterval=5)
-        micro, sums, count, began = 0, {}, 0, time.time() - self.seconds
-        for batch in loader:
-            if self.step >= self.total_steps:
-                break
-            # noise and times depend on the seed and the step alone, so that a resumed run equals an unbroken one, and
-            # so do several processes one process
-            draw = self.step * args.gradient_accumulation_steps + micro
-            # the CPU's generator reads 32 bits of its seed; a seed that is shifted up would go unread
-            seed = (args.seed * _SEED_STRIDE + draw) % 2**32
-            generator = torch.Generator(accelerator.device).manual_seed(seed)
-            micro = (micro + 1) % args.gradient_accumulation_steps
-            with accelerator.accumulate(self.module):
-                with accelerator.autocast():
-                    loss, scalars = self.module(batch, generator)
-                if not torch.isfinite(loss):
-                    turn = draw * accelerator.num_processes + accelerator.process_index
-                    raise self._not_finite(f"The loss is {loss.item()}", [turn])
-                accelerator.backward(loss)
-                if accelerator.sync_gradients:
-                    norm = accelerator.clip_grad_norm_(self.module.parameters(), args.max_grad_norm)
-                    # with a scaler (fp16), gradients that are too large are nothing unusual: it leaves the step out
-                    if accelerator.scaler is None and not torch.isfinite(norm):
-                        turns = args.gradient_accumulation_steps * accelerator.num_processes
-                        batches = range(self.step * turns, (self.step + 1) * turns)
-                        raise self._not_finite(f"The norm of the gradient is {norm.item()}, of a finite loss,", batches)
-                self.optimizer.step()
-                self.lr_scheduler.step()
-                self.optimizer.zero_grad()
-            for key, value in {"loss": loss.detach(), **scalars}.items():
-                sums[key] = sums.get(key, 0.0) + value
-            count += 1
-            if not accelerator.sync_gradients:
-                continue
-            self.step += 1
-            bar.update()
-            if self.ema is not None:
-                self.ema.step(accelerator.unwrap_model(self.module).model.parameters())
-            if self.step % 50 == 0 or self.step == self.total_steps:
-                # rows of all processes count: the mean over processes, which have equally many
-                sums = dict(zip(sums, accelerator.reduce(torch.stack(list(sums.values())), "mean"), strict=True))
-                means = {f"train/{k}": float(v) / count for k, v in sums.items()}
-                self._log({**means, "lr": self.lr_scheduler.get_last_lr()[0], "seconds": time.time() - began})
-                bar.set_postfix(loss=means["train/loss"], refresh=False)
-                sums, count = {}, 0
-            if self.step % args.checkpointing_steps == 0:
-                self.save_checkpoint()
-            if self._validates_now():
-                self._validate()
-        bar.close()
+    def _forget_later_steps(self, folder):
+        """Removes checkpoints and lines of the log that came after the checkpoint `folder`: they will come again."""
+        for other in checkpoints(self.output):
+            # or it would be the latest, and the first that is written now the oldest
+            if step_of(other) >= self.step and not other.samefile(folder):
+                logger.info("Removing %s: the training continues from an earlier step", other)
+                remove_checkpoint(other)
+        entries = trim_log(self.output, self.step)
+        self.seconds = max((entry.get("seconds", 0.0) for entry in entries), default=0.0)
+        # the checkpoint is written before the validation of its step, which a kill can take away
+        known = {entry["step"] for entry in entries if any(key.startswith("validation/") for key in entry)}
+        self.owes_validation = self._validates_now() and self.step not in known

@@ -4,23 +4,23 @@ import numpy as np
 import torch
 from tqdm.auto import tqdm
 
-#: Training textures that it takes: enough that another set gives the same factors to a hundredth or two.
+#: Training textures to measure: another set of as many gives the same factors within a hundredth or two.
 MODULATION_TEXTURES = 256
-#: Corrections: gains of bands overlap, so each falls a little short.
+#: Corrections: bands overlap, so each correction is a little too small.
 ROUNDS = 3
-#: Bounds of the factors: beyond them a band is empty rather than flat.
+#: Bounds of the factors.
 LIMITS = (0.5, 2.0)
 
 
 def fit_modulation_gains(pipe, dale, textures, sampling_rate, seed=0, quiet=False, batch_size=64):
-    """Gives LCTG's config the `modulation_gains` with which decoded textures are modulated as deeply as recordings.
+    """Sets `modulation_gains` in LCTG's config, so that decoded textures are modulated as deeply as recordings.
 
-    A diffusion decoder that is told no details makes the modulation of the upper bands a little too shallow, of every
-    texture alike, and more so in few steps: by 10 to 40 % in log power at 2-6 Hz. Their ratio restores it.
+    From the base layer alone, a diffusion decoder modulates the upper bands too little, in all textures alike, and less
+    in fewer steps: by 10 to 40 % in log power at 2-6 Hz. The gains are the ratio of recorded to decoded modulation.
 
     Args:
-        pipe (`TactileTexturePipeline`): whose `lctg` gets it.
-        dale (`DALEModel`): gives the base layer the form in which it is generated (`pack`, `unpack`).
+        pipe (`TactileTexturePipeline`): whose `lctg` is measured and changed.
+        dale (`DALEModel`): brings the base layer into the form in which it is generated (`pack`, `unpack`).
         textures (`np.ndarray`): (n, samples), N, of training surfaces.
         sampling_rate (`int`): Hz.
         seed (`int`): of the decoder's noise.
@@ -35,21 +35,23 @@ def fit_modulation_gains(pipe, dale, textures, sampling_rate, seed=0, quiet=Fals
         return None
     batches = [textures[start : start + batch_size] for start in range(0, len(textures), batch_size)]
     recorded = sum(_power(extractor, rows, sampling_rate) for rows in batches)
-    modulation_gain = np.ones(lctg.level_channels)
+    gains = np.ones(lctg.level_channels)
     with tqdm(total=ROUNDS * len(batches), disable=quiet, desc="modulation") as bar:
         for _ in range(ROUNDS):
-            lctg.register_to_config(modulation_gains=[round(float(value), 4) for value in modulation_gain])
-            generator, made = torch.Generator().manual_seed(seed), 0.0
+            lctg.register_to_config(modulation_gains=[round(float(value), 4) for value in gains])
+            generator, decoded = torch.Generator().manual_seed(seed), 0.0
             for rows in batches:
-                given = pipe.encode(rows, sampling_rate)
-                state = dale.pack(given.latents[:, : lctg.base_channels], given.level, torch.ones_like(given.level))
+                encoded = pipe.encode(rows, sampling_rate)
+                base, friction = encoded.latents[:, : lctg.base_channels], torch.ones_like(encoded.level)
+                state = dale.pack(base, encoded.level, friction)
                 base = lctg.pad_detail(dale.unpack(state)[0])
-                out = pipe.decode(base, given.level, generator=generator)
-                made = made + _power(extractor, out.textures, out.sampling_rate)
+                out = pipe.decode(base, encoded.level, generator=generator)
+                decoded = decoded + _power(extractor, out.textures, out.sampling_rate)
                 bar.update()
-            ratio = np.sqrt(np.divide(recorded, made, out=np.ones_like(made), where=(recorded > 0) & (made > 0)))
-            modulation_gain = np.clip(modulation_gain * ratio, *LIMITS)
-    lctg.register_to_config(modulation_gains=[round(float(value), 4) for value in modulation_gain])
+            known = (recorded > 0) & (decoded > 0)
+            ratio = np.sqrt(np.divide(recorded, decoded, out=np.ones_like(decoded), where=known))
+            gains = np.clip(gains * ratio, *LIMITS)
+    lctg.register_to_config(modulation_gains=[round(float(value), 4) for value in gains])
     return lctg.config.modulation_gains
 
 

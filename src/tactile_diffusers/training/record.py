@@ -2,61 +2,109 @@
 
 import json
 import os
+import platform
+import sys
 from pathlib import Path
+
+import diffusers
+import torch
 
 from ..io.files import write_text
 from ..io.reading import read_json
 
-#: What a card tells of a training.
-_TOLD = {"script": str, "arguments": dict, "segments": int, "steps": int, "machine": str, "versions": dict}
-#: What trainings of old did not note.
-_OPTIONAL = {"changed": dict, "processes": int}
-#: The training that one went on from, among its arguments.
-_BEFORE = "pretrained_model_name_or_path"
+#: Keys of a record that a model card needs.
+_REQUIRED = {"script": str, "arguments": dict, "changed": dict, "segments": int, "steps": int}
+_REQUIRED |= {"processes": int, "machine": str, "versions": dict}
+#: The argument that names the training that one continued from.
+_EARLIER = "pretrained_model_name_or_path"
 #: Steps and sizes beyond it are damage.
 _LARGEST = 2**53
 
 
+def write_record(args, accelerator, segments, steps, surfaces):
+    """Writes `training.json` into the output folder, for the model card and for whoever evaluates the result.
+
+    Args:
+        args (`argparse.Namespace`): of `parse_training_arguments`.
+        accelerator (`Accelerator`): the training's.
+        segments, steps (`int`): of the training.
+        surfaces (`dict` or `None`): of `surfaces_of`.
+    """
+    script, defaults = Path(sys.argv[0]), getattr(args, "defaults", {})
+    kept_out = ("defaults", "hub_token")  # a secret is written nowhere
+    arguments = {name: value for name, value in vars(args).items() if value is not None and name not in kept_out}
+    record = {
+        "script": f"{script.parent.name}/{script.name}",
+        "arguments": arguments,
+        "changed": {k: v for k, v in arguments.items() if k not in defaults or v != defaults[k]},
+        "segments": segments,
+        "trained_on": surfaces,
+        "steps": steps,
+        "processes": accelerator.num_processes,  # the global batch is that of each, times these
+        "machine": f"{platform.machine()}, {torch.get_num_threads()} thread(s), {accelerator.device}",
+        "versions": {"torch": torch.__version__, "diffusers": diffusers.__version__},
+    }
+    write_text(Path(args.output_dir) / "training.json", json.dumps(record, indent=2) + "\n")
+
+
 def read_record(folder):
-    """`training.json` of a folder: a dict, empty if there is none that can be read, or values are of another kind."""
+    """`training.json` of a folder: a dict, empty if there is none or it is damaged."""
     try:
         record = read_json(Path(folder) / "training.json", "JSON")
     except (OSError, ValueError):
         return {}
-    fits = all(_is(record[name], kind) for name, kind in (_TOLD | _OPTIONAL).items() if name in record)
-    return record if fits and isinstance(record.get("arguments", {}).get(_BEFORE), str | None) else {}
+    fits = all(_is(record[name], kind) for name, kind in _REQUIRED.items() if name in record)
+    return record if fits and isinstance(record.get("arguments", {}).get(_EARLIER), str | None) else {}
 
 
 def is_complete(record):
-    """Whether a record holds all that a card tells of a training."""
-    return _TOLD.keys() <= record.keys()
+    """Whether a record holds all that a model card needs of a training."""
+    return _REQUIRED.keys() <= record.keys()
 
 
 def _is(value, kind):
     return type(value) is kind and (kind is not int or 0 <= value < _LARGEST)
 
 
-def read_log(folder):
-    """Entries of `log.jsonl` as `read_entries` gives them."""
-    return read_entries(Path(folder) / "log.jsonl")
+def phases(folder):
+    """A training and those that it continued from, the first one first.
 
+    Args:
+        folder (`str` or `Path`): output folder of the last one.
 
-def read_entries(path):
-    """Entries of a log: a list of dicts of numbers, empty if there is none.
-
-    Left out is what a kill or damage left of a line: what is no JSON, has no step, or holds anything but numbers.
+    Returns:
+        `list[tuple[Path, dict]]`: folder and record; the record of a phase that is not found is empty.
     """
-    entries = []
+    found, seen, folder = [], set(), Path(folder)
+    while folder.resolve() not in seen:
+        seen.add(folder.resolve())
+        record = read_record(folder)
+        found.append((folder, record))
+        earlier = record.get("arguments", {}).get(_EARLIER)
+        if earlier is None or "\0" in earlier:  # no path has a NUL
+            break
+        # trainings are moved together: an earlier one may lie beside this one
+        folder = Path(earlier) if os.path.isdir(earlier) else folder.parent / Path(earlier).name
+    return found[::-1]
+
+
+def read_log(folder):
+    """Entries of `log.jsonl` in a folder: a list of dicts of numbers, empty if there is none.
+
+    Lines that a kill or damage left are skipped: those that are no JSON, have no step, or hold anything but numbers.
+    """
     try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = (Path(folder) / "log.jsonl").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
-        return entries
-    for line in lines:
-        try:
-            entries.append(json.loads(line))
-        except (ValueError, RecursionError):
-            continue
-    return [entry for entry in entries if _is_entry(entry)]
+        return []
+    return [entry for entry in map(_parse, lines) if _is_entry(entry)]
+
+
+def _parse(line):
+    try:
+        return json.loads(line)
+    except (ValueError, RecursionError):
+        return None
 
 
 def _is_entry(entry):
@@ -65,37 +113,15 @@ def _is_entry(entry):
     return all(type(value) is float or (type(value) is int and abs(value) < _LARGEST) for value in entry.values())
 
 
-def trim_log(folder, step):
-    """Drops what a log says of later steps, and a last line that a kill cut off; returns the entries that stay."""
-    path, entries = Path(folder) / "log.jsonl", [entry for entry in read_log(folder) if entry["step"] <= step]
-    text = "".join(json.dumps(entry) + "\n" for entry in entries)
-    if not path.is_file() or path.read_bytes() != text.encode():
-        write_text(path, text)
-    return entries
-
-
 def read_losses(folder):
     """Entries of `log.jsonl` that hold the training loss."""
     return [entry for entry in read_log(folder) if "train/loss" in entry]
 
 
-def phases(folder):
-    """A training and those that it went on from, the first one first.
-
-    Args:
-        folder (`str` or `Path`): output folder of the last one.
-
-    Returns:
-        `list[tuple[Path, dict]]`: folder and record; that of a phase that is named but not found is empty.
-    """
-    found, seen, folder = [], set(), Path(folder)
-    while folder.resolve() not in seen:
-        seen.add(folder.resolve())
-        record = read_record(folder)
-        found.append((folder, record))
-        before = record.get("arguments", {}).get(_BEFORE)
-        if before is None or "\0" in before:  # of which no path is made
-            break
-        # runs are moved together: where it is no more, it may lie beside
-        folder = Path(before) if os.path.isdir(before) else folder.parent / Path(before).name
-    return found[::-1]
+def trim_log(folder, step):
+    """Removes later steps from a log, and a last line that a kill cut off; returns the entries that stay."""
+    path, entries = Path(folder) / "log.jsonl", [entry for entry in read_log(folder) if entry["step"] <= step]
+    text = "".join(json.dumps(entry) + "\n" for entry in entries)
+    if not path.is_file() or path.read_bytes() != text.encode():
+        write_text(path, text)
+    return entries

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from tactile_diffusers.training.figures import _told_apart, plot_axis_sweep, plot_losses
+from tactile_diffusers.training.progress_figures import _distinct_labels, plot_axis_sweep, plot_losses
 
 
 @pytest.fixture
@@ -25,14 +25,14 @@ def drawn(monkeypatch):
 def test_a_single_point_is_seen(drawn, tmp_path):
     log = [{"step": 30, "train/loss": 0.5}, {"step": 30, "validation/a": 1.0}, {"step": 60, "validation/a": 0.5}]
     (tmp_path / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in log) + '{"step": 61, "tr')
-    plot_losses(tmp_path / "log.jsonl", tmp_path / "loss.png")
+    plot_losses(tmp_path)
     (_, [train]), (_, [validation]) = drawn[0]
     assert train.get_marker() == "o" and validation.get_marker() == ""
 
 
 def test_ratings_have_as_many_decimals_as_tell_them_apart():
-    assert _told_apart([-0.94, -0.86, 0.0]) == ["-0.94", "-0.86", "+0.00"]
-    assert _told_apart([-1.0, 0.0, 0.96]) == ["-1.0", "+0.0", "+1.0"]
+    assert _distinct_labels([-0.94, -0.86, 0.0]) == ["-0.94", "-0.86", "+0.00"]
+    assert _distinct_labels([-1.0, 0.0, 0.96]) == ["-1.0", "+0.0", "+1.0"]
 
 
 def test_a_bound_is_asked_for_once(drawn, evaluable_pipe, tmp_path):

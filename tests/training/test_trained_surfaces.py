@@ -5,7 +5,7 @@ import json
 import pytest
 
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.training.surfaces import count_seen, surfaces_of, trained_on, warning, write_surfaces
+from tactile_diffusers.training.trained_surfaces import count_seen, surfaces_of, trained_on, warning, write_surfaces
 
 
 def _told(*names, seed=None):
@@ -59,4 +59,3 @@ def test_only_the_surfaces_of_a_view_count(prepared):
     told = surfaces_of(data)
     assert len(told["surfaces"]) == 2 and told["seed"] == 3 and set(told["surfaces"]) < set(data.surfaces)
     assert surfaces_of(data, [0])["surfaces"] == [data.surfaces[data.surface_ids[0]]]
-    assert surfaces_of(["no", "data", "set"]) is None

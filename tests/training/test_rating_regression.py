@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from tactile_diffusers.models.rating_estimator import RatingEstimator
-from tactile_diffusers.training.rating_head import fit_rating_estimator, scores_in_words
+from tactile_diffusers.training.rating_regression import describe_scores, fit_rating_estimator
 
 
 def _separable(count, seed, noise=0.3):
@@ -100,5 +100,5 @@ def test_shapes():
 
 
 def test_a_score_on_hardly_any_surface_is_no_number():
-    assert scores_in_words([-2.6e15, math.nan, 0.5], 1) == "too few held-out surfaces (1) to tell"
-    assert scores_in_words([0.25, math.nan, 0.5], 3) == "0.250, unknown, 0.500"
+    assert describe_scores([-2.6e15, math.nan, 0.5], 1) == "not reported: 1 held-out surfaces are too few"
+    assert describe_scores([0.25, math.nan, 0.5], 3) == "0.250, unknown, 0.500"

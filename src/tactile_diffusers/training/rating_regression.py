@@ -1,13 +1,13 @@
-"""Fitting the frozen regressor behind the paper's auxiliary conditioning loss (section 2.2)."""
+"""Fitting the frozen `RatingEstimator` behind the paper's auxiliary conditioning loss (section 2.2)."""
 
 import torch
 
 from ..models.rating_estimator import RatingEstimator
-from .losses import rating_loss
+from .steps import rating_loss
 
-#: share of the textures that hide their friction coefficient: a texture's file often lacks it
+#: Share of the textures that hide their friction coefficient: a texture's file often lacks it.
 FRICTION_DROPOUT = 0.2
-#: R² on fewer surfaces is chance: of one, whose ratings do not differ, it is a division by rounding.
+#: R² on fewer surfaces is chance.
 ENOUGH_SURFACES = 3
 
 
@@ -32,33 +32,35 @@ def fit_rating_estimator(
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        head = RatingEstimator(list(channel_groups), list(axes))
+        estimator = RatingEstimator(list(channel_groups), list(axes))
     generator = torch.Generator().manual_seed(seed)
-    optimizer = torch.optim.AdamW(head.parameters(), lr=2e-3, weight_decay=0.05)
+    optimizer = torch.optim.AdamW(estimator.parameters(), lr=2e-3, weight_decay=0.05)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 2e-3, total_steps=steps)
     for _ in range(steps):
         rows = torch.randint(len(pooled), (batch_size,), generator=generator)
         # a little noise, because it will judge predicted states, which are not quite clean
         noise = 0.1 * torch.randn(pooled[rows].shape, generator=generator)
         knows_friction = torch.rand(batch_size, generator=generator) > FRICTION_DROPOUT
-        loss = rating_loss(head(pooled[rows] + noise, knows_friction), ratings[rows]).mean()
+        loss = rating_loss(estimator(pooled[rows] + noise, knows_friction), ratings[rows]).mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         schedule.step()
-    head.eval().requires_grad_(False)
-    heard = torch.cat([head(piece) for piece in held_out_pooled.split(256)])
-    scores = []
-    for axis in range(ratings.shape[1]):
-        known = ~torch.isnan(held_out_ratings[:, axis])
-        truth, guess = held_out_ratings[known, axis], heard[known, axis]
-        spread = (truth - truth.mean()).square().sum()
-        scores.append(float(1 - (truth - guess).square().sum() / spread) if spread > 0 else float("nan"))
-    return head, scores
+    estimator.eval().requires_grad_(False)
+    estimated = torch.cat([estimator(piece) for piece in held_out_pooled.split(256)])
+    return estimator, [r_squared(*pair) for pair in zip(held_out_ratings.T, estimated.T, strict=True)]
 
 
-def scores_in_words(scores, surfaces):
-    """R² per axis for people, or why there is none: `scores` of `fit_rating_estimator`, on so many rated surfaces."""
+def r_squared(ratings, estimated):
+    """R² of estimates where ratings (n,) are known; NaN where they do not differ."""
+    known = ~torch.isnan(ratings)
+    ratings, estimated = ratings[known], estimated[known]
+    deviation = (ratings - ratings.mean()).square().sum()
+    return float(1 - (ratings - estimated).square().sum() / deviation) if deviation > 0 else float("nan")
+
+
+def describe_scores(scores, surfaces):
+    """R² per axis as text, or why there is none: `scores` of `fit_rating_estimator`, on so many rated surfaces."""
     if surfaces < ENOUGH_SURFACES:
-        return f"too few held-out surfaces ({surfaces}) to tell"
+        return f"not reported: {surfaces} held-out surfaces are too few"
     return ", ".join("unknown" if score != score else f"{score:.3f}" for score in scores)

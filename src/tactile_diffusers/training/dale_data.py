@@ -1,0 +1,109 @@
+"""What DALE is trained on: latents of a data set with level, friction and ratings, and the statistics in its config."""
+
+import numpy as np
+import torch
+from tqdm.auto import tqdm
+
+from ..data.ratings import rating_coverage, rating_quantiles
+from ..models.dale import NUM_SCALARS, DALEModel, latent_statistics
+
+#: Segments that the encoder reads at once, and that DALE packs at once.
+ENCODED_AT_ONCE, PACKED_AT_ONCE = 64, 512
+
+
+def encode_dataset(pipe, dataset, quiet=False):
+    """Base layers of all segments, (n, base_channels, frames) float32. The encoder is frozen, so once is enough."""
+    latents = []
+    for start in tqdm(range(0, len(dataset), ENCODED_AT_ONCE), disable=quiet, desc="latents"):
+        rows = dataset.textures(np.arange(start, min(start + ENCODED_AT_ONCE, len(dataset))))
+        encoded = pipe.encode(rows, dataset.sampling_rate).latents[:, : pipe.lctg.base_channels]
+        latents.append(encoded.float().cpu())
+    return torch.cat(latents)
+
+
+def mean_and_std(values):
+    """Mean and standard deviation of what is known, as floats; (`None`, `None`) where nothing is."""
+    values = np.asarray(values, dtype=np.float64)
+    values = values[np.isfinite(values)]
+    return (float(values.mean()), float(max(values.std(), 1e-3))) if len(values) else (None, None)
+
+
+def rating_statistics(dataset):
+    """Statistics of the training surfaces' ratings for DALE's config; empty if an axis has none."""
+    ratings = dataset.surface_ratings[np.unique(dataset.surface_ids)]
+    quantiles = rating_quantiles(ratings)
+    if np.isnan(quantiles).any():
+        return {}
+    coverage = rating_coverage(ratings)
+    found = {}
+    if coverage is not None:
+        centre, covariance, reach = coverage
+        found = {"centre": centre.tolist(), "covariance": covariance.tolist(), "reach": reach}
+    return found | {
+        "mean": dataset.ratings_mean.tolist(),
+        "std": dataset.ratings_scale.tolist(),
+        "range": quantiles[:, [0, -1]].tolist(),
+        "quantiles": quantiles.tolist(),
+    }
+
+
+def build_dale(lctg, dataset, latents, **config):
+    """A new `DALEModel` whose config holds the statistics of the training set.
+
+    Args:
+        lctg (`LCTGModel`): whose base layer it generates.
+        dataset (`PreparedDataset`): the training view.
+        latents (`torch.Tensor`): (n, base_channels, frames), of `encode_dataset`.
+        config: arguments of `DALEModel` that replace the ones found here.
+    """
+    level_mean, level_std = mean_and_std(dataset.levels)
+    friction_mean, friction_std = mean_and_std(np.log(np.maximum(dataset.friction_coefficients, 1e-3)))
+    levels = lctg.level_channels
+    patch_size = config.get("patch_size", 4 if levels else 1)
+    settings = {
+        "in_channels": lctg.base_channels + levels + NUM_SCALARS,
+        "latent_frames": latents.shape[-1],
+        "level_channels": levels,
+        "patch_size": patch_size,
+        **latent_statistics(latents, levels, patch_size),
+        "level_mean": level_mean,
+        "level_std": level_std,
+        "log_friction_mean": friction_mean,
+        "log_friction_std": friction_std,
+        "rating_statistics": rating_statistics(dataset),
+        "reference_speed": mean_and_std(dataset.speeds)[0],
+    }
+    return DALEModel(**settings | config)
+
+
+def training_states(dale, dataset, latents, single_raters=False):
+    """What `DALETrainingStep` reads of each segment, as tensors of n rows.
+
+    Surfaces count alike, however many segments they have: within limits of force and speed that depends on how they are
+    explored, which depends on how they feel. Weights end at four times the mean.
+
+    Args:
+        dale (`DALEModel`): packs the states.
+        dataset (`PreparedDataset`): with n segments.
+        latents (`torch.Tensor`): (n, base_channels, frames), of `encode_dataset`.
+        single_raters (`bool`): ratings of single raters, (n, raters, axes), in place of the pooled ones.
+
+    Returns:
+        `dict[str, torch.Tensor]`: "state" (n, in_channels, frames), "ratings" (n, axes) in z-scores, "ratings_error"
+            (n, axes), the standard error of the pooled ones, "knows_friction" (n,) bool, "weight" (n,).
+    """
+    friction = torch.from_numpy(np.asarray(dataset.friction_coefficients, dtype=np.float32))
+    level = torch.from_numpy(np.asarray(dataset.levels, dtype=np.float32))
+    surfaces = dataset.surface_ids
+    ratings = np.moveaxis(dataset.single_ratings, 0, 1) if single_raters else dataset.surface_ratings
+    counts = np.bincount(surfaces)
+    weight = np.minimum(1 / counts[surfaces], 4 * np.mean(1 / counts[surfaces]))
+    error = dataset.surface_ratings_std / np.sqrt(np.maximum(dataset.surface_ratings_count, 1))
+    parts = zip(*(values.split(PACKED_AT_ONCE) for values in (latents, level, friction)), strict=True)
+    return {
+        "state": torch.cat([dale.pack(*part) for part in parts]),
+        "ratings": torch.from_numpy(ratings[surfaces].astype(np.float32)),
+        "ratings_error": torch.nan_to_num(torch.from_numpy(error[surfaces].astype(np.float32))),
+        "knows_friction": torch.isfinite(friction),
+        "weight": torch.from_numpy((weight / weight.mean()).astype(np.float32)),
+    }
