@@ -7,11 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 from accelerate.state import AcceleratorState, GradientState
+from safetensors.torch import load_file
 
 from tactile_diffusers.data import SegmentLimits, prepare_recordings
 from tactile_diffusers.training.arguments import training_parser
 from tactile_diffusers.training.launch import make_accelerator
 from tactile_diffusers.training.loop import Trainer
+from tactile_diffusers.training.record import read_log
 from tactile_diffusers.training.steps import velocity_loss
 from tactile_diffusers.virtual import generate_recordings
 
@@ -119,6 +121,33 @@ def run_script(options_of_a_tiny_training):
         return output
 
     return run
+
+
+def weights_of(folder):
+    """Weights of a model that was saved into a folder; a dict of tensors stays as it is."""
+    return folder if isinstance(folder, dict) else load_file(folder / "diffusion_pytorch_model.safetensors")
+
+
+@pytest.fixture(scope="session")
+def differing_weights():
+    """`differing_weights(first, second)`: names of the weights that differ between two folders, or dicts of tensors."""
+
+    def compare(first, second):
+        first, second = weights_of(first), weights_of(second)
+        assert first.keys() == second.keys()
+        return [name for name in first if not torch.equal(first[name], second[name])]
+
+    return compare
+
+
+@pytest.fixture(scope="session")
+def read_entries():
+    """`read_entries(folder)`: the log of a training without the running time."""
+
+    def read(folder):
+        return [{key: value for key, value in entry.items() if key != "seconds"} for entry in read_log(folder)]
+
+    return read
 
 
 # --- a training without any data, to see what the loop itself does

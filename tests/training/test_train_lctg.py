@@ -39,22 +39,6 @@ def copy_of_trained(trained, tmp_path):
     return shutil.copytree(trained, tmp_path / "lctg")
 
 
-def _read_log(output):
-    """The entries of a training's log without the running time."""
-    entries = [json.loads(line) for line in (output / "log.jsonl").read_text().splitlines()]
-    return [{key: value for key, value in entry.items() if key != "seconds"} for entry in entries]
-
-
-def _weights(folder):
-    return load_file(str(folder / WEIGHTS))
-
-
-def _assert_equal_weights(first, second):
-    first, second = _weights(first), _weights(second)
-    assert first.keys() == second.keys()
-    assert [name for name in first if not torch.equal(first[name], second[name])] == []
-
-
 def _names(folder, pattern="*checkpoint-*"):
     return sorted(path.name for path in folder.glob(pattern))
 
@@ -72,8 +56,8 @@ class TestOutput:
         out = pipe.reconstruct(texture, 10_000, 3, torch.Generator().manual_seed(0))
         assert out.textures.shape == texture.shape and np.isfinite(out.textures).all()
 
-    def test_losses_and_validation_are_logged(self, trained):
-        entries = {key: value for entry in _read_log(trained) for key, value in entry.items()}
+    def test_losses_and_validation_are_logged(self, trained, read_entries):
+        entries = {key: value for entry in read_entries(trained) for key, value in entry.items()}
         assert entries["step"] == 4
         for key in ("train/loss", "train/velocity", "validation/nine_band_db", "validation/snr_db"):
             assert np.isfinite(entries[key]), key
@@ -86,27 +70,28 @@ class TestOutput:
         assert facts["steps"] == 4 and facts["segments"] > 4 and facts["arguments"]["seed"] == 0
         assert facts["trained_on"] == surfaces_of(PreparedDataset(prepared, "train"))
 
-    def test_averaged_weights_are_the_ones_saved(self, trained):
-        _assert_equal_weights(trained / "lctg", trained / "checkpoint-4" / "lctg_ema")
-        raw = _weights(trained / "checkpoint-4" / "lctg")
-        assert any(not torch.equal(value, raw[name]) for name, value in _weights(trained / "lctg").items())
+    def test_averaged_weights_are_the_ones_saved(self, trained, differing_weights):
+        assert differing_weights(trained / "lctg", trained / "checkpoint-4" / "lctg_ema") == []
+        assert differing_weights(trained / "lctg", trained / "checkpoint-4" / "lctg")
 
-    def test_without_averaging_the_last_weights_are_the_ones_saved(self, train, trained, tmp_path):
+    def test_without_averaging_the_last_weights_are_the_ones_saved(self, train, trained, tmp_path, differing_weights):
         output = train(tmp_path / "raw", **{"no-use_ema": True})
-        _assert_equal_weights(output / "lctg", trained / "checkpoint-4" / "lctg")
+        assert differing_weights(output / "lctg", trained / "checkpoint-4" / "lctg") == []
         assert not (output / "checkpoint-4" / "lctg_ema").exists()
 
 
 class TestResume:
-    def test_resumed_training_equals_an_unbroken_one_bit_for_bit(self, train, trained, copy_of_trained):
+    def test_resumed_training_equals_an_unbroken_one_bit_for_bit(
+        self, train, trained, copy_of_trained, differing_weights, read_entries
+    ):
         # as if killed while writing the checkpoint of step 4
         (copy_of_trained / "checkpoint-4").rename(copy_of_trained / "unfinished-checkpoint-4")
         (copy_of_trained / "unfinished-checkpoint-4" / "lctg" / WEIGHTS).write_bytes(b"")
         shutil.rmtree(copy_of_trained / "lctg")
         train(copy_of_trained, resume_from_checkpoint="latest")
-        _assert_equal_weights(copy_of_trained / "lctg", trained / "lctg")
+        assert differing_weights(copy_of_trained / "lctg", trained / "lctg") == []
         for part in ("lctg", "lctg_ema"):
-            _assert_equal_weights(copy_of_trained / "checkpoint-4" / part, trained / "checkpoint-4" / part)
+            assert differing_weights(copy_of_trained / "checkpoint-4" / part, trained / "checkpoint-4" / part) == []
         resumed, unbroken = (
             torch.load(folder / "checkpoint-4" / "optimizer.bin", weights_only=True)["state"]
             for folder in (copy_of_trained, trained)
@@ -114,34 +99,36 @@ class TestResume:
         for index, state in unbroken.items():
             assert all(torch.equal(value, resumed[index][name]) for name, value in state.items())
         # what was logged after the checkpoint is not there twice; means over fewer steps than unbroken may differ
-        resumed, unbroken = _read_log(copy_of_trained), _read_log(trained)
+        resumed, unbroken = read_entries(copy_of_trained), read_entries(trained)
         assert [entry["step"] for entry in resumed] == [entry["step"] for entry in unbroken]
         assert resumed[-1] == unbroken[-1]
         assert _names(copy_of_trained) == ["checkpoint-2", "checkpoint-4"]
 
-    def test_named_checkpoint(self, train, trained, copy_of_trained):
+    def test_named_checkpoint(self, train, trained, copy_of_trained, differing_weights):
         train(copy_of_trained, resume_from_checkpoint=copy_of_trained / "checkpoint-2")
-        _assert_equal_weights(copy_of_trained / "lctg", trained / "lctg")
+        assert differing_weights(copy_of_trained / "lctg", trained / "lctg") == []
 
-    def test_finished_training_is_left_as_it_is(self, train, trained, copy_of_trained):
+    def test_finished_training_is_left_as_it_is(self, train, trained, copy_of_trained, differing_weights, read_entries):
         train(copy_of_trained, resume_from_checkpoint="latest")
-        _assert_equal_weights(copy_of_trained / "lctg", trained / "lctg")
-        assert _read_log(copy_of_trained) == _read_log(trained)
+        assert differing_weights(copy_of_trained / "lctg", trained / "lctg") == []
+        assert read_entries(copy_of_trained) == read_entries(trained)
 
-    def test_latest_before_the_first_checkpoint_starts_from_the_beginning(self, train, trained, tmp_path):
+    def test_latest_before_the_first_checkpoint_starts_from_the_beginning(
+        self, train, trained, tmp_path, differing_weights, read_entries
+    ):
         output = tmp_path / "killed"
         output.mkdir()
         (output / "log.jsonl").write_text('{"step": 1, "train/loss": 123.0, "lr": 0.1, "seconds": 9.0}\n')
         train(output, resume_from_checkpoint="latest")
-        _assert_equal_weights(output / "lctg", trained / "lctg")
-        assert _read_log(output) == _read_log(trained)  # nothing of the run that left no checkpoint
+        assert differing_weights(output / "lctg", trained / "lctg") == []
+        assert read_entries(output) == read_entries(trained)  # nothing of the run that left no checkpoint
 
-    def test_half_written_last_line_of_the_log_is_forgotten(self, train, trained, copy_of_trained):
+    def test_half_written_last_line_of_the_log_is_forgotten(self, train, trained, copy_of_trained, read_entries):
         shutil.rmtree(copy_of_trained / "checkpoint-4")
         with open(copy_of_trained / "log.jsonl", "a") as log:
             log.write('{"step": 3, "train/lo')
         train(copy_of_trained, resume_from_checkpoint="latest")
-        assert [entry["step"] for entry in _read_log(copy_of_trained)] == [e["step"] for e in _read_log(trained)]
+        assert [entry["step"] for entry in read_entries(copy_of_trained)] == [e["step"] for e in read_entries(trained)]
 
     @pytest.mark.parametrize("wanted", ["nowhere", "lctg"])
     def test_what_is_no_checkpoint_is_refused(self, train, copy_of_trained, wanted):
@@ -172,7 +159,7 @@ class TestCheckpoints:
         monkeypatch.setattr(steps, "velocity_loss", broken)
         with pytest.raises(FloatingPointError, match=r"loss is nan in step 4\..*indices \[.*checkpoint-2\."):
             train(tmp_path / "lctg", max_train_steps=6)
-        weights = _weights(tmp_path / "lctg" / "checkpoint-2" / "lctg")
+        weights = load_file(tmp_path / "lctg" / "checkpoint-2" / "lctg" / WEIGHTS)
         assert all(torch.isfinite(value).all() for value in weights.values())
         assert not (tmp_path / "lctg" / "model_index.json").exists()
 
@@ -190,11 +177,11 @@ class TestRefusals:
             train(copy_of_trained)
         assert _snapshot(copy_of_trained) == before
 
-    def test_overwriting_starts_again(self, train, copy_of_trained):
+    def test_overwriting_starts_again(self, train, copy_of_trained, read_entries):
         (copy_of_trained / "checkpoint-4").rename(copy_of_trained / "checkpoint-900")
         train(copy_of_trained, overwrite_output_dir=True, max_train_steps=2, seed=1)
         assert _names(copy_of_trained) == ["checkpoint-2"]
-        assert {entry["step"] for entry in _read_log(copy_of_trained)} == {2}
+        assert {entry["step"] for entry in read_entries(copy_of_trained)} == {2}
 
     @pytest.mark.parametrize(
         ("options", "error", "message"),
@@ -218,30 +205,29 @@ class TestRefusals:
 
 
 class TestLearning:
-    def test_sixty_steps_reduce_the_loss(self, train, tmp_path):
+    def test_sixty_steps_reduce_the_loss(self, train, tmp_path, read_entries):
         options = {"train_batch_size": 8, "learning_rate": 4e-3, "checkpointing_steps": 1000}
         # not whitened: white noise has nothing to learn but what the latents say, which takes longer
         options |= {"octave_exponent": 0, "preemphasis_clip_db": 0}
         losses = []
         for steps in (1, 60):  # the mean over step 1, and over steps 51 to 60
             output = train(tmp_path / str(steps), max_train_steps=steps, **options)
-            losses.append([entry["train/velocity"] for entry in _read_log(output) if "train/velocity" in entry][-1])
+            losses.append([entry["train/velocity"] for entry in read_entries(output) if "train/velocity" in entry][-1])
         assert losses[0] == pytest.approx(1.0, abs=0.25)  # v = 0 at the start, of data of unit variance
         assert losses[1] < 0.9 * losses[0]
 
-    def test_spectral_loss_is_added(self, train, tmp_path):
+    def test_spectral_loss_is_added(self, train, tmp_path, read_entries):
         options = {"max_train_steps": 1, "spectral_loss_weight": 0.5, "octave_exponent": 0}
         output = train(tmp_path / "lctg", **options)
-        entry = next(entry for entry in _read_log(output) if "train/loss" in entry)
+        entry = next(entry for entry in read_entries(output) if "train/loss" in entry)
         assert entry["train/spectral"] > 0
         expected = entry["train/velocity"] + 0.5 * entry["train/spectral"]
         assert entry["train/loss"] == pytest.approx(expected, rel=1e-5)  # float32
 
-    def test_second_phase_goes_on_from_the_first(self, train, trained, tmp_path):
+    def test_second_phase_goes_on_from_the_first(self, train, trained, tmp_path, differing_weights):
         options = {"pretrained_model_name_or_path": trained, "subset": "full"}
         output = train(tmp_path / "second", max_train_steps=2, **options)
-        before, after = _weights(trained / "lctg"), _weights(output / "lctg")
-        moved = {name.split(".")[0] for name in before if not torch.equal(before[name], after[name])}
+        moved = {name.split(".")[0] for name in differing_weights(trained / "lctg", output / "lctg")}
         assert moved == {"encoder", "decoder", "time_embedder"}
         extractor = "feature_extractor/preprocessor_config.json"
         assert (output / extractor).read_bytes() == (trained / extractor).read_bytes()
@@ -252,14 +238,14 @@ class TestLearning:
 
     def test_gradient_checkpointing_changes_nothing(self, train, trained, tmp_path):
         output = train(tmp_path / "lctg", gradient_checkpointing=True)
-        expected = _weights(trained / "lctg")
-        for name, value in _weights(output / "lctg").items():
+        expected = load_file(trained / "lctg" / WEIGHTS)
+        for name, value in load_file(output / "lctg" / WEIGHTS).items():
             # the same sums computed twice; Adam turns float32 noise in tiny gradients into steps of the rate, 1e-3
             torch.testing.assert_close(value, expected[name], rtol=0, atol=1e-4)
 
-    def test_seed_decides_everything(self, train, trained, tmp_path):
+    def test_seed_decides_everything(self, train, trained, tmp_path, differing_weights):
         torch.manual_seed(123)
         again = train(tmp_path / "again")
-        _assert_equal_weights(again / "lctg", trained / "lctg")
+        assert differing_weights(again / "lctg", trained / "lctg") == []
         other = train(tmp_path / "other", seed=1)
-        assert not torch.equal(*(_weights(f / "lctg")["decoder.conv_in.weight"] for f in (again, other)))
+        assert "decoder.conv_in.weight" in differing_weights(again / "lctg", other / "lctg")

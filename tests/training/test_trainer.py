@@ -18,11 +18,6 @@ def _state(model):
     return {name: value.detach().clone() for name, value in model.state_dict().items()}
 
 
-def _assert_equal(first, second):
-    assert first.keys() == second.keys()
-    assert [name for name in first if not torch.equal(first[name], second[name])] == []
-
-
 class Killed(Exception):
     pass
 
@@ -32,7 +27,7 @@ def _killed(loss):
 
 
 @pytest.mark.parametrize("accumulation", [1, 2])
-def test_a_killed_and_resumed_training_equals_an_unbroken_one(make_trainer, tmp_path, accumulation):
+def test_a_killed_and_resumed_training_equals_an_unbroken_one(make_trainer, tmp_path, accumulation, differing_weights):
     options = {"max_train_steps": 7, "checkpointing_steps": 3, "gradient_accumulation_steps": accumulation}
     unbroken = _state(make_trainer(tmp_path / "unbroken", **options).run())
     with pytest.raises(Killed):
@@ -41,7 +36,7 @@ def test_a_killed_and_resumed_training_equals_an_unbroken_one(make_trainer, tmp_
     resumed = make_trainer(tmp_path / "killed", resume_from_checkpoint="latest", **options)
     model = resumed.run()
     assert resumed.module.calls == 4 * accumulation  # steps 4 to 7 only
-    _assert_equal(_state(model), unbroken)
+    assert differing_weights(_state(model), unbroken) == []
 
 
 def test_noise_depends_on_the_seed(make_trainer, tmp_path):
@@ -78,7 +73,9 @@ def test_accumulated_batches_are_one_large_batch(make_trainer, tmp_path):
     assert entry["train/loss"] == pytest.approx(np.mean(seen), rel=1e-6)  # float32
 
 
-def test_averaged_weights_are_validated_and_returned_and_the_raw_ones_trained_on(make_trainer, tmp_path):
+def test_averaged_weights_are_validated_and_returned_and_the_raw_ones_trained_on(
+    make_trainer, tmp_path, differing_weights
+):
     seen = []
 
     def validate(model):
@@ -89,11 +86,11 @@ def test_averaged_weights_are_validated_and_returned_and_the_raw_ones_trained_on
     trainer = make_trainer(tmp_path, validate=validate, validation_steps=2, ema_decay=0.9)
     model = trainer.run()
     assert len(seen) == 2 and not model.training
-    _assert_equal(_state(model), seen[-1])
+    assert differing_weights(_state(model), seen[-1]) == []
     raw = load_file(tmp_path / "checkpoint-4" / "dale" / "diffusion_pytorch_model.safetensors")
     assert any(not torch.equal(raw[name], value) for name, value in _state(model).items())
     without = make_trainer(tmp_path / "no_validation", validation_steps=1000, ema_decay=0.9).run()
-    _assert_equal(_state(without), _state(model))  # looking changes nothing
+    assert differing_weights(_state(without), _state(model)) == []  # looking changes nothing
 
 
 def test_weights_learn_and_the_rate_follows_its_schedule(make_trainer, tmp_path):
@@ -106,7 +103,7 @@ def test_weights_learn_and_the_rate_follows_its_schedule(make_trainer, tmp_path)
     assert len(rates) == 4 and rates == sorted(rates, reverse=True) and rates[-1] == pytest.approx(0, abs=1e-8)
 
 
-def test_a_kill_while_writing_leaves_the_checkpoint_before(make_trainer, tmp_path, monkeypatch):
+def test_a_kill_while_writing_leaves_the_checkpoint_before(make_trainer, tmp_path, monkeypatch, differing_weights):
     replace = os.replace
 
     def dying(source, target):
@@ -125,7 +122,7 @@ def test_a_kill_while_writing_leaves_the_checkpoint_before(make_trainer, tmp_pat
     ).run()
     assert sorted(path.name for path in tmp_path.glob("*checkpoint-*")) == ["checkpoint-5"]
     shutil.rmtree(tmp_path)
-    _assert_equal(_state(model), _state(make_trainer(tmp_path, max_train_steps=5).run()))
+    assert differing_weights(_state(model), _state(make_trainer(tmp_path, max_train_steps=5).run())) == []
 
 
 @pytest.mark.skipif(fcntl is None, reason="needs flock")
