@@ -1,37 +1,27 @@
 """Recordings, segments, ratings, and the prepared data set.
 
-Readers of anyone's folders are in `data.folder`, simulated recordings in `tactile_diffusers.virtual`.
+Readers of anyone's folders are in `data.folder`, simulated recordings in `tactile_diffusers.virtual`. Names are
+imported when they are first used: training reads the prepared data set, and nothing of how it was prepared.
 """
 
-from .dataset import PreparedDataset
-from .prepare import PreparationReport, prepare_recordings
-from .ratings import (
-    RatingReliability,
-    SurfaceRatings,
-    axis_correlation,
-    pool_ratings,
-    rating_quantiles,
-    rating_reliability,
-)
-from .recordings import RaterScores, Recording, RecordingsFile, RecordingsWriter
-from .segments import SegmentLimits
-from .splits import HoldOut, split_surfaces
+import importlib
 
-__all__ = [
-    "HoldOut",
-    "PreparationReport",
-    "PreparedDataset",
-    "RaterScores",
-    "RatingReliability",
-    "Recording",
-    "RecordingsFile",
-    "RecordingsWriter",
-    "SegmentLimits",
-    "SurfaceRatings",
-    "axis_correlation",
-    "pool_ratings",
-    "prepare_recordings",
-    "rating_quantiles",
-    "rating_reliability",
-    "split_surfaces",
-]
+_MODULES = {
+    "dataset": ("PreparedDataset",),
+    "prepare": ("PreparationReport", "prepare_recordings"),
+    "ratings": (
+        *("RatingReliability", "SurfaceRatings", "axis_correlation", "pool_ratings"),
+        *("rating_quantiles", "rating_reliability"),
+    ),
+    "recordings": ("RaterScores", "Recording", "RecordingsFile", "RecordingsWriter"),
+    "segments": ("SegmentLimits",),
+    "splits": ("HoldOut", "split_surfaces"),
+}
+__all__ = sorted(name for names in _MODULES.values() for name in names)
+
+
+def __getattr__(name):
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(importlib.import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
