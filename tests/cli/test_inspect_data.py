@@ -36,8 +36,8 @@ def test_without_prepared_the_default_limits_are_used_and_told(files, tmp_path, 
 @pytest.mark.parametrize(
     "flags, message",
     [
-        ("--recordings {tmp}/no.h5 --output {tmp}/card", "there is no file"),
-        ("--recordings {files}/r.h5 --prepared {tmp}/no.h5 --output {tmp}/card", "there is no file"),
+        ("--recordings {tmp}/no.h5 --output {tmp}/card", "is not a file"),
+        ("--recordings {files}/r.h5 --prepared {tmp}/no.h5 --output {tmp}/card", "is not a file"),
         ("--recordings {files}/r.h5", "--output"),
     ],
 )

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from .program import Parser, program, refuse
+from .program import Parser, existing_file, program, refuse
 
 DESCRIPTION = """\
 Writes a data card of any recordings.h5: what is in it, what preparation keeps and why it drops the rest, levels,
@@ -24,24 +24,13 @@ def parse_arguments(argv=None):
     parser = Parser(
         prog=program("inspect_data.py"), description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--recordings", type=Path, required=True, metavar="RECORDINGS.h5", help="what to describe")
-    parser.add_argument(
-        "--prepared",
-        type=Path,
-        metavar="PREPARED.h5",
-        help="prepared from these recordings; without it they are prepared with the default limits, into a file that "
-        "is removed again",
-    )
-    parser.add_argument(
-        "--output", type=Path, required=True, metavar="FOLDER", help="new, or an older card, which is replaced"
-    )
-    parser.add_argument("--quiet", action="store_true", help="no progress bars")
-    arguments = parser.parse_args(argv)
-    for name in ("recordings", "prepared"):
-        path = getattr(arguments, name)
-        if path is not None and not path.is_file():
-            parser.error(f"argument --{name}: there is no file {path}")
-    return arguments
+    add = parser.add_argument
+    add("--recordings", type=existing_file, required=True, metavar="RECORDINGS.h5", help="what to describe")
+    prepared = "prepared from these recordings; default: prepared with the default limits into a temporary file"
+    add("--prepared", type=existing_file, metavar="PREPARED.h5", help=prepared)
+    add("--output", type=Path, required=True, metavar="FOLDER", help="new, or an older card, which is replaced")
+    add("--quiet", action="store_true", help="no progress bars")
+    return parser.parse_args(argv)
 
 
 def main(argv=None):

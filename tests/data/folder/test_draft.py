@@ -177,32 +177,13 @@ def test_draft(foreign):
     )
 
 
-def test_each_todo_left_in_is_refused(foreign, tmp_path):
-    text = draft_layout(inspect_folder(foreign, quiet=True))
-    keys = [
-        "source",
-        "licence",
-        "ratings.axes.roughness.high",
-        "ratings.axes.bumpiness.high",
-        "ratings.axes.slipperiness.high",
-    ]
-    assert text.count('"TODO') == len(keys)
-    for number, key in enumerate(keys):
-        parts = text.split('"TODO')
-        kept = [
-            re.sub(r'^[^"]*"', '"filled in"', part) if i != number else '"TODO' + part
-            for i, part in enumerate(parts[1:])
-        ]
-        (tmp_path / "l.toml").write_text(parts[0] + "".join(kept))
-        with pytest.raises(ValueError, match=f"l.toml: `{re.escape(key)}` = 'TODO.* is still to be filled in"):
-            load_layout(tmp_path / "l.toml")
-
-
-def test_all_todos_left_in_are_named_at_once(foreign, tmp_path):
+def test_every_todo_left_in_is_named(foreign, tmp_path):
     (tmp_path / "l.toml").write_text(draft_layout(inspect_folder(foreign, quiet=True)))
     with pytest.raises(ValueError) as raised:
         load_layout(tmp_path / "l.toml")
-    assert str(raised.value).count("is still to be filled in") == 5 and str(raised.value).count("l.toml") == 1
+    keys = ["source", "licence", *(f"ratings.axes.{axis}.high" for axis in ("roughness", "bumpiness", "slipperiness"))]
+    assert re.findall("`(.*?)` = 'TODO.*? is still to be filled in", str(raised.value)) == keys
+    assert str(raised.value).count("l.toml") == 1
 
 
 def test_drafted_and_converted(foreign, tmp_path):
@@ -333,20 +314,17 @@ def test_a_row_an_answer(tmp_path):
     }
 
 
-def test_a_file_a_rater(tmp_path):
+def test_a_file_a_rater_or_a_surface(tmp_path):
     for rater in range(5):
         columns = {"sample": ["felt", "cork", "glass"], "smooth_rough": [1, 7, rater], "slippery": [2, 7, 1]}
-        table(tmp_path / f"ratings/participant_{rater}.csv", columns)
-    ratings = ratings_of(tmp_path)
+        table(tmp_path / f"a/ratings/participant_{rater}.csv", columns)
+    ratings = ratings_of(tmp_path / "a")
     assert ratings["pattern"] == "ratings/participant_{rater}.csv" and "rater" not in ratings
     assert ratings["surface"] == "sample"
     assert ratings["scale"][1].startswith("TODO: the ends of the scale; answers from 0 to 7")
-
-
-def test_a_file_a_surface(tmp_path):
     for surface in ("felt", "cork", "glass"):
-        table(tmp_path / f"ratings/{surface}.csv", {"rater": ["a", "b", "c"], "bumpy": [1, 7, 3]})
-    ratings = ratings_of(tmp_path)
+        table(tmp_path / f"b/ratings/{surface}.csv", {"rater": ["a", "b", "c"], "bumpy": [1, 7, 3]})
+    ratings = ratings_of(tmp_path / "b")
     assert ratings["pattern"] == "ratings/{surface}.csv" and ratings["rater"] == "rater" and "surface" not in ratings
     assert ratings["scale"] == [1, 7]
 
@@ -463,31 +441,22 @@ def test_few_files_are_opened(tmp_path, monkeypatch):
 
 
 def test_large_folders_and_tables_are_cut_short(tmp_path, monkeypatch):
-    monkeypatch.setattr(draft_groups, "MOST_FILES", 10)
-    monkeypatch.setattr(draft_groups, "HEAD_ROWS", 50)
+    """Many files of one sensor do not hide another."""
+    limits = {"MOST_FILES": 25, "MOST_IN_FOLDER": 10, "HEAD_ROWS": 50, "LARGEST_OPENED": 1000}
+    for name, limit in limits.items():
+        monkeypatch.setattr(draft_groups, name, limit)
     monkeypatch.setattr("tactile_diffusers.data.folder.draft_columns.HEAD_ROWS", 50)
-    for surface in range(20):
-        table(tmp_path / f"texture_{surface:02d}_force.csv", {"fx": np.arange(100.0), "fy": 0.0, "fz": 1.0})
-    inventory = inspect_folder(tmp_path, quiet=True)
-    (group,) = inventory.groups
-    assert len(inventory.files.files) == 10 and inventory.files.truncated
-    assert group.first.table.rows == 50 and not group.first.complete and group.seconds is None
-    assert "the folder has more files than are listed" in str(inventory)
-
-
-def test_many_files_of_one_sensor_do_not_hide_another(tmp_path, monkeypatch):
-    monkeypatch.setattr(draft_groups, "MOST_IN_FOLDER", 10)
-    for kind in ("force", "position"):
+    for kind in ("force", "position", "torque"):
         for surface in range(15):
-            table(tmp_path / kind / f"{surface:02d}.csv", {"x": [1.0, 2.0], "y": [3.0, 4.0], "z": [1.0, 1.0]})
+            table(tmp_path / kind / f"{surface:02d}.csv", {"x": np.arange(100.0), "y": 0.0, "z": 1.0})
     inventory = inspect_folder(tmp_path, quiet=True)
-    assert [len(group.files.names) for group in inventory.groups] == [10, 10] and inventory.files.truncated
-
-
-def test_large_files_that_are_read_as_a_whole_are_not_opened(tmp_path, monkeypatch):
-    monkeypatch.setattr(draft_groups, "LARGEST_OPENED", 1000)
-    np.savez(tmp_path / "felt.npz", force=force())
-    assert "read as a whole: not opened" in inspect_folder(tmp_path, quiet=True).files.skipped["felt.npz"]
+    assert [len(group.files.names) for group in inventory.groups] == [10, 10, 5] and inventory.files.truncated
+    facts = inventory.groups[0].first
+    assert facts.table.rows == 50 and not facts.complete and inventory.groups[0].seconds is None
+    assert "the folder has more files than are listed" in str(inventory)
+    (tmp_path / "npz").mkdir()
+    np.savez(tmp_path / "npz" / "felt.npz", force=force())
+    assert "read as a whole: not opened" in inspect_folder(tmp_path / "npz", quiet=True).files.skipped["felt.npz"]
 
 
 @pytest.mark.parametrize("content", [{}, {"alpha": [1.5, 2.5], "beta": [3.5, 1.0]}])
@@ -498,8 +467,5 @@ def test_nothing_recognised(tmp_path, content):
     assert "check: no force was recognised" in str(inventory) and "no ratings were recognised" in str(inventory)
     (entry,) = drafted(tmp_path)["files"]
     assert entry["pattern"].startswith("TODO") and entry["force"].startswith("TODO")
-
-
-def test_no_folder(tmp_path):
     with pytest.raises(FileNotFoundError, match="There is no folder .*nowhere"):
         inspect_folder(tmp_path / "nowhere", quiet=True)

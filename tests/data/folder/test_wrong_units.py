@@ -39,7 +39,9 @@ def convert(tmp_path):
 def test_metres_for_millimetres_stop_the_conversion(convert, tmp_path):
     assert convert().recordings == 1
     (tmp_path / "r.h5").unlink()
-    with pytest.raises(ValueError, match=r"felt.csv: with `unit` = 'm' the positions span 5\d,\d{3} mm"):
+    with pytest.raises(
+        ValueError, match=r"felt.csv: with `unit` = 'm' of `position` the median speed is \d\d,\d{3} mm/s"
+    ):
         convert('"mm"', '"m"')
     with pytest.raises(ValueError, match=r"`unit` = 'm/s' of `velocity` the median speed is \d\d,\d{3} mm/s"):
         convert('position = { x = "px", unit = "mm" }', 'velocity = { x = "px", unit = "m/s" }')

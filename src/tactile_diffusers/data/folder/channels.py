@@ -23,8 +23,8 @@ from .lag import residual_lag
 LIKELY_SPEED = (1.0, 1000.0)
 #: Likewise of the normal force (N, median of the size) of a finger (recipe).
 LIKELY_FORCE = (0.01, 30.0)
-#: No finger that explores a surface moves farther (mm) or faster (mm/s, median): the unit is wrong (recipe).
-LARGEST_SPAN, LARGEST_SPEED = 5000.0, 10_000.0
+#: No finger that explores a surface moves faster (mm/s, median): the unit is wrong (recipe).
+LARGEST_SPEED = 10_000.0
 
 
 def read_channels(name, channels, filter, report):
@@ -52,12 +52,14 @@ def read_channels(name, channels, filter, report):
     if "position" in read:
         position = read["position"]
         _check_usable(position)
-        _check_span(position, channels["position"])
         slope = velocity_from_position(position.values, position.true_rate, filter.window, filter.order)
         motion = replace(position, values=slope)
     if motion is not None:
         force, motion = on_one_clock(force, motion)
-        _note_lengths(force, motion, report)
+        shorter, longer = sorted((force, motion), key=lambda channel: channel.seconds)
+        if shorter.seconds < SHORTEST_SHARE * longer.seconds:
+            place = f"{shorter.where} ({shorter.seconds:.3g} s, {longer.where} {longer.seconds:.3g} s)"
+            report.note("recordings: force and motion differ in length: is a rate wrong, or a file cut off?", 1, place)
     for channel in (force, motion):
         if channel is not None:
             _check_usable(channel)
@@ -68,9 +70,12 @@ def read_channels(name, channels, filter, report):
         force = _resampled(force, wanted)
     arrays = {kind: _shaped(force.values, kind), f"{kind}_rate": force.rate, "unit": unit}
     if motion is not None:
-        _check_speed(motion, channels.get("position") or channels["velocity"], report)
+        _check_speed(motion, channels, report)
         report.lags[name] = _lag(force, motion)
-        arrays |= {"velocity": _in_plane(motion.values), "velocity_rate": motion.rate}
+        velocity = motion.values
+        if velocity.shape[1] == 1:
+            velocity = np.concatenate([velocity, 0.0 * velocity], axis=1)
+        arrays |= {"velocity": velocity, "velocity_rate": motion.rate}
     return arrays
 
 
@@ -153,7 +158,10 @@ def _without_faults(force, kind, unit, report):
     if kind == "force" and np.nanmean(values[:, 2]) < 0:
         report.note("recordings: z is negative on average: is `normal_sign` right?", 1, force.where)
     if kind == "force" and unit == "N":
-        _note_normal_force(values[:, 2], force.where, report)
+        median = float(np.nanmedian(np.abs(values[:, 2])))
+        if not LIKELY_FORCE[0] <= median <= LIKELY_FORCE[1]:
+            what = f"recordings with a median normal force outside {LIKELY_FORCE} N: is the unit right?"
+            report.note(what, 1, f"{force.where} ({median:.2g} N)")
     faults = {"saturated, NaN": np.any([saturated(column, force.rate) for column in force.values.T], axis=0)}
     if unit == "N":
         faults[f"above {LARGEST_FORCE_N:.0f} N, NaN"] = over_range(values)
@@ -183,38 +191,14 @@ def _resampled(channel, rate):
     return replace(channel, values=np.where(beside[:, None], np.nan, values), rate=rate, true_rate=true_rate)
 
 
-def _note_normal_force(normal, where, report):
-    median = float(np.nanmedian(np.abs(normal)))
-    if not LIKELY_FORCE[0] <= median <= LIKELY_FORCE[1]:
-        what = f"recordings with a median normal force outside {LIKELY_FORCE} N: is the unit right?"
-        report.note(what, 1, f"{where} ({median:.2g} N)")
-
-
-def _note_lengths(force, motion, report):
-    shorter, longer = sorted((force, motion), key=lambda channel: channel.seconds)
-    if shorter.seconds < SHORTEST_SHARE * longer.seconds:
-        place = f"{shorter.where} ({shorter.seconds:.3g} s, {longer.where} {longer.seconds:.3g} s)"
-        report.note("recordings: force and motion differ in length: is a rate wrong, or a file cut off?", 1, place)
-
-
-def _check_span(position, source):
-    """Refuses positions in a wrong unit: the range, without the odd outlier."""
-    low, high = np.nanpercentile(position.values, (1, 99), axis=0)
-    span = float(np.max(high - low))
-    if span > LARGEST_SPAN:
-        raise ValueError(
-            f"{position.where}: with `unit` = {source.files.position.unit!r} the positions span {span:,.0f} mm: is the "
-            f"unit of `position` right? At most {LARGEST_SPAN:,.0f} mm are taken."
-        )
-
-
-def _check_speed(motion, source, report):
+def _check_speed(motion, channels, report):
     """Refuses speeds that no finger has, before anything is computed from the distance, and notes unlikely ones."""
     speed = float(np.nanmedian(np.linalg.norm(motion.values, axis=1)))
     if speed > LARGEST_SPEED:
-        name = "velocity" if source.files.velocity else "position"
+        name = "velocity" if "velocity" in channels else "position"
+        unit = getattr(channels[name].files, name).unit
         raise ValueError(
-            f"{motion.where}: with `unit` = {getattr(source.files, name).unit!r} of `{name}` the median speed is "
+            f"{motion.where}: with `unit` = {unit!r} of `{name}` the median speed is "
             f"{speed:,.0f} mm/s: is that unit right, and that of `time`? At most {LARGEST_SPEED:,.0f} mm/s are taken."
         )
     if not LIKELY_SPEED[0] <= speed <= LIKELY_SPEED[1]:
@@ -228,7 +212,3 @@ def _lag(force, motion):
     if force.values.shape[1] < axes:
         return None
     return residual_lag(force.values[:, :axes], force.rate, motion.values[:, :axes], motion.rate)
-
-
-def _in_plane(velocity):
-    return velocity if velocity.shape[1] == 2 else np.concatenate([velocity, 0.0 * velocity], axis=1)
