@@ -153,29 +153,22 @@ def test_words_in_any_order_and_further_axes(tmp_path, read):
     assert scores.values[0, 0, 3] == 5
 
 
-def replaced(tmp_path, line, text):
+@pytest.mark.parametrize(
+    "line, text, message",
+    [
+        (3, "ann,glass,9,0,4", r"1 answers lie outside `scale` = \[0, 8\]: 9 at .*ratings.csv, line 3"),
+        (3, "ann,glass,4,often,4", "ratings.csv, line 3: the answer 'often' on bumpiness is no number"),
+        (3, "ann,felt,4,4,4", "line 3: roughness of surface 'felt' by 'ann' was answered before, at .*, line 2"),
+        (3, ",glass,4,4,4", "ratings.csv, line 3: the answer '4' on roughness has no rater"),
+        (3, "ann,,4,4,4", "ratings.csv, line 3: the answer '4' on roughness has no surface"),
+        (1, "rater,surface,rough,bump,slippery", "ratings.csv has no column 'bumpy'.*Did you mean 'bump'"),
+    ],
+)
+def test_faults_are_named_by_line(tmp_path, read, line, text, message):
     lines = long_table().to_csv(index=False).splitlines()
     lines[line - 1] = text
     (tmp_path / "ratings.csv").write_text("\n".join(lines) + "\n")
-
-
-def test_faults_are_named_by_line(tmp_path, read):
-    replaced(tmp_path, 3, "ann,glass,9,0,4")
-    with pytest.raises(ValueError, match=r"1 answers lie outside `scale` = \[0, 8\]: 9 at .*ratings.csv, line 3"):
-        read(LONG)
-    replaced(tmp_path, 3, "ann,glass,4,often,4")
-    with pytest.raises(ValueError, match="ratings.csv, line 3: the answer 'often' on bumpiness is no number"):
-        read(LONG)
-    replaced(tmp_path, 3, "ann,felt,4,4,4")
-    with pytest.raises(
-        ValueError, match="ratings.csv, line 3: roughness of surface 'felt' by 'ann' was answered before, at .*, line 2"
-    ):
-        read(LONG)
-    replaced(tmp_path, 3, ",glass,4,4,4")
-    with pytest.raises(ValueError, match="ratings.csv, line 3: the answer '4' on roughness has no rater"):
-        read(LONG)
-    replaced(tmp_path, 1, "rater,surface,rough,bump,slippery")
-    with pytest.raises(ValueError, match="ratings.csv has no column 'bumpy'.*Did you mean 'bump'"):
+    with pytest.raises(ValueError, match=message):
         read(LONG)
     with pytest.raises(ValueError, match=r"\[ratings\], `pattern` = 'rating.csv' matches none of the .*'ratings.csv'"):
         read(LONG.replace("ratings.csv", "rating.csv"))

@@ -7,7 +7,6 @@ import pytest
 from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.data.folder import convert_folder
 from tactile_diffusers.data.folder.draft import draft_layout, inspect_folder
-from tactile_diffusers.data.folder.lag import residual_lag
 
 HEAD = 'format = "tactile-layout"\nversion = 1\nsource = "a rig"\nlicence = "CC0-1.0"\n'
 FILES = """
@@ -46,13 +45,6 @@ def test_metres_for_millimetres_stop_the_conversion(convert, tmp_path):
     with pytest.raises(ValueError, match=r"`unit` = 'm/s' of `velocity` the median speed is \d\d,\d{3} mm/s"):
         convert('position = { x = "px", unit = "mm" }', 'velocity = { x = "px", unit = "m/s" }')
     assert not (tmp_path / "r.h5").exists()
-
-
-def test_a_way_that_is_too_long_tells_no_lag():
-    """Tracking that jumps by kilometres: the steps of the way would fill the memory."""
-    velocity = np.random.default_rng(0).normal(0, 80, (2000, 2))
-    velocity[1000] = 1e12
-    assert residual_lag(velocity, 500, velocity, 500) is None
 
 
 def test_millinewtons_for_newtons_are_noted_at_conversion(convert):
