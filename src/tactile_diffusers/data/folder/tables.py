@@ -181,7 +181,7 @@ def _read_csv(path, delimiter, header, max_rows):
     common = dict(sep=found.separator, header=None, skiprows=found.header, encoding=found.encoding)
     common |= dict(nrows=max_rows, skipinitialspace=True)
     try:
-        frame = pd.read_csv(path, names=found.names, low_memory=False, **common)
+        frame = pd.read_csv(path, names=found.names, decimal=found.decimal, low_memory=False, **common)
     except pd.errors.EmptyDataError:  # names without any row
         frame = pd.DataFrame(columns=found.names, dtype=np.float64)
     if not isinstance(frame.index, pd.RangeIndex):
@@ -190,7 +190,7 @@ def _read_csv(path, delimiter, header, max_rows):
             " it, or give `header`, the lines before the data."
         )
 
-    def load(name):  # a comma that separates no columns is that of a decimal number
+    def load(name):  # the first decimal comma may stand behind many whole numbers
         column = frame[name]
         words = column.dtype.kind not in "fiub" and found.separator != ","
         return (column.str.replace(",", ".", regex=False) if words else column).to_numpy()

@@ -17,9 +17,10 @@ _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?|-?nan|-?inf|na|n/a
 
 @dataclass
 class TextFormat:
-    """Arguments for `pandas.read_csv`: separator, encoding, lines before the data, and names of the columns."""
+    """Arguments for `pandas.read_csv`: separator, decimal sign, encoding, lines before the data, names of columns."""
 
     separator: str
+    decimal: str
     encoding: str
     header: int
     names: list[str]
@@ -39,8 +40,10 @@ def text_format(path, delimiter=None, header=None):
     filled = [line for line in lines if line.strip()]
     sample = filled[len(filled) // 2 :]  # behind what may stand before the data
     delimiter = delimiter or max(DELIMITERS, key=lambda candidate: _fit(sample, candidate))
+    cells = [cell for line in sample for cell in _split(line, delimiter)]
+    decimal = "," if delimiter != "," and any("," in cell and is_number(cell) for cell in cells) else "."
     header, names = find_header([_split(line.lstrip("#% "), delimiter) for line in lines], header)
-    return TextFormat(r"\s+" if delimiter == " " else delimiter, encoding, header, names)
+    return TextFormat(r"\s+" if delimiter == " " else delimiter, decimal, encoding, header, names)
 
 
 def find_header(rows, header=None):
