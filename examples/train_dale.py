@@ -123,7 +123,7 @@ def make_validation(args, pipe, dale_scheduler, held_out):
 def main(argv=None):
     with starting():
         args = parse_args(argv)
-        config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler"})
+        config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler", "kept_at_zero"})
         pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
         accelerator = make_accelerator(args)
         pipe.to(accelerator.device)
@@ -131,6 +131,9 @@ def main(argv=None):
         dataset, held_out = read_datasets(args, pipe.feature_extractor.sampling_rate)
     latents = encode_dataset(pipe, dataset, args.quiet)
     dale = build_dale(pipe.lctg, dataset, latents, **config.get("dale", {}))
+    for name in config.get("kept_at_zero", ()):  # parts that a configuration of the paper does without
+        for parameter in dale.get_submodule(name).requires_grad_(False).parameters():
+            torch.nn.init.zeros_(parameter)
     dale_scheduler = VDDIMScheduler(**RECOMMENDED | config.get("dale_scheduler", {}))
     states = training_states(dale, dataset, latents, single_raters=args.ratings == "single")
     held_out_states = training_states(dale, held_out, encode_dataset(pipe, held_out, args.quiet))

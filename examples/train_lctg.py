@@ -68,14 +68,10 @@ def build_components(args):
         )
         settings |= {"preemphasis_frequencies": frequencies, "preemphasis_db": gains}
     extractor = TactileFeatureExtractor(**settings)
-    latent_hop = extractor.hop_length * extractor.frame_multiple
+    latent_hop = extractor.lctg_geometry["latent_hop"]
     seconds = native.segment_samples / native.sampling_rate
     model_settings = {
-        "feature_channels": extractor.feature_size,
-        "level_bands": extractor.level_bands,
-        "detail_channels": extractor.detail_samples,
-        "feature_hop": extractor.hop_length,
-        "latent_hop": latent_hop,
+        **extractor.lctg_geometry,
         "segment_samples": math.ceil(seconds * extractor.sampling_rate / latent_hop) * latent_hop,
         **config.get("lctg", {}),
     }

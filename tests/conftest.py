@@ -50,6 +50,8 @@ LCTG = {
     "patch_size": 4,
     "embedding_dim": 16,
     "segment_samples": 512,
+    "detail_channels": 0,
+    "level_bands": 0,
 }
 DALE = {
     "in_channels": 6,
@@ -59,10 +61,13 @@ DALE = {
     "cross_attention_dim": 16,
     "latent_mean": [0.1, -0.1, 0.2, 0.0],
     "latent_std": [0.5, 0.4, 0.3, 0.6],
+    "level_channels": 0,
+    "patch_size": 1,
 }
 EXTRACTOR = {
-    "feature_size": 24,
-    "num_filters": 16,
+    "num_filters": 24,
+    "level_bands": 0,
+    "detail_samples": 0,
     "hop_length": 8,
     "window_lengths": [64, 256],
     "preemphasis_frequencies": [20.0, 100.0, 400.0, 1000.0],

@@ -29,7 +29,7 @@ from tactile_diffusers.virtual import fresh_textures
 #: Rules and spacings that the tables show; the JSON has all.
 _SHOWN = ("ddim", "rotation_2", "rotation_2_lowered", "rotation_3", "adams_bashforth_2", "adams_bashforth_3", "data_2m")
 _FEW, _MANY = "4", "10"
-_SPACINGS = ("uniform", "both_ends", "log_snr")
+_SPACINGS = ("uniform", "both_ends")
 #: Standard deviations of components in the table.
 _SPREADS = (0.03, 0.1, 0.3, 1.0, 3.0)
 # segments of the comparison of all rules
@@ -165,7 +165,7 @@ def _component_table(report):
     rows = {
         f"{rule}, {spacing}": {name: found["levels_db"][rule][spacing][_MANY][i] for name, i in columns.items()}
         for rule in ("ddim", "rotation_2", "adams_bashforth_2", "data_2m")
-        for spacing in (*_SPACINGS, "dense")
+        for spacing in _SPACINGS
     }
     return markdown_table(rows)
 

@@ -174,10 +174,10 @@ class TrainedStage:
         return self.pipe.feature_extractor.denormalize(x[:, 0].float(), self.made.level, samples, levels)
 
 
-def schedulers(order_2_spacings=("uniform", "both_ends", "log_snr")):
+def schedulers(order_2_spacings=("uniform", "both_ends")):
     """Name -> scheduler of the trained comparison: ours, and diffusers' on exactly the same schedule."""
     ours = VDDIMScheduler()
-    exact = {"trained_betas": ours.betas()}
+    exact = {"trained_betas": ours.betas.tolist()}
     made = {"order 1, uniform": ours}
     for spacing in order_2_spacings:
         made[f"order 2, {spacing}"] = VDDIMScheduler(multistep_order=2, spacing=spacing)

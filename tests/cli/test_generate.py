@@ -14,6 +14,7 @@ import tactile_diffusers
 from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.cli.generate import main, parse_arguments
 from tactile_diffusers.pipelines import PRESETS
+from tactile_diffusers.pipelines.inputs import parse_ratings
 
 #: a small checkpoint of an earlier version, with the typical rater's statistics but without quantiles
 TINY = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
@@ -109,11 +110,23 @@ def test_bad_arguments_are_refused_with_one_line(capsys, arguments, message):
     assert message in capsys.readouterr().err.splitlines()[-1]
 
 
+def test_output_that_is_a_file_is_refused(tmp_path, capsys):
+    (tmp_path / "file").write_text("kept")
+    with pytest.raises(SystemExit):
+        parse_arguments(["--roughness", "1", "--output", str(tmp_path / "file")])
+    assert "is not a folder" in capsys.readouterr().err
+    assert (tmp_path / "file").read_text() == "kept"
+
+
 def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
     output = tmp_path / "new" / "out"
     assert main(["--ratings", "1.5", "0", "-1", "--output", str(output)]) == 0
-    written = {path.name for path in output.iterdir()}
-    assert written == {"texture.npz", "texture.wav", "texture.wav.json", "texture.png"}
+    assert {path.name for path in output.iterdir()} == {
+        "texture.npz",
+        "texture.wav",
+        "texture.wav.json",
+        "texture.png",
+    }
     # what was not asked for is left to the pipeline
     common = {"num_textures_per_rating": 1, "rating_scale": "z", "guidance_scale": 1.0}
     assert pipeline.call == {"ratings": [1.5, 0, -1], **common}
@@ -124,7 +137,13 @@ def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
         np.testing.assert_array_equal(file["ratings"], [1.5, 0, -1])
         rms = np.sqrt(np.mean(file["texture"].astype(np.float64) ** 2))
     printed = capsys.readouterr().out
-    for expected in ("texture.npz", "texture.wav", "texture.png", f"RMS {1e3 * rms:.2f} mN", "coefficient 0.50"):
+    for expected in (
+        "texture.npz",
+        "texture.wav",
+        "texture.png",
+        f"RMS {1e3 * rms:.2f} mN",
+        "friction coefficient 0.50",
+    ):
         assert expected in printed
 
 
@@ -187,6 +206,13 @@ def test_the_rating_scale_is_passed_on_and_files_hold_z_scores(pipeline, tmp_pat
         np.testing.assert_allclose(file["ratings"], [1.5, np.nan, -1.0])
     assert json.loads((tmp_path / "texture.wav.json").read_text())["ratings"] == [1.5, None, -1.0]
     assert "ratings in z-scores: roughness 1.50, bumpiness nan, slipperiness -1.00" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("scale", ["z", "raw", "percentile"])
+def test_every_rating_scale_of_the_pipeline_has_its_word(scale):
+    assert _parse("--roughness", "1", "--rating_scale", scale).rating_scale == scale
+    with pytest.raises(ValueError, match=r"\['z', 'raw', 'percentile'\]"):
+        parse_ratings([0, 0, 0], SimpleNamespace(rating_axes="abc"), "none of these")
 
 
 @pytest.mark.parametrize(

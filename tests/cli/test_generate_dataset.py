@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import h5py
@@ -82,6 +84,13 @@ def test_each_texture_is_what_its_seed_and_ratings_make(checkpoint, tmp_path):
         np.testing.assert_allclose(data.column("friction_coefficient")[row], out.friction_coefficient[0], rtol=1e-5)
 
 
+def test_the_batch_size_changes_nothing_but_rounding(checkpoint, tmp_path):
+    for size in (1, 4):
+        assert main(_words(checkpoint, tmp_path / str(size), batch_size=size)) == 0
+    one, four = (read_generated(tmp_path / size)[:] for size in ("1", "4"))
+    np.testing.assert_allclose(one, four, rtol=0, atol=1e-5 * np.sqrt(np.mean(np.square(four))))  # as above
+
+
 def test_shards_say_what_made_them(checkpoint, tmp_path):
     assert main(_words(checkpoint, tmp_path / "out", duration_s=0.1)) == 0
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
@@ -105,6 +114,29 @@ def test_two_processes_write_what_one_does(checkpoint, tmp_path):
     assert "by 2 process(es)" in printed  # not each of them all
     assert _content(tmp_path / "one") == _content(tmp_path / "two")
     assert (tmp_path / "one" / "manifest.json").read_text() == (tmp_path / "two" / "manifest.json").read_text()
+
+
+@pytest.mark.slow
+def test_a_killed_and_resumed_run_equals_an_unbroken_one(checkpoint, tmp_path, capsys):
+    words = dict(num_inference_steps=20, batch_size=1)
+    out = tmp_path / "killed"
+    killed = _subprocess(_words(checkpoint, out, **words))
+    deadline = time.monotonic() + TIMEOUT
+    while not list(out.glob(".textures-00001.h5.*.tmp")):  # in the middle of the second shard
+        assert killed.poll() is None and time.monotonic() < deadline
+        time.sleep(0.002)
+    os.kill(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    assert killed.returncode == -signal.SIGKILL
+    assert sorted(path.name for path in out.glob("*.h5")) == ["textures-00000.h5"]
+    assert list(out.glob(".textures-00001.h5.*.tmp"))
+    first = _untouched(out / "textures-00000.h5")
+    assert main([word for word in _words(checkpoint, out, **words) if word != "--quiet"]) == 0
+    assert "10 textures, 6 of them generated now" in capsys.readouterr().out
+    assert _untouched(out / "textures-00000.h5") == first and not list(out.glob(".*"))
+    assert main(_words(checkpoint, tmp_path / "unbroken", **words)) == 0
+    assert _content(out) == _content(tmp_path / "unbroken")
+    assert read_generated(out).column("seed").tolist() == texture_seeds(5, 10).tolist()
 
 
 def test_a_finished_set_is_left_alone(checkpoint, tmp_path, capsys):
@@ -147,7 +179,9 @@ def test_throughput_is_printed_and_quiet_is_quiet(checkpoint, tmp_path, capfd):
     ("changes", "message"),
     [
         ({"num_textures": 11}, "num_textures 10, not 11; ratings_sha256"),
+        ({"textures_per_shard": 5}, "(textures_per_shard 4, not 5)"),
         ({"num_inference_steps": 3}, "num_inference_steps 2, not 3"),
+        ({"guidance_scale": 1.5}, "(guidance_scale 1.0, not 1.5)"),
         ({"duration_s": 0.1}, "(duration_s None, not 0.1)"),
         ({"seed": 6}, "seed 5, not 6"),
     ],
@@ -210,10 +244,14 @@ def test_unusual_ratings_are_warned_of_once(checkpoint, tmp_path, recorded_warni
     ("changes", "message"),
     [
         ({"num_textures": 0}, "--num_textures: must be at least 1, got 0"),
+        ({"batch_size": -1}, "--batch_size: must be at least 1"),
+        ({"textures_per_shard": 0}, "--textures_per_shard: must be at least 1"),
         ({"num_latent_inference_steps": 0}, "--num_latent_inference_steps: must be at least 1"),
+        ({"seed": -1}, "--seed: must be at least 0"),
         ({"seed": 2**64}, "--seed: must be at least 0 and below 2**63"),
         ({"ratings_file": "nowhere.csv"}, "--ratings_file: nowhere.csv is not a file"),
         ({"checkpoint": "nowhere"}, "--checkpoint: nowhere is neither a folder"),
+        ({"output": __file__}, "is not a folder"),
         ({"num_textures": None}, "--num_textures"),
     ],
 )

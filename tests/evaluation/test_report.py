@@ -253,9 +253,7 @@ def test_a_seed_gives_the_same_report_and_order_changes_nothing(evaluable_pipe, 
 def _finer_anchor(make_lctg, make_extractor, folder):
     """A pipeline at twice the working rate, without waveform features and DALE, as the paper's is at four times it."""
     lctg = make_lctg(3, feature_channels=16, feature_hop=16, latent_hop=32, segment_samples=4096, latent_channels=6)
-    extractor = make_extractor(
-        sampling_rate=5000, hop_length=16, feature_size=16, use_waveform=False, window_lengths=[256]
-    )
+    extractor = make_extractor(sampling_rate=5000, hop_length=16, num_filters=16, window_lengths=[256])
     pipe = TactileTexturePipeline(lctg=lctg, feature_extractor=extractor, scheduler=VDDIMScheduler())
     pipe.set_progress_bar_config(disable=True)
     pipe.save_pretrained(folder)

@@ -6,7 +6,6 @@ refusal, or a result of finite numbers. Formats without a length (text tables) c
 `whole=False` then asks of a truncated file what is asked of a flipped one.
 """
 
-import json
 import random
 import shutil
 import time
@@ -18,10 +17,11 @@ import pytest
 #: What a refusal may be, and no subclass: UnicodeDecodeError is a ValueError that names no file.
 REFUSALS = (ValueError, OSError, FileNotFoundError)
 SECONDS = 2.0
-#: Flipped bits of each file.
-FLIPS = 12
-#: What stands in the place of a value.
-ODD = ("missing", 10**9, "word", None, -1, [], {})
+#: Flipped bits of each file, by default and in slow runs.
+FLIPS, MORE_FLIPS = 12, 300
+#: What stands in the place of a value, by default and in slow runs.
+ODD = ("missing", 10**9, "word")
+MORE_ODD = (*ODD, None, -1, 0, 1e300, [], {}, True, 10**15, [[]], [10**9] * 3, [None])
 
 
 def _numbers(result):
@@ -65,29 +65,6 @@ def _refusal(read, path):
     return result, message
 
 
-def _places(content, place=(), depth=99):
-    """Paths of all keys and items of a JSON value, so deep; the first item alone of each list."""
-    listed = list(enumerate(content[:1])) if isinstance(content, list) else []
-    for key, value in content.items() if isinstance(content, dict) else listed:
-        yield (*place, key)
-        if depth > 1:
-            yield from _places(value, (*place, key), depth - 1)
-
-
-def _with(content, place, value):
-    """A copy of a JSON value with another one at a place; "missing" removes it."""
-    copy = json.loads(json.dumps(content))
-    *above, last = place
-    node = copy
-    for key in above:
-        node = node[key]
-    if value == "missing":
-        del node[last]
-    else:
-        node[last] = value
-    return copy
-
-
 class Damager:
     """Damages copies of a good file; `read` takes the path of the copy. What lies below `root` is copied along."""
 
@@ -110,12 +87,6 @@ class Damager:
         self.path.unlink()
         self.path.write_bytes(content)
         return self.path
-
-    def damage(self, others, flips=FLIPS):
-        """Truncated, with flipped bits, and replaced by `others`."""
-        self.truncate()
-        self.flip(flips)
-        self.replace(others)
 
     def truncate(self):
         """Cut at every tenth of the length, and of the last byte."""
@@ -149,20 +120,6 @@ class Damager:
         self.path.mkdir()
         assert _refusal(self.read, self.path)[1]
 
-    def odd(self, places, odd_values, change=None):
-        """Each odd value at each place of a JSON file: refused, or a sane result.
-
-        `change` makes the whole file of the part that was changed.
-        """
-        self.fresh()
-        good = json.loads(self.content)
-        part, whole = (good, lambda changed: changed) if change is None else change(good)
-        for place in places(part) if callable(places) else places:
-            for value in odd_values:
-                changed = json.dumps(whole(_with(part, place, value))).encode()
-                result, message = _refusal(self.read, self.put(changed))
-                assert message or self.sane(result), (place, value)
-
     def refuse(self, content, match=None):
         """The message in which `content` is refused."""
         _, message = _refusal(self.read, self.put(content))
@@ -194,14 +151,14 @@ def damaged(tmp_path):
     return lambda good, read, **options: Damager(good, read, tmp_path / "a_copy", **options)
 
 
-@pytest.fixture
-def odd_values():
-    return ODD
+@pytest.fixture(params=[FLIPS, pytest.param(MORE_FLIPS, marks=pytest.mark.slow)])
+def flips(request):
+    return request.param
 
 
-@pytest.fixture
-def places():
-    return _places
+@pytest.fixture(params=[ODD, pytest.param(MORE_ODD, marks=pytest.mark.slow)], ids=["few", "many"])
+def odd_values(request):
+    return request.param
 
 
 @pytest.fixture

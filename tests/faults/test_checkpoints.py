@@ -53,8 +53,16 @@ def other(request, damaged):
     return damaged(TINY / request.param, _as_pipeline, sane=_sane, root=TINY)
 
 
-def test_damaged_models(of_model, foreign):
-    of_model.damage([*foreign.values(), (TINY / OTHERS[0]).read_bytes(), *_of_other_model(of_model.path)], flips=3)
+def test_truncated_models(of_model):
+    of_model.truncate()
+
+
+def test_flipped_models(of_model, flips):
+    of_model.flip(flips // 4)
+
+
+def test_replaced_models(of_model, foreign):
+    of_model.replace([*foreign.values(), (TINY / OTHERS[0]).read_bytes(), *_of_other_model(of_model.path)])
 
 
 def _of_other_model(path):
@@ -62,16 +70,28 @@ def _of_other_model(path):
     return [(TINY / other / path.name).read_bytes()]
 
 
-def test_damaged_parts_of_a_pipeline(other, foreign):
-    other.damage(foreign.values(), flips=3)
+def test_truncated_parts_of_a_pipeline(other):
+    other.truncate()
+
+
+def test_flipped_parts_of_a_pipeline(other, flips):
+    other.flip(flips // 4)
+
+
+def test_replaced_parts_of_a_pipeline(other, foreign):
+    other.replace(foreign.values())
 
 
 @pytest.mark.parametrize("name", [f"{model}/{CONFIG}" for model in MODELS] + list(OTHERS))
-def test_a_key_is_odd(name, damaged, odd_values):
+def test_a_key_is_absurd(name, damaged, refusal, odd_values):
     """Values of any size and kind; what does not change the shape of a model may pass, and be refused in use."""
-    case = damaged(TINY / name, _as_pipeline if name in OTHERS else _as_model, sane=_sane, root=TINY)
-    keys = [key for key in json.loads(case.content) if not key.startswith("_") and not key.endswith("_type")]
-    case.odd([(key,) for key in keys], odd_values[1:4])  # a key that is missing has a default
+    read = _as_pipeline if name in OTHERS else _as_model
+    case = damaged(TINY / name, read, root=TINY)
+    content = json.loads(case.content)
+    for key in [key for key in content if not key.startswith("_") and not key.endswith("_type")]:
+        for absurd in odd_values[1:]:  # a key that older versions did not write has a default
+            result, message = refusal(read, case.put(json.dumps({**content, key: absurd}).encode()))
+            assert message or _sane(result), (key, absurd)
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -39,30 +39,63 @@ def case(request, exported, damaged):
     return damaged(exported[request.param], FORMATS[request.param].read, sane=_sane)
 
 
-def test_damaged_files(case, foreign, exported):
-    others = (path.read_bytes() for path in exported.values() if path.suffix not in case.path.suffixes)
-    case.damage([*foreign.values(), *others])
+def test_truncated(case):
+    case.truncate()
+
+
+def test_flipped(case, flips):
+    case.flip(flips)
+
+
+def test_replaced(case, foreign, exported):
+    case.replace(
+        [*foreign.values(), *(path.read_bytes() for path in exported.values() if path.suffix not in case.path.suffixes)]
+    )
 
 
 @pytest.mark.parametrize("name", ["wav", "wav16"])
-def test_the_sidecar_of_a_wav_file(exported, damaged, foreign, places, odd_values, name):
+def test_the_sidecar_of_a_wav_file(exported, damaged, foreign, flips, name):
     side = exported[name].with_name(exported[name].name + ".json")
     case = damaged(side, lambda path: FORMATS[name].read(path.with_suffix("")), sane=_sane)
-    case.damage(foreign.values())
-    case.odd(places, odd_values)
+    case.truncate()
+    case.flip(flips)
+    case.replace(foreign.values())
 
 
-def _description(good):
-    """The JSON text inside of a JSON file."""
-    return json.loads(good["description"]), lambda changed: {**good, "description": json.dumps(changed)}
+def _places(content, place=()):
+    """Paths of all keys and items of a JSON value, the first item alone of each list."""
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield (*place, key)
+            yield from _places(value, (*place, key))
+    elif isinstance(content, list) and content:
+        yield (*place, 0)
+        yield from _places(content[0], (*place, 0))
+
+
+def _at(content, place):
+    for key in place:
+        content = content[key]
+    return content
 
 
 @pytest.mark.parametrize("name", TEXT)
-def test_a_key_of_a_text_format_is_missing_or_odd(exported, damaged, odd_values, places, name):
+def test_a_key_of_a_text_format_is_missing_or_absurd(exported, damaged, refusal, odd_values, name):
     case = damaged(exported[name], FORMATS[name].read, sane=_sane)
-    case.odd(places, odd_values)
-    if name.startswith("hjif"):
-        case.odd(places, odd_values, _description)
+    good = json.loads(case.content)
+    described = [good, json.loads(good["description"])] if name.startswith("hjif") else [good]
+    for number, part in enumerate(described):
+        for place in list(_places(part)):
+            for absurd in odd_values:
+                copy = json.loads(json.dumps(part))
+                *above, last = place
+                if absurd == "missing":
+                    del _at(copy, above)[last]
+                else:
+                    _at(copy, above)[last] = absurd
+                copy = {**good, "description": json.dumps(copy)} if number else copy
+                result, message = refusal(case.read, case.put(json.dumps(copy).encode()))
+                assert message or _sane(result), (place, absurd)
 
 
 def test_a_key_of_an_archive_is_missing_or_another(exported, damaged, refusal):

@@ -65,7 +65,7 @@ def test_a_whole_record_is_told(run):
 
 @pytest.mark.parametrize("key", [*RECORD, "surfaces", "pretrained_model_name_or_path"])
 def test_a_key_of_a_record_is_missing_or_odd(key, run, odd_values):
-    for odd in (*odd_values, "a\0b", "x" * 5000, True, 1e300, [{}], {"/": [{}]}):
+    for odd in (*odd_values, [], {}, "a\0b", "x" * 5000, True, 1e300, -1, [{}], {"/": [{}]}):
         record = json.loads(json.dumps(RECORD))
         part = next((part for part in (record["trained_on"], record["arguments"]) if key in part), record)
         part.pop(key)

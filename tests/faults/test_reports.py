@@ -31,9 +31,7 @@ def _published_report(path):
 def _published_card(path):
     recordings = json.loads((EXAMPLES / "results/data/card.json").read_text())["recordings"]
     surfaces = [None] * recordings["surfaces"]
-    return publish._data_warnings(
-        path.parent, SimpleNamespace(source=recordings["attributes"]["source"], surfaces=surfaces)
-    )
+    return publish._warnings(path.parent, SimpleNamespace(source=recordings["attributes"]["source"], surfaces=surfaces))
 
 
 def _row(path):
@@ -94,9 +92,15 @@ def case(request, files, damaged):
     return damaged(files[request.param], READERS[request.param][1])
 
 
-def test_damaged_files(case, foreign):
+def test_truncated(case):
     case.truncate()
-    case.flip(12)
+
+
+def test_flipped(case, flips):
+    case.flip(flips)
+
+
+def test_replaced(case, foreign):
     if case.path.name == "config.json":  # other JSON beside a checkpoint is none of its business
         foreign = {name: content for name, content in foreign.items() if name not in ("json list", "json number")}
     if case.path.name in ("config.json", "base.json", generate.SETTINGS_FILE):  # they may be absent
@@ -106,12 +110,33 @@ def test_damaged_files(case, foreign):
         case.replace(foreign.values())
 
 
+def _places(content, place=(), depth=3):
+    """Paths of the keys of a JSON object and of objects in it, so deep; the first item alone of each list."""
+    listed = list(enumerate(content[:1])) if isinstance(content, list) else []
+    for key, value in content.items() if isinstance(content, dict) else listed:
+        yield (*place, key)
+        if depth > 1:
+            yield from _places(value, (*place, key), depth - 1)
+
+
 @pytest.mark.parametrize("kind", READERS)
-def test_a_key_is_missing_or_odd(kind, files, damaged, places, odd_values):
+def test_a_key_is_missing_or_odd(kind, files, damaged, refusal, odd_values):
     """What is not read may be anything; what is read is refused by name, or goes through without an exception."""
-    case = damaged(files[kind], READERS[kind][1], sane=lambda result: True)
-    found = list(places(json.loads(case.content), depth=2 if len(case.content) > 20_000 else 3))
-    case.odd(found[:: max(1, len(found) // (6 * len(odd_values)))], odd_values)  # some, evenly spread
+    case = damaged(files[kind], READERS[kind][1])
+    content = json.loads(case.content)
+    places = list(_places(content, depth=2 if len(case.content) > 20_000 else 3))
+    for place in places[:: max(1, len(places) // (6 * len(odd_values)))]:  # some, evenly spread
+        for odd in odd_values:
+            changed = json.loads(case.content)
+            *above, last = place
+            part = changed
+            for key in above:
+                part = part[key]
+            if odd == "missing":
+                del part[last]
+            else:
+                part[last] = odd
+            refusal(case.read, case.put(json.dumps(changed).encode()))
 
 
 @pytest.mark.parametrize("place", ["paper", "control", "generation", "unseen_surfaces", "data", "machine", "pipeline"])

@@ -62,11 +62,23 @@ def case(request, stores, damaged):
     return damaged(stores[request.param], READERS[request.param], sane=_sane)
 
 
-def test_damaged_files(case, foreign, stores):
-    case.damage([*foreign.values(), *(path.read_bytes() for path in stores.values() if path.name != case.path.name)])
+def test_truncated(case):
+    case.truncate()
 
 
-@pytest.mark.parametrize("values", [(None,), pytest.param(("word", np.float32(np.inf)), marks=pytest.mark.slow)])
+def test_flipped(case, flips):
+    case.flip(flips)
+
+
+def test_replaced(case, foreign, stores):
+    case.replace([*foreign.values(), *(path.read_bytes() for path in stores.values() if path.name != case.path.name)])
+
+
+@pytest.mark.parametrize(
+    "values",
+    [(None,), pytest.param((None, "word", np.float32(np.inf), np.zeros((2, 3)), np.zeros(0)), marks=pytest.mark.slow)],
+    ids=["missing", "odd"],
+)
 def test_a_place_is_missing_or_of_another_kind(case, refusal, values):
     """Every group, dataset and attribute in turn; of many recordings alike the first."""
     places = []
@@ -117,12 +129,14 @@ def _generated(path):
 
 
 @pytest.mark.parametrize("name", ["manifest.json", "textures-00000.h5", "textures-00001.h5"])
-def test_generated_textures(generated, damaged, foreign, name):
+def test_generated_textures(generated, damaged, foreign, flips, name):
     def sane(arrays):
         return arrays[0].shape == (5, 50) and np.isfinite(arrays[0]).all() and len(arrays[1]) == len(arrays[2]) == 5
 
     case = damaged(generated / name, _generated, sane=sane)
-    case.damage(foreign.values())
+    case.truncate()
+    case.flip(flips)
+    case.replace(foreign.values())
 
 
 def test_shards_of_another_form_are_refused(generated, damaged):
@@ -144,11 +158,14 @@ def scene(pipe, tmp_path):
     return tmp_path / "scene" / "scene.safetensors"
 
 
-def test_a_scene(scene, pipe, damaged, foreign):
+def test_a_scene(scene, pipe, damaged, foreign, flips):
     """Latents are half-precision numbers: a flipped bit of one is noticed only where it is no number any more."""
 
     def read(path):
         state = TextureScene.load(path, pipe)._state
         return [*state.latents, state.level, state.friction_coefficient]
 
-    damaged(scene, read).damage(foreign.values())
+    case = damaged(scene, read)
+    case.truncate()
+    case.flip(flips)
+    case.replace(foreign.values())

@@ -67,26 +67,36 @@ def case(request, tables, damaged):
     return damaged(tables[request.param], _columns, sane=_sane, whole=request.param not in WITHOUT_LENGTH)
 
 
-def test_damaged_files(case, foreign, tables):
+def test_truncated(case):
+    case.truncate()
+
+
+def test_flipped(case, flips):
+    case.flip(flips)
+
+
+def test_replaced(case, foreign, tables):
     same_kind = {".txt": [".csv", ".tsv"], ".csv": [".tsv", ".txt"], ".tsv": [".csv", ".txt"], ".mat": [".h5"]}
     kin = [case.path.suffix, *same_kind.get(case.path.suffix, [])]
     kin += [".mat"] if case.path.suffix == ".h5" else []
     if case.path.suffix in (".csv", ".tsv", ".txt"):
         del foreign["json number"]  # a table of one number
-    case.damage([*foreign.values(), *(path.read_bytes() for path in tables.values() if path.suffix not in kin)])
+    case.replace([*foreign.values(), *(path.read_bytes() for path in tables.values() if path.suffix not in kin)])
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.npy", "a.npz", "v5.mat", "a.h5", "a.wav"])
-def test_a_recording_to_reconstruct(tables, damaged, foreign, name):
+def test_a_recording_to_reconstruct(tables, damaged, foreign, flips, name):
     def read(path):
         return read_recording(path, column=0, rate=RATE)
 
     case = damaged(tables[name], lambda path: read(path)[0], whole=name not in WITHOUT_LENGTH)
-    case.damage(foreign.values())
+    case.truncate()
+    case.flip(flips)
+    case.replace(foreign.values())
 
 
 @pytest.mark.parametrize("name", ["a.csv", "float.wav", "a.wav"])
-def test_an_upload(tables, name, foreign, damaged):
+def test_an_upload(tables, name, foreign, damaged, flips):
     """Visitors see no path: the message begins with what the file is, and the harness adds its name."""
 
     def read(path):
@@ -101,7 +111,7 @@ def test_an_upload(tables, name, foreign, damaged):
         good.write_text("\n".join(good.with_name("a.csv").read_text().replace(",", "\n").split("\n")[2:]))
     case = damaged(good, read, whole=name != "a.csv")
     case.truncate()
-    case.flip(12)
+    case.flip(flips)
     for content in foreign.values():
         case.refuse(content)
 

@@ -18,6 +18,7 @@ from tactile_diffusers.signal import RATING_AXES
 from tactile_diffusers.study.folder import FORMAT, KEY, KEY_COLUMNS, SETTINGS, VERSION, read_study
 from tactile_diffusers.study.responses import read_tables
 from tactile_diffusers.training.arguments import read_model_config
+from tactile_diffusers.training.record import read_log, read_losses, read_record
 
 CONFIG = SimpleNamespace(rating_axes=list(RATING_AXES))
 LAYOUT = """format = "tactile-layout"
@@ -149,16 +150,31 @@ def case(request, texts, damaged):
     return damaged(texts / name, read, sane=_sane, whole=whole, root=texts / name.split("/")[0])
 
 
-def test_damaged_files(case, foreign):
+def test_truncated(case):
+    case.truncate()
+
+
+def test_flipped(case, flips):
+    case.flip(flips)
+
+
+def test_replaced(case, foreign):
     if case.path.name == "ratings.json":  # the one that is a list
         del foreign["json list"]
-    case.damage(foreign.values())
+    case.replace(foreign.values())
 
 
 @pytest.mark.parametrize("kind", ["profile", "calibration", "study settings"])
-def test_a_key_is_missing_or_odd(kind, texts, damaged, odd_values, places):
+def test_a_key_is_missing_or_odd(kind, texts, damaged, refusal, odd_values):
     name, read, _ = KINDS[kind]
-    damaged(texts / name, read, root=texts / name.split("/")[0]).odd(lambda part: places(part, depth=1), odd_values)
+    case = damaged(texts / name, read, root=texts / name.split("/")[0])
+    content = json.loads(case.content)
+    for key in content:
+        for odd in odd_values:
+            changed = {other: value for other, value in content.items() if other != key or odd != "missing"}
+            changed |= {} if odd == "missing" else {key: odd}
+            result, message = refusal(read, case.put(json.dumps(changed).encode()))
+            assert message or case.sane(result), (key, odd)
 
 
 @pytest.mark.parametrize(
@@ -177,3 +193,22 @@ def test_an_absurd_layout(text, texts, damaged, refusal):
     case = damaged(texts / "folder" / "layout.toml", _layout)
     result, message = refusal(_layout, case.put(text.encode()))
     assert message or "*****" in text
+
+
+RECORDS = {"training.json": read_record, "log.jsonl": read_log}
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_what_a_training_left_behind_is_optional(name, tmp_path, foreign):
+    """Cards are written without it: damage is the same as absence, line by line, and never an exception."""
+    good = {"training.json": '{"steps": 3}', "log.jsonl": '{"step": 1, "train/loss": 0.5}\n{"step": 2}\n'}[name]
+    cuts = [good[:size].encode() for size in range(len(good))]
+    for content in (*cuts, *foreign.values(), b"3\n[]\nnull\n", b'{"step": "word"}\n', b"\xff\xfe\x00"):
+        (tmp_path / name).write_bytes(content)
+        found = RECORDS[name](tmp_path)
+        assert isinstance(found, dict if name == "training.json" else list)
+        assert all(isinstance(entry["step"], int) for entry in read_log(tmp_path))
+        assert all("train/loss" in entry for entry in read_losses(tmp_path))
+    (tmp_path / name).unlink()
+    (tmp_path / name).mkdir()
+    assert not RECORDS[name](tmp_path)

@@ -15,29 +15,61 @@ from tactile_diffusers.data.folder.tables import list_tables
 
 # of NumPy, on the way to a refusal
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
+GONE = object()
 DEEP = "[" * 100_000
-#: (key in the text of a picture, what stands there instead). Other JSON files: tests/faults/test_exports.py.
-PNG_FINDINGS = [
-    *[("samples", value) for value in (0, -1, 0.5, math.nan, 2**70, "x", [], None, 1e308)],
-    *[("pixel_pitch", value) for value in (0, -1, "x", {}, math.inf, math.nan, -1e-320)],
-    *[("friction_per_count", value) for value in (-1, "x", [], math.nan, 1e308)],
-    *[("friction_at_zero", value) for value in ("", [], [[1]], math.inf)],
-    *[("normal_force", value) for value in (-1, [], None, "x")],
-    *[("reference_speed", value) for value in (0, {}, [], "x", math.inf)],
-    *[("sampling_rate", value) for value in (0, 1e308, [], math.nan)],
-]
-#: (reader, keys in the JSON of a file, number that no reader may take).
-NUMBER_FINDINGS = [
-    *[("wav-sidecar", ("newtons_per_full_scale",), value) for value in (1e308, math.nan)],
-    *[("wav-sidecar", ("sampling_rate",), value) for value in (1e308, 2**70)],
-    ("hjif", ("timescale",), math.inf),
-    *[("hjif", ("perceptions", 0, "channels", 0, "gain"), value) for value in (math.nan, [[1]])],
-    ("haptic", ("metadata", "tactile_diffusers", "sampling_rate"), math.nan),
-    ("haptic", ("signals", "continuous", "envelopes", "amplitude", 1, "amplitude"), math.nan),
-    ("haptic", ("metadata", "tactile_diffusers", "samples"), 2**70),
-    ("ahap", ("Metadata", "tactile_diffusers", "samples"), 2**70),
-    ("ahap", ("Metadata", "tactile_diffusers", "newtons_per_full_scale"), 2**70),
-]
+#: Reader -> (where in a good file's JSON, what stands there instead).
+JSON_FINDINGS = {
+    "wav-sidecar": [
+        *[(("newtons_per_full_scale",), value) for value in ([], [None], "", None, [[1]], {}, 1e308, math.nan)],
+        *[(("ratings",), value) for value in (0.5, [], {}, "x", [1.5, "x", -1.0], [[[1]], None, None], None)],
+        *[(("sampling_rate",), value) for value in (1e308, 0, -1, None, "x", 2**70, [])],
+        *[(("friction_coefficient",), value) for value in ([], {}, "x", -1)],
+    ],
+    "png-text": [
+        *[(("samples",), value) for value in (0, -1, 0.5, math.nan, 2**70, "x", [], None, 1e308)],
+        *[(("pixel_pitch",), value) for value in (0, -1, "x", {}, math.inf, math.nan, -1e-320)],
+        *[(("friction_per_count",), value) for value in (-1, "x", [], math.nan, 1e308)],
+        *[(("friction_at_zero",), value) for value in ("", [], [[1]], math.inf)],
+        *[(("normal_force",), value) for value in (-1, [], None, "x")],
+        *[(("reference_speed",), value) for value in (0, {}, [], "x", math.inf)],
+        *[(("friction_coefficient",), value) for value in ("x", [])],
+        *[(("sampling_rate",), value) for value in (0, 1e308, [], math.nan)],
+    ],
+    "hjif": [
+        (("timescale",), math.inf),
+        (("timescale",), 0),
+        (("perceptions", 0, "perception_modality"), GONE),
+        (("perceptions", 0, "channels", 0, "gain"), GONE),
+        *[(("perceptions", 0, "channels", 0, "gain"), value) for value in ("x", None, [None], [[1]], math.nan)],
+        (("perceptions", 0, "channels", 0, "bands", 0, "effects", 0, "keyframes", 1, "relative_position"), 0),
+        (("perceptions", 0, "channels", 0, "bands", 0, "effects", 0, "keyframes", 1, "relative_position"), 1e-320),
+        (("perceptions", 0, "channels", 0, "bands", 0, "effects", 0, "keyframes", 5, "amplitude_modulation"), math.nan),
+        (("perceptions", 0, "channels", 0, "bands", 0, "effects", 0, "keyframes", 5, "amplitude_modulation"), "x"),
+    ],
+    "haptic": [
+        (("metadata", "tactile_diffusers", "sampling_rate"), math.nan),
+        (("metadata", "tactile_diffusers", "ratings"), 0.5),
+        *[(("metadata", "tactile_diffusers", "newtons_per_full_scale"), value) for value in ({}, None, "x", [])],
+        *[(("metadata", "tactile_diffusers", "samples"), value) for value in ("x", None, -1, 0, 2**70, [[1]])],
+        *[
+            (("signals", "continuous", "envelopes", kind, 1, key), value)
+            for kind, key in (("amplitude", "amplitude"), ("amplitude", "time"), ("frequency", "frequency"))
+            for value in ("x", None, {}, math.nan, 2**70)
+        ],
+    ],
+    "ahap": [
+        *[(("Metadata", "tactile_diffusers", "ratings"), value) for value in (5, [1.5, None, {}])],
+        *[(("Metadata", "tactile_diffusers", "sampling_rate"), value) for value in (0, None, [])],
+        *[(("Metadata", "tactile_diffusers", "samples"), value) for value in ([], 0.5, None, 2**70)],
+        *[(("Metadata", "tactile_diffusers", "newtons_per_full_scale"), value) for value in (None, "x", 2**70)],
+        *[
+            (("Pattern", curve, "ParameterCurve", "ParameterCurveControlPoints", 0, "ParameterValue"), value)
+            for curve in (0, 1)
+            for value in ({}, "x", None, [[1]])
+        ],
+        (("Pattern", 0, "ParameterCurve", "Time"), []),
+    ],
+}
 #: Reader -> bytes that are no file of its kind.
 NOTHING_OF_THE_KIND = {
     "wav": [b"", b"RIFF|\2\0\0WAVEfmt \x10\0\0\0\1\0\1\0\x10'\0\0 N\0\0\2\0\x10\0data\0\0\0\0"],
@@ -52,16 +84,25 @@ NOTHING_OF_THE_KIND = {
 }
 
 
+def _changed(tree, where, value):
+    *path, last = where
+    node = tree
+    for key in path:
+        node = node[key]
+    if value is GONE:
+        del node[last]
+    else:
+        node[last] = value
+    return tree
+
+
 @pytest.mark.parametrize(
-    "name, where, value", [*(("png-text", (key,), value) for key, value in PNG_FINDINGS), *NUMBER_FINDINGS]
+    "name, where, value", [(name, *finding) for name, findings in JSON_FINDINGS.items() for finding in findings]
 )
 def test_odd_values_in_json(readers, tmp_path, name, where, value):
     target = readers.TARGETS[name]
-    node = tree = json.loads(target.seeds()[0])
-    for key in where[:-1]:
-        node = node[key]
-    node[where[-1]] = value
-    assert readers.fault(target, json.dumps(tree).encode(), tmp_path) is None
+    made = json.dumps(_changed(json.loads(target.seeds()[0]), where, value)).encode()
+    assert readers.fault(target, made, tmp_path) is None
 
 
 @pytest.mark.parametrize("name, data", [(name, data) for name, all_ in NOTHING_OF_THE_KIND.items() for data in all_])

@@ -34,7 +34,7 @@ def _inputs(model, batch=2, length=None, seed=0):
     if isinstance(model, LCTGModel):
         length = length or 256
         frames = -(-length // model.config.latent_hop)
-        return normal(batch, 1, length), timestep, normal(batch, model.config.latent_channels, frames).tanh()
+        return normal(batch, 1, length), timestep, model.pad_detail(normal(batch, model.base_channels, frames).tanh())
     ratings = normal(batch, 3)
     ratings[0, 1] = torch.nan
     return normal(batch, model.config.in_channels, length or 32), timestep, ratings

@@ -41,7 +41,7 @@ def test_conditions_stand_for_latents(make_lctg, detail_channels, samples):
         # what is not given is not made, and changes nothing
         latents = lctg.pad_detail(latents[:, : lctg.base_channels])
         (prepared,) = lctg.condition(latents, timesteps[:1])
-        assert prepared.given is None and (conditions[0].given is None) == (detail_channels == 0)
+        assert prepared.detail is None and (conditions[0].detail is None) == (detail_channels == 0)
         expected = lctg(sample, timesteps[0], latents).sample
         torch.testing.assert_close(lctg(sample, None, prepared).sample, expected, rtol=1e-5, atol=1e-6)
     compiled = torch.compile(lctg, fullgraph=True, backend="eager")
@@ -49,11 +49,10 @@ def test_conditions_stand_for_latents(make_lctg, detail_channels, samples):
     assert len(compiled.condition(latents, timesteps)) == 2
 
 
-@pytest.mark.parametrize("modulated", [True, False])
 @torch.no_grad()
-def test_conditions_stand_for_ratings(make_dale, modulated):
+def test_conditions_stand_for_ratings(make_dale):
     """Times, ratings, keys and values are prepared once for all steps; velocities are those of the ratings."""
-    dale = make_dale(rating_modulation=modulated)
+    dale = make_dale()
     ratings = torch.tensor([[1.0, torch.nan, -2.0], [0.0, 0.5, 1.0]])
     sample, timesteps = torch.randn(2, dale.config.in_channels, 16), torch.tensor([999.0, 333.3, -1.0])
     conditions = dale.condition(ratings, timesteps)

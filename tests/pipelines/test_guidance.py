@@ -64,10 +64,18 @@ def test_guidance_of_axes_equals_its_formula(pipe, state_of, scale):
     assert (made + plain).abs().max() > 0.01  # or the line above would show nothing
 
 
-def test_all_conditions_go_through_in_one_forward(pipe, state_of, calls_of):
+@pytest.fixture
+def prepared(pipe, monkeypatch):
+    """A list that fills with the ratings and times that DALE prepares before the steps."""
+    found, condition = [], pipe.dale.condition
+    monkeypatch.setattr(pipe.dale, "condition", lambda *args: found.append(args) or condition(*args))
+    return found
+
+
+def test_all_conditions_go_through_in_one_forward(pipe, state_of, calls_of, prepared):
     ratings, calls = torch.tensor([[1.0, NAN, 0.5], [0.0, 1.0, -1.0]]), calls_of(pipe.dale)
     state_of(ratings, guidance_scale={"roughness": 3.0, "slipperiness": 0.5}, num_inference_steps=3)
-    (_, times, asked), *calls = calls  # what ratings and times alone decide comes once, before the steps
+    [(asked, times)] = prepared  # what ratings and times alone decide comes once, before the steps
     assert len(times) == 3
     wanted = [ratings, _without(0, ratings=ratings), _without(2, ratings=ratings)]
     for rows in wanted:  # once each, in whatever order
@@ -91,10 +99,10 @@ def test_a_row_that_does_not_specify_the_axis_is_not_pushed(state_of):
     [{}, dict.fromkeys(RATING_AXES, 1.0), {"bumpiness": 3.0}, {"bumpiness": 3.0, "roughness": 1}],
     ids=str,
 )
-def test_a_dict_that_changes_nothing_asks_once(pipe, state_of, calls_of, scale):
+def test_a_dict_that_changes_nothing_asks_once(pipe, state_of, calls_of, prepared, scale):
     ratings, calls = _without(1), calls_of(pipe.dale)
     _, made = state_of(ratings, guidance_scale=scale)
-    (_, _, asked), (state, *_) = calls  # once to prepare ratings, once for the step
+    [(asked, _)], [(state, *_)] = prepared, calls
     assert len(asked) == len(state) == 1
     assert torch.equal(made, state_of(ratings)[1])
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from diffusers import DDIMScheduler, DPMSolverMultistepScheduler
+from diffusers import DDIMScheduler
 
 from tactile_diffusers import VDDIMScheduler
 
@@ -78,22 +78,6 @@ def test_ten_steps_are_the_timesteps_of_diffusers_trailing_ddim():
     scheduler.set_timesteps(10)
     assert scheduler.timesteps.tolist() == [999, 899, 799, 699, 599, 499, 399, 299, 199, 99]
     assert scheduler.timesteps.tolist() == _ddim_cosine(10).timesteps.tolist()
-
-
-def test_ten_steps_equal_ddim_of_diffusers():
-    noise = _noise(2, 4, 128)
-    ours = _sample(VDDIMScheduler(), _model, noise, 10)
-    ddim, x = _ddim_cosine(10), noise
-    for t in ddim.timesteps:
-        x = ddim.step(_model(x, t), t, x).prev_sample
-    # diffusers' float32 products of alphas are off by about 2e-6
-    torch.testing.assert_close(ours, x, rtol=0, atol=1e-5)
-
-
-@pytest.mark.parametrize("other", [DDIMScheduler, DPMSolverMultistepScheduler])
-def test_schedulers_of_diffusers_are_made_from_our_config(other):
-    made = other.from_config(VDDIMScheduler(num_train_timesteps=500).config)
-    assert made.config.num_train_timesteps == 500
 
 
 # --- whole loops
@@ -197,16 +181,6 @@ def test_dtype_is_kept_and_the_update_is_float32(dtype):
 # --- interface
 
 
-def test_config_round_trip(tmp_path, recorded_warnings):
-    with recorded_warnings() as found:
-        VDDIMScheduler(num_train_timesteps=250).save_pretrained(tmp_path)
-        loaded = VDDIMScheduler.from_pretrained(tmp_path)
-        again = VDDIMScheduler.from_config(loaded.config)
-    assert not found
-    assert loaded.config.num_train_timesteps == again.config.num_train_timesteps == 250
-    assert loaded.config.multistep_order == 1
-
-
 def test_defaults_are_ready_to_train():
     scheduler = VDDIMScheduler()
     assert scheduler.init_noise_sigma == 1.0 and scheduler.order == 1 and len(scheduler.timesteps) == 1000
@@ -258,13 +232,6 @@ def test_step_after_the_end_is_refused():
         scheduler.step(x, scheduler.timesteps[-1], x)
 
 
-def test_a_foreign_timestep_is_refused():
-    scheduler, x = VDDIMScheduler(), _noise(1, 1, 4)
-    scheduler.set_timesteps(10)
-    with pytest.raises(ValueError, match="`timestep` must be one of"):
-        scheduler.step(x, 950, x)
-
-
 @pytest.mark.parametrize("steps", [0, -3, 2.5, float("nan"), float("inf")])
 def test_bad_numbers_of_steps_are_refused(steps):
     with pytest.raises(ValueError, match="`num_inference_steps` must be a whole number >= 1"):
@@ -277,6 +244,7 @@ def test_bad_numbers_of_steps_are_refused(steps):
         ({"num_train_timesteps": 0}, "`num_train_timesteps` must be at least 1"),
         ({"multistep_order": 0}, "`multistep_order`"),
         ({"multistep_order": 3}, "`multistep_order`"),
+        ({"spacing": "karras"}, "`spacing` must be one of .*, got 'karras'"),
     ],
 )
 def test_bad_configs_are_refused(config, message):

@@ -130,8 +130,8 @@ def test_the_exact_quantiles_are_what_fine_steps_lead_to(mixture):
 
 @pytest.mark.parametrize(
     ("order", "spacing", "least"),
-    # measured 0.983, 0.997, 1.932, 1.898, 1.971; the RMS is ruled by the few trajectories that end in another mode
-    [(1, "uniform", 0.9), (1, "dense", 0.9), (2, "uniform", 1.8), (2, "both_ends", 1.8), (2, "dense", 1.8)],
+    # measured 0.983, 1.932, 1.898; the RMS is ruled by the few trajectories that end in another mode
+    [(1, "uniform", 0.9), (2, "uniform", 1.8), (2, "both_ends", 1.8)],
 )
 def test_the_median_error_falls_at_its_order(mixture, order, spacing, least):
     scheduler = VDDIMScheduler(multistep_order=order, spacing=spacing)
@@ -142,7 +142,7 @@ def test_the_median_error_falls_at_its_order(mixture, order, spacing, least):
 def _dpm_solver():
     """DPM-Solver++ 2M of diffusers on exactly this schedule."""
     return DPMSolverMultistepScheduler(
-        trained_betas=VDDIMScheduler().betas(),
+        trained_betas=VDDIMScheduler().betas.tolist(),
         prediction_type="v_prediction",
         algorithm_type="dpmsolver++",
         solver_order=2,
@@ -187,9 +187,8 @@ def test_no_component_is_amplified():
 
 @pytest.mark.parametrize("steps", [1, 2, 3, 4, 10, 60])
 @pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("spacing", ["uniform", "dense"])
-def test_uniform_and_dense_spacing_amplify_nothing(spacing, order, steps):
-    levels = _levels_db(VDDIMScheduler(multistep_order=order, spacing=spacing), steps, np.geomspace(1e-3, 8, 60))
+def test_uniform_spacing_amplifies_nothing(order, steps):
+    levels = _levels_db(VDDIMScheduler(multistep_order=order), steps, np.geomspace(1e-3, 8, 60))
     assert levels.max() < 0.01 and np.all(np.isfinite(levels))
 
 
@@ -202,7 +201,6 @@ def test_uniform_and_dense_spacing_amplify_nothing(spacing, order, steps):
         (2, "both_ends", 10, -9.26),
         (2, "both_ends", 20, -3.94),
         (2, "both_ends", 40, -1.26),
-        (2, "dense", 10, -2.27),
     ],
 )
 def test_a_component_30_db_below_the_mean_is_too_weak(order, spacing, steps, level):
@@ -211,31 +209,12 @@ def test_a_component_30_db_below_the_mean_is_too_weak(order, spacing, steps, lev
     assert made[0] == pytest.approx(level, abs=0.02)
 
 
-@pytest.mark.parametrize("order", [1, 2])
-def test_a_correlated_gaussian_behaves_as_its_components(order):
-    # 64 dimensions, deviations over 40 dB, turned by an orthogonal matrix; the velocity from the covariance alone
-    rng, deviations = np.random.default_rng(3), np.geomspace(0.03, 3, 64)
-    turn = np.linalg.qr(rng.standard_normal((64, 64)))[0]
-    covariance = turn * deviations**2 @ turn.T
-    noise = rng.standard_normal((64, 5))
-
-    def velocity(x, phi):
-        at = math.cos(phi) ** 2 * covariance + math.sin(phi) ** 2 * np.eye(64)
-        return math.sin(phi) * math.cos(phi) * (np.eye(64) - covariance) @ np.linalg.solve(at, x)
-
-    scheduler = VDDIMScheduler(multistep_order=order, spacing="both_ends")
-    made = turn.T @ _sample(scheduler, velocity, noise, 10)
-    gains = _sample(scheduler, _component_velocity(deviations), np.ones(64), 10)
-    # float64: solving against a covariance of condition 1e4 loses 4 of 16 digits
-    np.testing.assert_allclose(made, gains[:, None] * (turn.T @ noise), rtol=0, atol=1e-10)
-
-
 # --- DDIM of diffusers
 
 
 def _ddim():
     return DDIMScheduler(
-        trained_betas=VDDIMScheduler().betas(),
+        trained_betas=VDDIMScheduler().betas.tolist(),
         prediction_type="v_prediction",
         timestep_spacing="trailing",
         clip_sample=False,
@@ -274,25 +253,3 @@ def test_elsewhere_ddim_of_diffusers_drifts(steps):
     # ours lands on the data (float32), diffusers' does not: measured 0.027 (7 steps) to 0.2 (64 steps)
     assert (_loop(VDDIMScheduler(), _point, steps) - _noise(1)).abs().max() < 1e-5
     assert (_loop(_ddim(), _point, steps) - _noise(1)).abs().max() > 5e-3
-
-
-@pytest.mark.parametrize("steps", [7, 13, 64])
-def test_the_drift_is_that_of_whole_steps_of_diffusers(steps):
-    # diffusers evaluates the model at rounded timesteps, and leads from each not to the next but 1000 // steps down.
-    # Led by the same wrong way, one custom pair of timesteps per step, ours is the same.
-    ddim, ours = _ddim(), VDDIMScheduler()
-    ddim.set_timesteps(steps)
-    x = theirs = _noise()
-    for t in ddim.timesteps.tolist():
-        ours.set_timesteps(timesteps=[t, t - 1000 // steps] if t >= 1000 // steps else [t])
-        x = ours.step(_model(x, _angle(t)), t, x).prev_sample
-        theirs = ddim.step(_model(theirs, _angle(t)), t, theirs).prev_sample
-    # diffusers' float32 alphas: near clean data sqrt(1 - alpha) has an error of 6e-8 / 0.003 = 2e-5;
-    # measured 1.4e-5, where the whole difference at these counts is 0.01 to 0.035
-    torch.testing.assert_close(x, theirs, rtol=0, atol=3e-5)
-    # and at its rounded timesteps, taken as they are, ours ends on the data again
-    ours.set_timesteps(timesteps=ddim.timesteps)
-    x = _noise()
-    for t in ours.timesteps:
-        x = ours.step(_point(x, _angle(t)), t, x).prev_sample
-    torch.testing.assert_close(x, _noise(1), rtol=0, atol=1e-5)  # float32, 64 steps

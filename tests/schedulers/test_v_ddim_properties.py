@@ -15,7 +15,6 @@ configs = st.fixed_dictionaries(
         "num_train_timesteps": st.sampled_from([1, 2, 50, 1000, 4000]),
         "multistep_order": st.sampled_from([1, 2]),
         "spacing": st.sampled_from(SPACINGS),
-        "log_snr_shift": st.floats(-8, 8),
     },
 )
 steps = st.one_of(*3 * [st.integers(1, 30)], st.just(1001))

@@ -60,24 +60,6 @@ def test_every_rule_lands_on_both_ends(order, spacing, steps):
     torch.testing.assert_close(made, data, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("steps", [3, 10, 1000])
-def test_a_float32_sample_lands_on_the_data(steps):
-    data, noise = _noise(32, seed=1), _noise(32)
-    made = _loop(2, "both_ends", _towards(data, noise), noise, steps)
-    # each step rounds numbers below 4 by at most 4 * 2**-24 = 2.4e-7; mostly in both directions
-    torch.testing.assert_close(made, data, rtol=0, atol=1e-6 + 6e-8 * steps)
-
-
-@pytest.mark.parametrize("steps", COUNTS)
-@pytest.mark.parametrize("spacing", SPACINGS)
-def test_angles_fall_strictly_from_end_to_end(spacing, steps):
-    angles, scheduler = spaced_angles(steps, spacing), VDDIMScheduler(spacing=spacing)
-    assert angles[0] == math.pi / 2 and angles[-1] == 0 and len(angles) == steps + 1
-    assert np.all(np.diff(angles) < 0)
-    scheduler.set_timesteps(steps)
-    assert torch.all(scheduler.timesteps.diff() < 0) and scheduler.timesteps[-1] > -1  # float32, what the model sees
-
-
 def test_angles_fall_strictly_for_every_count():
     for spacing in SPACINGS:
         for steps in range(1, 2001):
@@ -113,15 +95,6 @@ def test_a_sample_of_half_precision_is_rounded_once_a_step(order, dtype):
 # --- scales of the data
 
 
-@pytest.mark.parametrize("scale", [1e-8, 1e-4, 1.0, 1e4])
-@pytest.mark.parametrize(("order", "spacing"), RULES)
-def test_errors_are_relative_to_the_scale(order, spacing, scale):
-    data, noise = scale * _noise(64, seed=1, dtype=torch.float64), _noise(64, dtype=torch.float64)
-    made = _loop(order, spacing, _towards(data, noise), noise, 13)
-    # float64 of numbers of size max(1, scale), the noise's and the data's, over 13 steps
-    torch.testing.assert_close(made, data, rtol=0, atol=1e-14 * max(1.0, scale))
-
-
 @pytest.mark.parametrize("scale", [1e-8, 1e-3, 1e4])
 @pytest.mark.parametrize(("order", "spacing"), RULES)
 def test_a_step_has_no_scale_of_its_own(order, spacing, scale):
@@ -145,7 +118,7 @@ def test_weak_and_strong_gaussians_stay_in_bounds(order, spacing, deviation):
     noise = _noise(100, dtype=torch.float64)
     for steps in (4, 10, 60):
         made = _loop(order, spacing, _gaussian(0.0, deviation), noise, steps)
-        # no rule leads a component further than twice its size (6 dB; log_snr: 5.7 dB at 5 steps)
+        # no rule leads a component further than twice its size (6 dB)
         assert (made.abs() <= 2 * deviation * noise.abs() + 1e-14).all()
 
 
@@ -163,16 +136,6 @@ def test_nearly_deterministic_data(order, spacing, steps):
 
 
 # --- a model that is wrong
-
-
-@pytest.mark.parametrize(("order", "spacing"), RULES)
-def test_a_constant_error_of_the_model_does_not_grow_with_the_steps(order, spacing):
-    # on a path of its own the error turns with the sample: at most 1e-3 * pi/2 in all, whatever the number of steps
-    data, noise, found = _noise(8, seed=1, dtype=torch.float64), _noise(8, dtype=torch.float64), []
-    for steps in (10, 100, 1000):
-        made = _loop(order, spacing, lambda x, phi: _towards(data, noise)(x, phi) + 1e-3, noise, steps)
-        found.append(float((made - data).abs().max()))
-    assert max(found) < 1.0001e-3 * math.pi / 2 and min(found) > 1e-3  # measured 1.43e-3 to 1.571e-3
 
 
 @pytest.mark.parametrize(("order", "spacing"), RULES)
@@ -232,7 +195,7 @@ def test_guidance_of_unit_gaussians_is_exactly_proportional(order, spacing):
         shifts.append(_loop(order, spacing, guided, noise, 10) - _loop(order, spacing, unconditional, noise, 10))
     for scale, shift in zip((0.0, 1.0, 7.5, 20.0), shifts, strict=True):
         torch.testing.assert_close(shift, scale * shifts[1], rtol=0, atol=1e-12)  # float64
-    assert (shifts[1] - mean).abs().max() < (0.2 if order == 1 else 0.12)  # measured 0.16 and 0.1 (log_snr)
+    assert (shifts[1] - mean).abs().max() < (0.2 if order == 1 else 0.12)  # measured 0.16 and 0.1
 
 
 def _mixture(means, shares, deviation):
@@ -263,7 +226,7 @@ def test_guidance_towards_one_of_three_modes_stays_in_proportion(order, spacing,
         )
         # the exact paths of guidance 20 end below 3 (the mode at 1, its spread drawn outwards); measured 3.5
         assert ten < 4 and forty < 4
-        # few steps may overshoot, by no more than what is extrapolated: measured 37 (order 2, log_snr, guidance 20)
+        # few steps may overshoot, by no more than what is extrapolated: measured at guidance 20
         assert few < 4 + 2 * scale
 
 
@@ -278,23 +241,6 @@ def test_the_hardest_pull_of_guidance_stays_finite_and_settles(order, spacing, s
         assert made.isfinite().all() and made.abs().max() < 1e4  # measured 7e3: 5 steps, order 2, guidance 20
         if (steps >= 10 and scale < 7) or (steps >= 20 and scale < 10) or steps >= 100:
             assert made.abs().max() < 1.2  # measured 1.14
-
-
-# --- shapes
-
-
-@pytest.mark.parametrize("shape", [(3, 1), (2, 7), (1, 3, 129), (2, 1, 3, 5), (1, 2, 3, 5, 7)])
-@pytest.mark.parametrize("order", [1, 2])
-def test_rank_and_odd_lengths_do_not_matter(order, shape):
-    def velocity(x, phi):
-        return torch.tanh(1.3 * x) * math.cos(3 * phi)
-
-    noise = _noise(*shape)
-    made = _loop(order, "both_ends", velocity, noise, 5)
-    assert made.shape == shape
-    # vectorised arithmetic of a flat tensor may differ in the last bit
-    flat = _loop(order, "both_ends", velocity, noise.flatten(), 5)
-    torch.testing.assert_close(made.flatten(), flat, rtol=0, atol=1e-6)
 
 
 # --- NaN and infinity
@@ -361,11 +307,3 @@ def test_on_an_accelerator_a_broken_output_is_flagged_and_refused_at_the_end(ord
     scheduler.set_timesteps(1)  # a new run has forgotten the flag
     x = _noise(2, 1, 16).as_subclass(_Accelerated)
     assert scheduler.step(torch.zeros_like(x), scheduler.timesteps[0], x).prev_sample.isfinite().all()
-
-
-def test_extreme_but_finite_outputs_are_not_refused():
-    scheduler = VDDIMScheduler()
-    scheduler.set_timesteps(5)
-    big = torch.full((1, 4), 3e38)  # near the largest float32
-    made = scheduler.step(big, scheduler.timesteps[0], torch.ones(1, 4)).prev_sample
-    torch.testing.assert_close(made, -math.sin(math.pi / 10) * big, rtol=1e-6, atol=0)  # float32

@@ -21,7 +21,13 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 #: segments of 0.2048 s: 2048 samples at 10 kHz, 512 at the working rate, 32 latent frames
 SECONDS = 0.2048
 LCTG_CONFIG = {
-    "feature_extractor": {"feature_size": 24, "num_filters": 16, "hop_length": 8, "window_lengths": [64, 256]},
+    "feature_extractor": {
+        "num_filters": 24,
+        "hop_length": 8,
+        "window_lengths": [64, 256],
+        "level_bands": 0,
+        "detail_samples": 0,
+    },
     "lctg": {
         "latent_channels": 4,
         "encoder_width": 12,

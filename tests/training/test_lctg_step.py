@@ -31,7 +31,6 @@ def step(make_lctg, make_extractor):
         model = make_lctg(**config)
         extractor = make_extractor(
             level_bands=model.config.level_bands,
-            feature_size=model.config.feature_channels,
             detail_samples=model.config.detail_channels,
         )
         return LCTGTrainingStep(model, VDDIMScheduler(), extractor, **options)
@@ -91,7 +90,7 @@ def test_polarity_changes_the_waveform_and_its_copy_in_the_features_only(step, b
     signs = targets[0][:, 0, 0] / batch["waveform"][:, 0]
     assert set(signs.tolist()) == {-1.0, 1.0}
     assert torch.equal(targets[0][:, 0], batch["waveform"] * signs[:, None])
-    even = size - 8 - module.model.config.detail_channels
+    even = size - module.model.config.detail_channels
     assert torch.equal(encoded[0][:, :even], batch["input_features"][:, :even])  # band levels and energies
     assert torch.equal(encoded[0][:, even:], batch["input_features"][:, even:] * signs[:, None, None])
 
@@ -160,7 +159,7 @@ def test_the_velocity_loss_is_that_of_the_papers_equations(step, batch):
 # --- the script
 
 
-@pytest.mark.parametrize("changes", [{}, {"level_bands": 3, "feature_size": 28}], ids=["plain", "levels"])
+@pytest.mark.parametrize("changes", [{}, {"level_bands": 3}], ids=["plain", "levels"])
 def test_batches_hold_waveforms_and_all_features(make_extractor, pink_noise, changes):
     extractor = make_extractor(**changes)
     items = [{"texture": torch.from_numpy(row).float()} for row in pink_noise(512, 2500, count=3)]
@@ -173,7 +172,7 @@ def test_batches_hold_waveforms_and_all_features(make_extractor, pink_noise, cha
 
 def test_a_layered_model_is_trained_saved_and_continued(script, run_script, tiny_configs, tmp_path):
     config = json.loads(tiny_configs["lctg"].read_text())
-    config["feature_extractor"] |= {"level_bands": 1, "detail_samples": 2, "feature_size": 28}
+    config["feature_extractor"] |= {"level_bands": 1, "detail_samples": 2}
     config["lctg"]["latent_channels"] = 6  # the script derives the rest of LCTG's geometry from the extractor
     (tmp_path / "layered.json").write_text(json.dumps(config))
     module, steps = script("train_lctg"), {"max_train_steps": 2, "checkpointing_steps": 1000}

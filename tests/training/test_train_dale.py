@@ -174,12 +174,12 @@ def test_bad_arguments_are_refused_by_name(train, tmp_path, options, error, mess
 def test_the_papers_configuration_trains_and_has_a_fixed_gain(train, tiny_configs, tmp_path):
     paper = json.loads((Path(__file__).parents[2] / "examples/configs/dale_paper.json").read_text())
     tiny = json.loads(tiny_configs["dale"].read_text())
-    merged = {name: tiny.get(name, {}) | values for name, values in paper.items()}
-    (tmp_path / "paper.json").write_text(json.dumps(merged))
+    paper["dale"] |= tiny["dale"]
+    (tmp_path / "paper.json").write_text(json.dumps(paper))
     output = train(tmp_path / "dale", model_config_name_or_path=tmp_path / "paper.json", ratings="single")
     pipe = TactileTexturePipeline.from_pretrained(output)
     pipe.set_progress_bar_config(disable=True)
-    assert pipe.dale.rating_pool is None and pipe.dale_scheduler.config.multistep_order == 1
+    assert not pipe.dale.rating_pool.weight.any() and pipe.dale_scheduler.config.multistep_order == 1
     out = pipe([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], num_inference_steps=2, generator=torch.Generator().manual_seed(0))
     assert out.level.tolist() == pytest.approx([pipe.dale.config.level_mean] * 2)
     assert not np.array_equal(out.textures[0], out.textures[1])

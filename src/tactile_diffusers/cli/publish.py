@@ -171,7 +171,7 @@ def _report(folder, digests, output, known):
     if missing := [name for name in pictures if not (folder / name).is_file()]:
         raise ValueError(f"--report {folder} lacks {missing}: run examples/evaluate.py again, it goes on where it was.")
     for name in pictures:
-        (output / REPORT).mkdir(parents=True, exist_ok=True)
+        (output / REPORT).mkdir(exist_ok=True)
         shutil.copyfile(folder / name, output / REPORT / name)
     return markdown
 

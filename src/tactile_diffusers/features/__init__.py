@@ -1,4 +1,4 @@
-"""What the encoder hears."""
+"""Features of textures for the encoder, and the way back to newtons."""
 
 from .feature_extraction_tactile import TactileFeatureExtractor, fit_preemphasis
 

@@ -1,4 +1,4 @@
-"""From a texture in N to what the encoder hears, and back from the decoder's waveform to N."""
+"""From a texture in N to the encoder's features, and back from the decoder's waveform to N."""
 
 from functools import lru_cache
 from numbers import Integral, Real
@@ -14,7 +14,7 @@ from .low_band import sample_low_band
 
 #: powers below this are silence to the logarithm (a whitened texture has a mean power of 1 in every band)
 LOG_FLOOR = 1e-4
-FILTER_SCALES = ("slaney", "htk", "log")
+FILTER_SCALES = ("slaney", "log")
 #: RMS below which a signal counts as silent, N
 SILENCE = 1e-12
 #: Largest rate in Hz, and length of a window in samples: a damaged config may ask for any, and a rate without a common
@@ -40,7 +40,7 @@ def filterbank(sampling_rate, band, num_filters, window_lengths, scale):
     if scale == "log":
         corners = np.geomspace(*band, num_filters + 2)
     else:
-        corners = librosa.mel_frequencies(num_filters + 2, fmin=band[0], fmax=band[1], htk=scale == "htk")
+        corners = librosa.mel_frequencies(num_filters + 2, fmin=band[0], fmax=band[1])
     spacings = [sampling_rate / length for length in window_lengths]
     banks = [np.zeros((num_filters, length // 2 + 1)) for length in window_lengths]
     for index, (left, centre, right) in enumerate(zip(corners[:-2], corners[1:-1], corners[2:], strict=True)):
@@ -84,30 +84,29 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
     Prepares textures for [`LCTGModel`] and turns what it decodes back into newtons.
 
     A texture is resampled to the working rate, freed from its mean, whitened by a fixed pre-emphasis and brought to
-    unit RMS: its level is kept beside it, as a number. The features are log-mel energies (paper section 2.2) at
-    `hop_length`, and, when `use_waveform`, the samples of each hop. Features that have one frame per latent come
-    `frame_multiple` times each. Everything is computed row by row in float64 and returned as float32.
+    unit RMS; its level is kept beside it. The features are, in this order: the levels of bands, log-mel energies (paper
+    section 2.2), and the low end of the waveform (detail). Levels and detail have one frame per latent frame and are
+    repeated `frame_multiple` times. Everything is computed row by row in float64 and returned as float32.
 
     Args:
-        feature_size (`int`, *optional*, defaults to 80): channels: `level_bands + 1` if there are any, plus
-            `num_filters`, plus `hop_length` if `use_waveform`, plus `detail_samples`, in this order.
+        feature_size (`int`, *optional*): channels; `None` = `level_bands + 1` if there are any, plus `num_filters`,
+            plus `detail_samples`: 83 by default.
         sampling_rate (`int`, *optional*, defaults to 2500): the working rate, Hz.
         padding_value (`float`, *optional*, defaults to 0.0): unused; part of the transformers interface.
         delivery_rate (`int`, *optional*, defaults to 10000): rate of `denormalize`'s textures, Hz.
         band (`tuple[float, float]`, *optional*, defaults to `(20.0, 1000.0)`): Hz.
         num_filters (`int`, *optional*, defaults to 48): mel filters over `band`.
-        filter_scale (`str`, *optional*, defaults to `"log"`): `"slaney"` (linear below 1 kHz), `"htk"` or `"log"`.
+        filter_scale (`str`, *optional*, defaults to `"log"`): `"log"`, or `"slaney"` (mel, linear below 1 kHz).
         window_lengths (`tuple[int, ...]`, *optional*, defaults to `(128, 512)`): Hann windows in samples; each filter
             uses the shortest that resolves it (51 ms for the highs, 205 ms for the lows).
         hop_length (`int`, *optional*, defaults to 32): samples at the working rate per feature frame.
-        use_waveform (`bool`, *optional*, defaults to `True`): whether the samples of a hop join its features.
-        frame_multiple (`int`, *optional*, defaults to 2): frames are zero-padded to a multiple of this number.
+        frame_multiple (`int`, *optional*, defaults to 2): feature frames per latent frame.
         preemphasis_frequencies, preemphasis_db (`list[float]`, *optional*): the whitening gains, see
             `fit_preemphasis`; `None` = flat.
-        level_bands (`int`, *optional*, defaults to 0): logarithmic bands whose levels over time `band_levels` measures
+        level_bands (`int`, *optional*, defaults to 18): logarithmic bands whose levels over time `band_levels` measures
             and `denormalize` restores; 0 = none.
-        detail_samples (`int`, *optional*, defaults to 0): samples of the waveform's low end in each `hop_length *
-            frame_multiple` of its samples, half of which they divide (`features/low_band.py`); 0 = none.
+        detail_samples (`int`, *optional*, defaults to 16): samples of the waveform's low end in each latent frame, half
+            of whose samples they divide (`features/low_band.py`); 0 = none.
 
     Raises:
         ValueError: if sizes, rates, windows or gains do not fit each other.
@@ -117,7 +116,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
 
     def __init__(
         self,
-        feature_size: int = 80,
+        feature_size: int | None = None,
         sampling_rate: int = WORKING_RATE,
         padding_value: float = 0.0,
         delivery_rate: int = DEVICE_RATE,
@@ -126,23 +125,19 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         filter_scale: str = "log",
         window_lengths: tuple[int, ...] = (128, 512),
         hop_length: int = 32,
-        use_waveform: bool = True,
         frame_multiple: int = 2,
         preemphasis_frequencies: list[float] | None = None,
         preemphasis_db: list[float] | None = None,
-        level_bands: int = 0,
-        detail_samples: int = 0,
+        level_bands: int = 18,
+        detail_samples: int = 16,
         **kwargs,
     ):
-        parts = {
-            "level_bands + 1": level_bands + 1 if level_bands else 0,
-            "num_filters": num_filters,
-            "hop_length": hop_length * use_waveform,
-            "detail_samples": detail_samples,
-        }
-        parts = {name: size for name, size in parts.items() if size}
-        if feature_size != sum(parts.values()):
-            raise ValueError(f"`feature_size` must be {' + '.join(parts)} = {sum(parts.values())}, got {feature_size}.")
+        size = (level_bands + 1 if level_bands else 0) + num_filters + detail_samples
+        if feature_size not in (None, size):
+            raise ValueError(
+                f"`feature_size` must be {size}, the sum of band levels, filters and detail samples, got "
+                f"{feature_size}. Leave it out."
+            )
         if filter_scale not in FILTER_SCALES:
             raise ValueError(f"`filter_scale` must be one of {FILTER_SCALES}, got {filter_scale!r}.")
         if not 0 < band[0] < band[1] < sampling_rate / 2:
@@ -184,13 +179,12 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         self.filter_scale = filter_scale
         self.window_lengths = tuple(window_lengths)
         self.hop_length = hop_length
-        self.use_waveform = use_waveform
         self.frame_multiple = frame_multiple
         self.preemphasis_frequencies = preemphasis_frequencies
         self.preemphasis_db = preemphasis_db
         self.level_bands = level_bands
         self.detail_samples = detail_samples
-        super().__init__(feature_size=feature_size, sampling_rate=sampling_rate, padding_value=padding_value, **kwargs)
+        super().__init__(feature_size=size, sampling_rate=sampling_rate, padding_value=padding_value, **kwargs)
 
     def __call__(self, texture, sampling_rate=None, return_tensors=None):
         """Features of textures.
@@ -251,13 +245,22 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         if self.level_bands:
             levels = self.band_levels(waveform).transpose(0, 2, 1)
             parts.insert(0, np.repeat(levels, self.frame_multiple, axis=1))
-        if self.use_waveform:
-            parts.append(waveform.reshape(waveform.shape[0], frames, self.hop_length))
         if self.detail_samples:
             detail = sample_low_band(waveform, self._latent_grid["hop"] // self.detail_samples)
             detail = detail.reshape(len(waveform), -1, self.detail_samples)
             parts.append(np.repeat(detail, self.frame_multiple, axis=1))
         return np.ascontiguousarray(np.concatenate(parts, axis=-1).transpose(0, 2, 1), dtype=np.float32)
+
+    @property
+    def lctg_geometry(self):
+        """Arguments of [`LCTGModel`] that follow from this extractor: channels, hops, levels and detail."""
+        return {
+            "feature_channels": self.feature_size,
+            "feature_hop": self.hop_length,
+            "latent_hop": self.hop_length * self.frame_multiple,
+            "level_bands": self.level_bands,
+            "detail_channels": self.detail_samples,
+        }
 
     @property
     def _latent_grid(self):
@@ -324,10 +327,10 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         texture = resample(texture, self.sampling_rate, self.delivery_rate, samples, dtype=np.float32)
         texture = texture.astype(np.float64)
         texture -= texture.mean(-1, keepdims=True)
-        with np.errstate(over="ignore", invalid="ignore"):  # levels that explode: infinities tell
+        with np.errstate(over="ignore", invalid="ignore"):  # the pipeline refuses infinities
             scale, wanted = rms(texture)[:, None], np.exp(levels)[:, None]
-            heard = (scale > SILENCE) & (wanted > SILENCE)
-            return (texture / np.where(heard, scale, np.inf) * wanted).astype(np.float32)
+            audible = (scale > SILENCE) & (wanted > SILENCE)
+            return (texture / np.where(audible, scale, np.inf) * wanted).astype(np.float32)
 
     def _emphasize(self, waveform, sign):
         """Whitens (`sign` = +1) or colours back (-1) with zero phase.

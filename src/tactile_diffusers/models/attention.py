@@ -11,9 +11,9 @@ class CrossAttnProcessor:
     _attention_backend = None
     _parallel_config = None
 
-    def __call__(self, attn, hidden_states, encoder_hidden_states, projected=None):
+    def __call__(self, attn, hidden_states, encoder_hidden_states, keys_values=None):
         query = attn.to_q(hidden_states).unflatten(-1, (attn.heads, -1))  # (batch, positions, heads, head_dim)
-        key, value = attn.project(encoder_hidden_states) if projected is None else projected
+        key, value = attn.project(encoder_hidden_states) if keys_values is None else keys_values
         out = dispatch_attention_fn(
             query, key, value, backend=self._attention_backend, parallel_config=self._parallel_config
         )
@@ -49,14 +49,15 @@ class CrossAttention1D(nn.Module, AttentionModuleMixin):
         """Keys and values of tokens: two of (batch, tokens, heads, head_dim)."""
         return tuple(to(encoder_hidden_states).unflatten(-1, (self.heads, -1)) for to in (self.to_k, self.to_v))
 
-    def forward(self, hidden_states, encoder_hidden_states, projected=None):
+    def precompute(self, encoder_hidden_states):
+        """`keys_values` for `forward`; `None` for a processor that is not ours, which may need no keys."""
+        return self.project(encoder_hidden_states) if isinstance(self.processor, CrossAttnProcessor) else None
+
+    def forward(self, hidden_states, encoder_hidden_states, keys_values=None):
         """(batch, positions, dim), (batch, tokens, cross_attention_dim) -> (batch, positions, dim).
 
-        Without `hidden_states`: what stands for the tokens as `projected` in further calls, with this processor.
+        `keys_values`: of `precompute`, in place of the tokens.
         """
-        if hidden_states is None:
-            own = isinstance(self.processor, CrossAttnProcessor)  # another one may do without keys
-            return self.project(encoder_hidden_states) if own else encoder_hidden_states
-        if isinstance(projected, tuple):
-            return self.processor(self, hidden_states, None, projected)
-        return self.processor(self, hidden_states, encoder_hidden_states if projected is None else projected)
+        if keys_values is None:
+            return self.processor(self, hidden_states, encoder_hidden_states)
+        return self.processor(self, hidden_states, None, keys_values)

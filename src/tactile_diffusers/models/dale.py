@@ -13,12 +13,13 @@ from diffusers.models.modeling_utils import ModelMixin
 from diffusers.utils import BaseOutput
 
 from ..signal import RATING_AXES
+from .compiling import CompileMixin
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
 from .loading import SafeLoadingMixin
 from .rating_statistics import RatingStatistics
 from .unet_1d import UNet1D, from_patches, to_patches
 
-#: numbers that describe a whole texture and are generated with the latents: level and log friction coefficient
+#: scalars that are generated with the latents: level and log friction coefficient
 NUM_SCALARS = 2
 
 
@@ -37,11 +38,16 @@ def _cepstra(latents, level_channels, patch_size):
     return means, (cepstra - means[..., None]).unflatten(-1, (-1, patch_size)).mean(-1)
 
 
+def _standardized(values, mean, std):
+    """Values at unit variance; 0 where the standard deviation is 0."""
+    return torch.zeros_like(values) if std == 0 else (values - mean) / std
+
+
 def latent_statistics(latents, level_channels=0, patch_size=1):
     """What `DALEModel`'s config keeps of the training set's latents: its `latent_mean`, `latent_std`, `departure_std`.
 
     Args:
-        latents (`torch.Tensor`): (n, latent_channels, frames), as `LCTGModel.encode` makes them.
+        latents (`torch.Tensor`): (n, latent_channels, frames), base layers of `LCTGModel.encode`.
         level_channels, patch_size (`int`): of the model.
 
     Returns:
@@ -77,45 +83,45 @@ class DALEConditions(NamedTuple):
     blocks: list
 
 
-class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
+class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
     r"""
-    Velocity network in the latent space of LCTG, steered by perceptual ratings through cross-attention at every level.
+    Velocity network in the latent space of LCTG, steered by perceptual ratings.
 
-    Its state is (batch, in_channels, latent_frames), of three kinds of channels in this order:
+    Ratings act through cross-attention at every level of the U-Net, and through the time embedding. The state of the
+    diffusion is (batch, in_channels, latent_frames). Its channels are, in this order:
 
-    - LCTG's learned latents, as they are;
-    - how the band levels (LCTG's first `level_channels` latents) depart from their mean over the texture: their
-      cepstrum (DCT over bands), one number for each patch of frames, because they are smooth in time;
-    - one number for the whole texture each: the mean cepstrum of the band levels, level, log friction coefficient.
+    - LCTG's learned latents;
+    - the cepstrum (DCT over bands) of the band levels, LCTG's first `level_channels` latents, as departures from its
+      mean over the texture: one value per patch of `patch_size` frames;
+    - scalars of the whole texture: the mean cepstrum, the level and the log friction coefficient.
 
-    A number for a patch, or for the whole texture, is the sum of its channel there divided by the root of the number of
-    frames, so that noise and number both have unit variance and a few solver steps serve them all alike (a smooth
-    channel with noise in every frame does not: at 5 steps the spread of textures was a third too small). Only these
-    sums are read. This model inherits from [`ModelMixin`].
+    Every value of the state has unit variance. A value of a patch, or of the whole texture, is spread evenly over its
+    n frames and read back as their sum divided by sqrt(n) (`pool_state`), so that white noise on the frames is noise of
+    unit variance on the value. This model inherits from [`ModelMixin`].
 
     Args:
-        in_channels (`int`, *optional*, defaults to 18): channels of LCTG's latents, `level_channels` and two more.
+        in_channels (`int`, *optional*, defaults to 45): LCTG's base channels, `level_channels` and two more.
         latent_frames (`int`, *optional*, defaults to 64): frames of one segment, the length it was trained on.
         rating_axes (`list[str]`, *optional*): names of the perceptual axes, in the order of `ratings`.
         widths (`list[int]`, *optional*): channels of the levels, multiples of 32.
         embedding_dim (`int`, *optional*, defaults to 256): width of the time embedding.
         cross_attention_dim (`int`, *optional*, defaults to 128): width of the rating tokens.
         kernel_size (`int`, *optional*, defaults to 3): length of all convolutions.
-        level_channels (`int`, *optional*, defaults to 0): how many of LCTG's first latents are band levels.
-        patch_size (`int`, *optional*, defaults to 1): latent frames per position of the U-Net, a power of two.
+        level_channels (`int`, *optional*, defaults to 19): how many of LCTG's first latents are band levels.
+        patch_size (`int`, *optional*, defaults to 4): latent frames per position of the U-Net, a power of two.
         latent_mean, latent_std (`list[float]`, *optional*): statistics over the training set, of the mean cepstrum of
             the band levels and of each learned latent channel (`latent_statistics`).
         departure_std (`list[float]`, *optional*): likewise of the departures of the cepstrum from its mean.
-        rating_modulation (`bool`, *optional*, defaults to `True`): ratings also modulate features, through the time
-            embedding, beside cross-attention; `False` = cross-attention alone, as in the paper.
-        fixed_gain (`bool`, *optional*, defaults to `False`): level and friction coefficient are not generated but
-            always the training mean, as in the paper.
-        level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N.
-        log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient; `None` = unknown in
-            training, then it is NaN in what is generated.
+        level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N; a standard deviation of
+            0 = not generated, always the mean.
+        log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient, likewise; `None` =
+            unknown in training, then the friction coefficient of generated textures is NaN.
         rating_statistics (`dict`, *optional*): of the training surfaces' ratings, see [`RatingStatistics`].
         reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s; `None` = unknown.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
+
+    Raises:
+        ValueError: if sizes do not fit each other, or statistics do not fit the sizes.
     """
 
     _supports_gradient_checkpointing = True
@@ -126,20 +132,18 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
     @register_to_config
     def __init__(
         self,
-        in_channels: int = 16 + NUM_SCALARS,
+        in_channels: int = 45,
         latent_frames: int = 64,
         rating_axes: tuple[str, ...] = RATING_AXES,
         widths: tuple[int, ...] = (128, 160, 192),
         embedding_dim: int = 256,
         cross_attention_dim: int = 128,
         kernel_size: int = 3,
-        level_channels: int = 0,
-        patch_size: int = 1,
+        level_channels: int = 19,
+        patch_size: int = 4,
         latent_mean: list[float] | None = None,
         latent_std: list[float] | None = None,
         departure_std: list[float] | None = None,
-        rating_modulation: bool = True,
-        fixed_gain: bool = False,
         level_mean: float = -5.0,
         level_std: float = 0.6,
         log_friction_mean: float | None = -0.4,
@@ -168,10 +172,8 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(len(rating_axes), cross_attention_dim)
-        self.rating_pool = None
-        if rating_modulation:
-            self.rating_pool = torch.nn.Linear(len(rating_axes) * cross_attention_dim, embedding_dim)
-        #: channels of the U-Net: learned latents patch by patch, departures, numbers of the whole texture
+        self.rating_pool = torch.nn.Linear(len(rating_axes) * cross_attention_dim, embedding_dim)
+        #: channels of the U-Net: learned latents patch by patch, departures, scalars
         self.channel_groups = [(in_channels - beside - level_channels) * patch_size, level_channels, beside]
         self.unet = UNet1D(
             sum(self.channel_groups),
@@ -185,28 +187,29 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
 
     @property
     def latent_channels(self):
-        """Channels of LCTG's latents that it makes."""
+        """Channels of LCTG's latents that it generates."""
         return self.config.in_channels - NUM_SCALARS - self.config.level_channels
 
     @property
     def num_scalars(self):
-        """Numbers of the whole texture: mean cepstrum of the band levels, level, log friction coefficient."""
+        """Scalars of the whole texture: mean cepstrum of the band levels, level, log friction coefficient."""
         return NUM_SCALARS + self.config.level_channels
 
     def split_scalars(self, sample):
-        """The parts of a state (or velocity): what varies over frames, and numbers of the whole, (batch, scalars)."""
+        """A state (or velocity) as channels that vary over frames, and the texture's scalars (batch, num_scalars)."""
         field, scalars = sample.split([sample.shape[1] - self.num_scalars, self.num_scalars], dim=1)
         return field, scalars.sum(-1) / sample.shape[-1] ** 0.5
 
     def append_scalars(self, field, scalars):
-        """Undoes `split`; each scalar is spread evenly over the frames."""
+        """Undoes `split_scalars`; each scalar is spread evenly over the frames."""
         frames = field.shape[-1]
         return torch.cat([field, scalars[..., None].expand(-1, -1, frames) / frames**0.5], dim=1)
 
     def pool_state(self, sample):
-        """All that is read of a state (or velocity): (batch, sum of `channel_groups`, frames / patch_size).
+        """The values of a state (or velocity), at unit variance: (batch, sum of `channel_groups`, positions).
 
-        Channels are the learned latents patch by patch, the departures, and the scalars, the same at every position.
+        A position is a patch of `patch_size` frames. Channels are the learned latents patch by patch, the departures,
+        and the scalars, which are the same at every position.
 
         Raises:
             ValueError: if the frames are no multiple of `patch_size`.
@@ -221,7 +224,7 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         return torch.cat([learned, departures, scalars[..., None].expand(-1, -1, learned.shape[-1])], dim=1)
 
     def unpool_state(self, pooled):
-        """Undoes `pool_state`: each number is spread evenly over its frames; scalars are averaged over positions."""
+        """Undoes `pool_state`: each value is spread evenly over its frames; scalars are averaged over positions."""
         size = self.config.patch_size
         learned, departures, scalars = pooled.split(self.channel_groups, dim=1)
         departures = departures.repeat_interleave(size, dim=-1) / size**0.5
@@ -232,20 +235,20 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
 
         Of mean cepstrum and learned latents, mean and standard deviation, and of departures, standard deviation.
         """
-        made = []
+        statistics = []
         for values, default, count in (
             (self.config.latent_mean, 0.0, self.latent_channels),
             (self.config.latent_std, 1.0, self.latent_channels),
             (self.config.departure_std, 1.0, self.config.level_channels),
         ):
-            made.append(torch.tensor([default] * count if values is None else values).to(like)[:, None])
-        return made
+            statistics.append(torch.tensor([default] * count if values is None else values).to(like)[:, None])
+        return statistics
 
     def pack(self, latents, level, friction_coefficient):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
 
         Args:
-            latents (`torch.Tensor`): (batch, latent_channels, frames), as `LCTGModel.encode` makes them.
+            latents (`torch.Tensor`): (batch, latent_channels, frames), base layer of `LCTGModel.encode`.
             level (`torch.Tensor`): (batch,), natural log of the RMS in N.
             friction_coefficient (`torch.Tensor`): (batch,); NaN = unknown, which becomes the training mean.
 
@@ -253,11 +256,8 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
             `torch.Tensor`: (batch, in_channels, frames).
         """
         config, levels = self.config, self.config.level_channels
-        mean, std = self._log_friction_statistics()
-        friction = (friction_coefficient.clamp_min(1e-3).log() - mean) / std
-        level = (level - config.level_mean) / config.level_std
-        if config.fixed_gain:
-            friction, level = torch.zeros_like(friction), torch.zeros_like(level)
+        friction = _standardized(friction_coefficient.clamp_min(1e-3).log(), *self._log_friction_statistics())
+        level = _standardized(level, config.level_mean, config.level_std)
         mean, std, departure_std = self._latent_statistics(latents)
         cepstra, departures = _cepstra(latents, levels, config.patch_size)
         cepstra = (cepstra - mean[:levels, 0]) / std[:levels, 0]
@@ -269,12 +269,12 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
     def unpack(self, sample):
         """Undoes `pack`: (batch, in_channels, frames) -> latents, level (batch,), friction coefficient (batch,).
 
-        Band levels come back smooth: cubic between the patches' numbers.
+        Band levels come back smooth: cubic between the values of the patches.
         """
         config, levels = self.config, self.config.level_channels
         learned, departures, scalars = self.pool_state(sample).split(self.channel_groups, dim=1)
         cepstra, scalars = scalars[..., 0].split([levels, NUM_SCALARS], dim=1)
-        level, friction = (torch.zeros_like(scalars) if config.fixed_gain else scalars).float().unbind(1)
+        level, friction = scalars.float().unbind(1)
         log_friction_mean, log_friction_std = self._log_friction_statistics()
         mean, std, departure_std = self._latent_statistics(sample)
         latents = from_patches(learned, config.patch_size) * std[levels:] + mean[levels:]
@@ -297,6 +297,8 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
     def condition(self, ratings, timesteps):
         """What of `forward` does not depend on the sample: a sampler prepares it once for all of its steps.
 
+        It calls parts of the model directly, which hooks (offloading) do not see: check `has_hooks` before.
+
         Args:
             ratings (`torch.Tensor`): (batch, axes) in z-scores; NaN = not specified.
             timesteps (`torch.Tensor`): (steps,).
@@ -304,10 +306,12 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
         Returns:
             `list[DALEConditions]`: for each step, in place of the ratings.
         """
-        return self(None, timesteps, ratings)
+        dtype = self.rating_embedder.axis_tokens.dtype  # `self.dtype` searches all weights
+        embeddings, tokens = self._embed(ratings, timesteps[:, None], dtype)
+        return [DALEConditions(blocks) for blocks in self.unet.condition(embeddings, tokens=tokens)]
 
-    def _conditions(self, ratings, timesteps, dtype):
-        """Embeddings (steps, batch, dim), which may need broadcasting, and tokens (batch, axes, dim)."""
+    def _embed(self, ratings, timesteps, dtype):
+        """Embeddings of times and ratings (batch, dim) or (steps, batch, dim), and tokens (batch, axes, dim)."""
         if ratings.shape[-1] != len(self.config.rating_axes):
             raise ValueError(
                 f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
@@ -315,34 +319,34 @@ class DALEModel(SafeLoadingMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftA
             )
         tokens = self.rating_embedder(ratings, dtype)
         embeddings = self.time_embedder(timesteps, dtype)
-        if self.rating_pool is not None:
-            # `to`: layers may lie on several devices (`device_map`)
-            embeddings = embeddings + self.rating_pool(tokens.flatten(1)).to(embeddings.device)
-        return embeddings, tokens
+        # `to`: layers may lie on several devices (`device_map`)
+        return embeddings + self.rating_pool(tokens.flatten(1)).to(embeddings.device), tokens
 
     def forward(self, sample, timestep, ratings, return_dict=True):
         """Velocity of a noisy state.
 
         Args:
             sample (`torch.Tensor`): (batch, in_channels, frames).
-            timestep (`float`, `int` or `torch.Tensor`): t = num_train_timesteps * phi / (pi/2) - 1, (batch,) or scalar.
-            ratings (`torch.Tensor` or `DALEConditions`): (batch, axes) in z-scores, NaN = not specified; or what
-                `condition` made of them for this timestep, which is then not read.
+            timestep (`float`, `int` or `torch.Tensor`): t in [-1, num_train_timesteps - 1], (batch,) or scalar.
+            ratings (`torch.Tensor` or `DALEConditions`): (batch, axes) in z-scores, NaN = not specified; or the
+                conditions of this timestep that `condition` prepared from them.
             return_dict (`bool`, *optional*, defaults to `True`): `DALEOutput` or a plain tuple.
+
+        Raises:
+            ValueError: for another number of axes, or frames that are no multiple of `patch_size`.
         """
-        if sample is None:
-            dtype = self.rating_embedder.axis_tokens.dtype  # `self.dtype` searches all weights
-            embeddings, tokens = self._conditions(ratings, timestep[:, None], dtype)
-            return [DALEConditions(blocks) for blocks in self.unet.condition(embeddings, tokens=tokens)]
         embedding, tokens, blocks = None, None, None
         if isinstance(ratings, DALEConditions):
             (blocks,) = ratings
         else:
-            embedding, tokens = self._conditions(ratings, expand_timestep(timestep, sample), sample.dtype)
-        checkpoint = None
-        if torch.is_grad_enabled() and self.gradient_checkpointing:
-            checkpoint = self._gradient_checkpointing_func
-        hidden_states = self.pool_state(sample)
-        hidden_states = self.unet(hidden_states, embedding, tokens=tokens, checkpoint=checkpoint, conditions=blocks)
+            embedding, tokens = self._embed(ratings, expand_timestep(timestep, sample), sample.dtype)
+        checkpointing = torch.is_grad_enabled() and self.gradient_checkpointing
+        hidden_states = self.unet(
+            self.pool_state(sample),
+            embedding,
+            tokens=tokens,
+            checkpoint=self._gradient_checkpointing_func if checkpointing else None,
+            conditions=blocks,
+        )
         velocity = self.unpool_state(hidden_states)
         return DALEOutput(sample=velocity) if return_dict else (velocity,)

@@ -5,6 +5,8 @@ import math
 import torch
 from torch import nn
 
+from ..schedulers.angles import to_fraction
+
 
 def sinusoidal_embedding(values, dim, min_frequency, max_frequency):
     """Sines and cosines of `values` at `dim // 2` logarithmically spaced frequencies.
@@ -40,7 +42,7 @@ class TimestepEmbedder(nn.Module):
         self.linear_2 = nn.Linear(dim, dim)
 
     def forward(self, timestep, dtype):
-        fraction = (timestep.float() + 1) / self.num_train_timesteps  # the angle phi in units of pi/2, in [0, 1]
+        fraction = to_fraction(timestep.float(), self.num_train_timesteps)
         embedding = sinusoidal_embedding(fraction, self.sinusoids, 1.0, 100.0)  # float32, then cast
         return self.linear_2(self.act(self.linear_1(embedding.to(dtype))))
 

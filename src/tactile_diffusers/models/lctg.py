@@ -1,6 +1,5 @@
 """LCTG, the Latent-Conditioned Texture Generator: an encoder and a diffusion decoder (paper section 2.2)."""
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,9 +8,12 @@ from diffusers.configuration_utils import ConfigMixin, register_to_config
 from diffusers.loaders import PeftAdapterMixin
 from diffusers.models.modeling_utils import ModelMixin
 from diffusers.utils import BaseOutput
+from diffusers.utils.accelerate_utils import apply_forward_hook
 from torch import nn
 
 from ..features.low_band import synthesize
+from ..schedulers.angles import to_angle
+from .compiling import CompileMixin
 from .embeddings import TimestepEmbedder, expand_timestep
 from .loading import SafeLoadingMixin
 from .unet_1d import ChannelRMSNorm, UNet1D
@@ -29,13 +31,13 @@ class LCTGConditions(NamedTuple):
 
     Attributes:
         blocks (`list[BlockConditions]`): of each block of the decoder.
-        wave (`torch.Tensor` or `None`): (2,), cosine and sine of the timestep's angle.
-        given (`torch.Tensor` or `None`): (batch, 1, samples), the waveform of the detail layer; `None` = not given.
+        cos_sin (`torch.Tensor` or `None`): (2,), cosine and sine of the timestep's angle.
+        detail (`torch.Tensor` or `None`): (batch, 1, samples), the waveform of the detail layer; `None` = empty.
     """
 
     blocks: list
-    wave: torch.Tensor | None
-    given: torch.Tensor | None
+    cos_sin: torch.Tensor | None
+    detail: torch.Tensor | None
 
 
 class _EncoderBlock(nn.Module):
@@ -87,32 +89,27 @@ class TactileEncoder(nn.Module):
         return torch.tanh(self.conv_out(self.act(self.norm_out(hidden_states))))
 
 
-class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
+class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
     r"""
     Encoder and velocity decoder between a texture and a compact latent.
 
-    `encode` maps features of a texture to latents; `forward` predicts the velocity v = cos(phi) noise - sin(phi) x0 of
+    `encode` maps features of a texture to latents. `forward` predicts the velocity v = cos(phi) noise - sin(phi) x0 of
     a noisy texture given latents. Textures enter whitened, at unit RMS and at the working rate: see
-    [`TactileFeatureExtractor`]. This model inherits from [`ModelMixin`].
+    [`TactileFeatureExtractor`], whose `lctg_geometry` gives the sizes that both must share. This model inherits from
+    [`ModelMixin`].
 
-    The latents may have layers, as a scalable codec has. The base layer is made from the spectrum over time: it is
-    smooth, and it is what DALE generates. Its first channels may be the levels of bands as they are, which are
-    restored after decoding; the encoder learns the others. The detail layer, the last `detail_channels`, is the low end
-    of the waveform itself, as fewer samples: the decoder makes what is left of the texture. So a recording comes back
-    with its own waveform where most of its power is; zeros stand for "not given", where the decoder makes up
-    everything.
+    The latents have two layers. The base layer describes the spectrum over time; DALE generates it. Its first channels
+    are the levels of bands, which the encoder passes on unchanged and which are restored after decoding; its other
+    channels are learned. The detail layer, the last `detail_channels`, holds the low end of a recording's waveform at a
+    lower rate; the decoder models only the residual. Zeros in the detail layer mean that there is none: the decoder
+    then generates the whole waveform.
 
     Args:
-        feature_channels (`int`, *optional*, defaults to 80): channels of the features that the encoder hears.
+        feature_channels (`int`, *optional*, defaults to 83): channels of the features.
         feature_hop (`int`, *optional*, defaults to 32): samples at the working rate per feature frame.
-        latent_channels (`int`, *optional*, defaults to 16): channels of the latents, both layers.
-        detail_channels (`int`, *optional*, defaults to 0): how many of them, the last ones, are the detail layer: the
-            last features, as they are (`TactileFeatureExtractor.detail_samples`).
-        level_bands (`int`, *optional*, defaults to 0): bands whose levels over time, with that of what lies above them,
-            are the first `level_bands + 1` channels of the latents; 0 = none. They are the first features too, and pass
-            through as they are.
+        latent_channels (`int`, *optional*, defaults to 40): channels of the latents, both layers.
         latent_hop (`int`, *optional*, defaults to 64): samples at the working rate per latent frame.
-        encoder_width (`int`, *optional*, defaults to 160): channels of the encoder's hidden layers.
+        encoder_width (`int`, *optional*, defaults to 96): channels of the encoder's hidden layers.
         widths (`list[int]`, *optional*): channels of the decoder's levels, seven by default as in the paper.
         patch_size (`int`, *optional*, defaults to 8): samples per position of the decoder's first level.
         embedding_dim (`int`, *optional*, defaults to 192): width of the time embedding.
@@ -120,28 +117,36 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         segment_samples (`int`, *optional*, defaults to 4096): samples at the working rate of the segments it was
             trained on; longer textures are decoded in windows of this length.
         latent_noise (`float`, *optional*, defaults to 0.1): standard deviation of the noise that training adds to the
-            latents, so that the decoder forgives the errors of a generated latent. Not used at inference.
+            latents, so that the decoder tolerates the errors of generated latents. Not used at inference.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
-        modulation_gains (`list[float]`, *optional*): for each band, and what lies above them, how much deeper its fast
-            modulation is in recordings than in what is made from the base layer alone (`fit_modulation_gains`); it is
-            restored after decoding. `None` = left as decoded.
+        detail_channels (`int`, *optional*, defaults to 16): channels of the detail layer, the last ones of latents and
+            features (`TactileFeatureExtractor.detail_samples`); 0 = none.
+        level_bands (`int`, *optional*, defaults to 18): bands whose levels over time, with that of what lies above
+            them, are the first `level_bands + 1` channels of latents and features; 0 = none.
+        modulation_gains (`list[float]`, *optional*): for each level, how much deeper its fast modulation is in
+            recordings than in textures decoded from the base layer alone (`fit_modulation_gains`). It is restored
+            after decoding; `None` = left as decoded.
         distilled_steps (`int`, *optional*): most solver steps that a distilled decoder may take
             (examples/distill_lctg.py); `None` = any number.
+
+    Raises:
+        ValueError: if sizes do not fit each other.
     """
 
     _supports_gradient_checkpointing = True
     _no_split_modules = ["UNet1D", "_EncoderBlock"]  # skip connections
     _repeated_blocks = ["ResnetBlock1D"]
     _skip_layerwise_casting_patterns = ["norm", "time"]
+    _group_offload_block_modules = ["encoder"]  # `encode` runs it alone
 
     @register_to_config
     def __init__(
         self,
-        feature_channels: int = 80,
+        feature_channels: int = 83,
         feature_hop: int = 32,
-        latent_channels: int = 16,
+        latent_channels: int = 40,
         latent_hop: int = 64,
-        encoder_width: int = 160,
+        encoder_width: int = 96,
         widths: tuple[int, ...] = (64, 80, 96, 128, 128, 160, 192),
         patch_size: int = 8,
         embedding_dim: int = 192,
@@ -149,8 +154,8 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         segment_samples: int = 4096,
         latent_noise: float = 0.1,
         num_train_timesteps: int = 1000,
-        detail_channels: int = 0,
-        level_bands: int = 0,
+        detail_channels: int = 16,
+        level_bands: int = 18,
         modulation_gains: list[float] | None = None,
         distilled_steps: int | None = None,
     ):
@@ -159,15 +164,14 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
             raise ValueError(f"`distilled_steps` must be at least 1, or None, got {distilled_steps}.")
         if level_bands < 0:
             raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
-        levels = level_bands + 1 if level_bands else 0
+        levels = self.level_channels
         if modulation_gains is not None and (len(modulation_gains) != levels or min(modulation_gains, default=0) < 0):
             raise ValueError(f"`modulation_gains` must hold {levels} numbers of at least 0, got {modulation_gains}.")
-        heard = feature_channels - detail_channels
-        if not (0 <= detail_channels < latent_channels - levels and heard > levels):
+        if not (0 <= detail_channels < latent_channels - levels and feature_channels - detail_channels > levels):
             raise ValueError(
                 f"`detail_channels` ({detail_channels}) and the {levels} levels of bands must leave some of the "
                 f"`latent_channels` ({latent_channels}) to learn, and some of the `feature_channels` "
-                f"({feature_channels}) to hear."
+                f"({feature_channels}) to encode."
             )
         if detail_channels and latent_hop % (2 * detail_channels):
             raise ValueError(f"`detail_channels` ({detail_channels}) must divide half of `latent_hop` ({latent_hop}).")
@@ -179,7 +183,11 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
             )
         self.gradient_checkpointing = False
         self.encoder = TactileEncoder(
-            heard, self.base_channels - levels, encoder_width, kernel_size, latent_hop // feature_hop
+            feature_channels - detail_channels,
+            self.base_channels - levels,
+            encoder_width,
+            kernel_size,
+            latent_hop // feature_hop,
         )
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.decoder = UNet1D(
@@ -198,14 +206,14 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         """Channels of the latents' base layer, which DALE generates."""
         return self.config.latent_channels - self.config.detail_channels
 
-    def pad_detail(self, base):
-        """Latents from their base layer alone: (batch, base_channels, frames) -> (batch, latent_channels, frames)."""
-        return nn.functional.pad(base, (0, 0, 0, self.config.detail_channels))
-
     @property
     def level_channels(self):
         """Channels of the latents, the first ones, that are levels of bands."""
         return self.config.level_bands + 1 if self.config.level_bands else 0
+
+    def pad_detail(self, base):
+        """Latents with an empty detail layer: (batch, base_channels, frames) -> (batch, latent_channels, frames)."""
+        return nn.functional.pad(base, (0, 0, 0, self.config.detail_channels))
 
     def band_levels(self, latents):
         """Band levels that the decoded texture should have.
@@ -220,26 +228,27 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
         return latents[:, : self.level_channels] if self.config.level_bands else None
 
     def modulation_gain(self, latents):
-        """How much deeper the fast modulation of each decoded band is to be made.
+        """Factors by which the fast modulation of each decoded band is to be deepened.
 
         Args:
             latents (`torch.Tensor`): (batch, latent_channels, frames).
 
         Returns:
-            `torch.Tensor` or `None`: (batch, level_bands + 1); 1 where a detail layer is given. `None` = nowhere.
+            `torch.Tensor` or `None`: (batch, level_bands + 1); 1 where there is a detail layer. `None` = nowhere.
         """
         if self.config.modulation_gains is None:
             return None
-        made_up = (latents[:, self.base_channels :] == 0).flatten(1).all(dim=1)
-        modulation_gain = torch.tensor(self.config.modulation_gains, device=latents.device)
-        return torch.where(made_up[:, None], modulation_gain, 1.0) if made_up.any() else None
+        no_detail = (latents[:, self.base_channels :] == 0).flatten(1).all(dim=1)
+        gains = torch.tensor(self.config.modulation_gains, device=latents.device)
+        return torch.where(no_detail[:, None], gains, 1.0) if no_detail.any() else None
 
+    @apply_forward_hook
     def encode(self, features):
         """Latents of features.
 
         Args:
-            features (`torch.Tensor`): (batch, feature_channels, frames), as `TactileFeatureExtractor` makes them;
-                frames a multiple of `latent_hop / feature_hop`.
+            features (`torch.Tensor`): (batch, feature_channels, frames) of `TactileFeatureExtractor`; frames a multiple
+                of `latent_hop / feature_hop`.
 
         Returns:
             `torch.Tensor`: (batch, latent_channels, latent_frames); the learned channels lie in (-1, 1).
@@ -253,10 +262,16 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
                 f"`features` must be (batch, {self.config.feature_channels}, a multiple of {ratio} frames), got "
                 f"{tuple(features.shape)}. Use the checkpoint's own feature extractor."
             )
-        return self(None, None, None, features=features)
+        encoded, detail = features.tensor_split([features.shape[1] - self.config.detail_channels], dim=1)
+        learned = self.encoder(encoded).to(features.device)  # layers may lie on several devices (`device_map`)
+        # features that pass through come once for each frame of the latents, repeated for its feature frames
+        levels = features[:, : self.level_channels, ::ratio]
+        return torch.cat([levels, learned, detail[..., ::ratio]], dim=1)
 
     def condition(self, latents, timesteps):
         """What of `forward` does not depend on the sample: a sampler prepares it once for all of its steps.
+
+        It calls parts of the model directly, which hooks (offloading) do not see: check `has_hooks` before.
 
         Args:
             latents (`torch.Tensor`): (batch, latent_channels, frames), of the model's dtype.
@@ -266,54 +281,41 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
             `list[LCTGConditions]`: for each step, in place of the latents.
         """
         base, detail = latents.tensor_split([self.base_channels], dim=1)
-        return self(None, timesteps, latents if detail.any() else base)
-
-    def _conditions(self, latents, timesteps):
-        context, given = self._layers(latents)
+        context, detail = self._layers(latents if detail.any() else base)
         embeddings = self.time_embedder(timesteps, latents.dtype)[:, None]
         blocks = self.decoder.condition(embeddings, context)
-        waves = [None] * len(blocks) if given is None else self._waves(timesteps, latents.dtype).unbind(0)
-        return [LCTGConditions(*step, given) for step in zip(blocks, waves, strict=True)]
+        cos_sin = [None] * len(blocks) if detail is None else self._cos_sin(timesteps, latents.dtype).unbind(0)
+        return [LCTGConditions(*step, detail) for step in zip(blocks, cos_sin, strict=True)]
 
     def _layers(self, latents):
-        """The base layer, and the waveform that the detail layer holds, if it is there."""
-        base, given = latents[:, : self.base_channels], None
+        """The base layer, and the waveform of the detail layer if there is one."""
+        base, detail = latents[:, : self.base_channels], None
         if latents.shape[1] > self.base_channels:
             stride = self.config.latent_hop // self.config.detail_channels
-            given = synthesize(latents[:, self.base_channels :].transpose(1, 2).flatten(1), stride)
-        return base, given
+            detail = synthesize(latents[:, self.base_channels :].transpose(1, 2).flatten(1), stride)
+        return base, detail
 
-    def _waves(self, timesteps, dtype):
-        """Cosine and sine of angles: (n,) -> (n, 2)."""
-        angles = (timesteps + 1) / self.config.num_train_timesteps * (math.pi / 2)
+    def _cos_sin(self, timesteps, dtype):
+        """Cosine and sine of the timesteps' angles: (n,) -> (n, 2)."""
+        angles = to_angle(timesteps, self.config.num_train_timesteps)
         return torch.stack([angles.cos(), angles.sin()], dim=-1).to(dtype)
 
-    def forward(self, sample, timestep, latents, return_dict=True, features=None):
+    def forward(self, sample, timestep, latents, return_dict=True):
         """Velocity of a noisy texture.
 
         Args:
             sample (`torch.Tensor`): (batch, 1, samples) at the working rate, whitened, unit RMS.
-            timestep (`float`, `int` or `torch.Tensor`): t = num_train_timesteps * phi / (pi/2) - 1, (batch,) or scalar.
-            latents (`torch.Tensor` or `LCTGConditions`): (batch, latent_channels, ceil(samples / latent_hop)), or
-                what `condition` made of them for this timestep, which is then not read.
+            timestep (`float`, `int` or `torch.Tensor`): t in [-1, num_train_timesteps - 1], (batch,) or scalar.
+            latents (`torch.Tensor` or `LCTGConditions`): (batch, latent_channels, ceil(samples / latent_hop)), or the
+                conditions of this timestep that `condition` prepared from them.
             return_dict (`bool`, *optional*, defaults to `True`): `LCTGOutput` or a plain tuple.
-            features (`torch.Tensor`, *optional*): encoded instead, see `encode`, which calls `forward` because hooks
-                (offloading, distributed training) see no other method.
+
+        Raises:
+            ValueError: if the frames of the latents do not fit the samples.
         """
-        if features is not None:
-            ratio = self.config.latent_hop // self.config.feature_hop
-            heard, detail = features.tensor_split([features.shape[1] - self.config.detail_channels], dim=1)
-            # what passes through comes once for each frame of the latents, repeated for its features' frames
-            levels = features[:, : self.level_channels, ::ratio]
-            learned = self.encoder(heard).to(features.device)  # layers may lie on several devices (`device_map`)
-            return torch.cat([levels, learned, detail[..., ::ratio]], dim=1)
-        if sample is None:
-            return self._conditions(latents, timestep)
-        checkpoint = None
-        if torch.is_grad_enabled() and self.gradient_checkpointing:
-            checkpoint = self._gradient_checkpointing_func
+        embedding, context, blocks = None, None, None
         if isinstance(latents, LCTGConditions):
-            (blocks, wave, given), embedding, context = latents, None, None
+            blocks, cos_sin, detail = latents
         else:
             frames = -(-sample.shape[-1] // self.config.latent_hop)
             if latents.shape[-1] != frames:
@@ -322,23 +324,33 @@ class LCTGModel(SafeLoadingMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
                     f"{self.config.latent_hop}), got {latents.shape[-1]}."
                 )
             timestep = expand_timestep(timestep, sample)
-            embedding, blocks = self.time_embedder(timestep, sample.dtype), None
-            context, given = self._layers(latents.to(sample.dtype))
-            wave = None if given is None else self._waves(timestep, sample.dtype)
-        options = {"context": context, "checkpoint": checkpoint, "conditions": blocks}
-        if given is None:
-            states = nn.functional.pad(sample, (0, 0, 0, 1)) if self.config.detail_channels else sample
-            velocity = self.decoder(states, embedding, **options)
-            return LCTGOutput(sample=velocity) if return_dict else (velocity,)
-        # what is given needs no making: the decoder denoises what is left of the texture without it
-        given = given[..., : sample.shape[-1]]
-        cosine, sine = wave[..., None, None].unbind(-3)
-        states = torch.cat([sample - cosine * given, given], dim=1)
-        velocity = self.decoder(states, embedding, **options).to(given.device) - sine * given
+            embedding = self.time_embedder(timestep, sample.dtype)
+            context, detail = self._layers(latents.to(sample.dtype))
+            cos_sin = None if detail is None else self._cos_sin(timestep, sample.dtype)
+
+        # x0 = residual + detail: the decoder sees the noisy residual, x - cos(phi) detail, and the detail
+        states, sine = sample, None
+        if detail is not None:
+            detail = detail[..., : sample.shape[-1]]
+            cosine, sine = cos_sin[..., None, None].unbind(-3)
+            states = torch.cat([sample - cosine * detail, detail], dim=1)
+        elif self.config.detail_channels:
+            states = nn.functional.pad(sample, (0, 0, 0, 1))
+        checkpointing = torch.is_grad_enabled() and self.gradient_checkpointing
+        velocity = self.decoder(
+            states,
+            embedding,
+            context=context,
+            checkpoint=self._gradient_checkpointing_func if checkpointing else None,
+            conditions=blocks,
+        )
+        # cos(phi) noise - sin(phi) x0 = velocity of the residual - sin(phi) detail
+        if detail is not None:
+            velocity = velocity.to(detail.device) - sine * detail
         return LCTGOutput(sample=velocity) if return_dict else (velocity,)
 
 
 def same_encoder(first, second):
-    """Whether two LCTGs speak the same latents: their encoders have equal weights."""
+    """Whether two LCTGs share their latents: their encoders have equal weights."""
     weights, others = first.encoder.state_dict(), second.encoder.state_dict()
     return weights.keys() == others.keys() and all(value.equal(others[name]) for name, value in weights.items())

@@ -1,4 +1,4 @@
-"""`RatingEstimator`: which ratings a texture would be given, read from its latents."""
+"""`RatingEstimator`: ratings that people would give to a texture, estimated from its latents."""
 
 import torch
 from diffusers.configuration_utils import ConfigMixin, register_to_config
@@ -12,12 +12,12 @@ from .loading import SafeLoadingMixin
 
 class RatingEstimator(SafeLoadingMixin, ModelMixin, ConfigMixin):
     r"""
-    A small regression from DALE's clean state to ratings: no judge of quality, but good for round trips in tools.
+    A small regression from DALE's clean state to ratings.
 
-    It learns from real latents before DALE trains and is frozen then, where it serves the paper's auxiliary
-    conditioning loss (section 2.2): a head that learned along with DALE would collude with it and hide the rating in a
-    latent direction that nobody feels. Estimates are shrunk towards the mean of the training surfaces, as those of any
-    regression are, by about R². This model inherits from [`ModelMixin`].
+    It is trained on real latents before DALE, and then frozen: it serves the paper's auxiliary conditioning loss
+    (section 2.2) and the pipeline's `estimate_ratings`. It does not judge generated textures, because it helped to
+    train their generator. Its estimates are shrunk towards the mean of the training surfaces by about R², as those of
+    any regression. This model inherits from [`ModelMixin`].
 
     Args:
         channel_groups (`list[int]`): sizes of the channel groups of `DALEModel.pool_state`: learned
@@ -25,6 +25,8 @@ class RatingEstimator(SafeLoadingMixin, ModelMixin, ConfigMixin):
         rating_axes (`list[str]`, *optional*): names of the perceptual axes.
         width (`int`, *optional*, defaults to 96): channels of the convolutions.
     """
+
+    _no_split_modules = ["Sequential"]
 
     @register_to_config
     def __init__(self, channel_groups: list[int], rating_axes: tuple[str, ...] = RATING_AXES, width: int = 96):
@@ -61,5 +63,5 @@ class RatingEstimator(SafeLoadingMixin, ModelMixin, ConfigMixin):
         scalars = scalars.mean(-1)
         scalars = torch.cat([scalars[:, :-1], scalars[:, -1:] * known, known], dim=1)
         # std of a single position is not defined; the small constant keeps its gradient finite
-        spread = (hidden_states.var(-1, correction=0) + 1e-6).sqrt()
-        return self.out(torch.cat([hidden_states.mean(-1), spread, scalars], dim=1))
+        deviation = (hidden_states.var(-1, correction=0) + 1e-6).sqrt()
+        return self.out(torch.cat([hidden_states.mean(-1), deviation, scalars], dim=1))

@@ -81,13 +81,15 @@ class BlockConditions(NamedTuple):
     Attributes:
         gain, shift (`torch.Tensor`): (batch or 1, channels, 1), modulation after the second norm.
         context (`torch.Tensor` or `None`): (batch, channels, length), projected.
-        tokens (`tuple`, `torch.Tensor` or `None`): keys and values of the cross-attention (`CrossAttention1D`).
+        tokens (`torch.Tensor` or `None`): (batch, tokens, cross_attention_dim).
+        keys_values (`tuple` or `None`): of the tokens (`CrossAttention1D.precompute`).
     """
 
     gain: torch.Tensor
     shift: torch.Tensor
     context: torch.Tensor | None
-    tokens: tuple | torch.Tensor | None
+    tokens: torch.Tensor | None
+    keys_values: tuple | None
 
 
 class ResnetBlock1D(nn.Module):
@@ -129,16 +131,17 @@ class ResnetBlock1D(nn.Module):
             self.attn = CrossAttention1D(channels, cross_attention_dim)
             self.context_scale = nn.Parameter(torch.ones(1))  # paper: "learnable context scaling"
 
-    def forward(self, hidden_states, embedding, context=None, tokens=None, conditions=None):
-        """(batch, channels, length), same shape out; `conditions` replace the three before them.
+    def condition(self, embedding, context=None, tokens=None):
+        """The block's `BlockConditions`; the embedding may have a leading axis for steps."""
+        scale, shift = self.time_proj(embedding)[..., None].chunk(2, dim=-2)
+        context = None if self.context_proj is None else self.context_proj(context)
+        keys_values = None if self.attn is None else self.attn.precompute(tokens)
+        return BlockConditions(1 + scale, shift, context, tokens, keys_values)
 
-        Without `hidden_states`: the `BlockConditions` of embeddings (steps, batch, embedding_dim), their modulation
-        still of all steps, (steps, batch, channels, 1). Hooks (offloading) see no other method.
-        """
-        if hidden_states is None:
-            return self._conditions(embedding, context, tokens)
+    def forward(self, hidden_states, embedding=None, context=None, tokens=None, conditions=None):
+        """(batch, channels, length), same shape out; `conditions` stand for the three before them."""
         if conditions is None:
-            conditions = self._conditions(embedding, context, tokens, project=False)
+            conditions = self.condition(embedding, context, tokens)
         residual = hidden_states
         hidden_states = self.conv1(self.act(self.norm1(hidden_states)))
         hidden_states = torch.addcmul(conditions.shift, self.norm2(hidden_states), conditions.gain)
@@ -147,16 +150,9 @@ class ResnetBlock1D(nn.Module):
         hidden_states = residual + self.conv2(self.act(hidden_states))
         if self.attn is not None:
             queries = self.attn_norm(hidden_states).transpose(1, 2)
-            attended = self.attn(queries, tokens, conditions.tokens)
+            attended = self.attn(queries, conditions.tokens, conditions.keys_values)
             hidden_states = hidden_states + self.context_scale * attended.transpose(1, 2)
         return hidden_states
-
-    def _conditions(self, embedding, context, tokens, project=True):
-        """`project`: keys and values, too; otherwise the attention makes them of the tokens."""
-        scale, shift = self.time_proj(embedding)[..., None].chunk(2, dim=-2)
-        context = None if self.context_proj is None else self.context_proj(context)
-        tokens = self.attn(None, tokens) if project and self.attn is not None else None
-        return BlockConditions(1 + scale, shift, context, tokens)
 
 
 class UNet1D(nn.Module):
@@ -237,7 +233,7 @@ class UNet1D(nn.Module):
         return F.pad(context, (0, -context.shape[-1] % per_stride))
 
     def condition(self, embeddings, context=None, tokens=None):
-        """What every block adds at every step, in the order in which blocks run, for `forward`.
+        """The `BlockConditions` of all blocks, in the order in which they run, at each step of a sampler.
 
         Args:
             embeddings (`torch.Tensor`): (steps, batch or 1, embedding_dim).
@@ -248,11 +244,11 @@ class UNet1D(nn.Module):
         """
         blocks = (*self.down_blocks, self.mid_block, *self.up_blocks)
         context = None if context is None else self._pad_context(context)
-        made = [block(None, embeddings, context, tokens) for block in blocks]
+        shared = [block.condition(embeddings, context, tokens) for block in blocks]
         steps = range(len(embeddings))
-        return [[one._replace(gain=one.gain[step], shift=one.shift[step]) for one in made] for step in steps]
+        return [[one._replace(gain=one.gain[step], shift=one.shift[step]) for one in shared] for step in steps]
 
-    def forward(self, sample, embedding, context=None, tokens=None, checkpoint=None, conditions=None):
+    def forward(self, sample, embedding=None, context=None, tokens=None, checkpoint=None, conditions=None):
         """Velocity of a noisy sample.
 
         Args:
@@ -271,18 +267,18 @@ class UNet1D(nn.Module):
         length = sample.shape[-1]
         padded = -(-length // self.stride) * self.stride
         sample = F.pad(sample, (0, padded - length))
-        given = iter([None] * (2 * len(self.down_blocks) + 1) if conditions is None else conditions)
+        of_block = iter([None] * (2 * len(self.down_blocks) + 1) if conditions is None else conditions)
         context = None if context is None else self._pad_context(context)
 
         hidden_states = self.conv_in(to_patches(sample, self.patch_size))
         skips = []
         for block, downsampler in zip(self.down_blocks, self.downsamplers, strict=True):
-            hidden_states = run(block, hidden_states, embedding, context, tokens, next(given))
+            hidden_states = run(block, hidden_states, embedding, context, tokens, next(of_block))
             skips.append(hidden_states)
             hidden_states = downsampler(hidden_states)
-        hidden_states = run(self.mid_block, hidden_states, embedding, context, tokens, next(given))
+        hidden_states = run(self.mid_block, hidden_states, embedding, context, tokens, next(of_block))
         for block, upsampler in zip(self.up_blocks, self.upsamplers, strict=True):
             hidden_states = upsampler(hidden_states) + skips.pop()  # added: half the cost of concatenating
-            hidden_states = run(block, hidden_states, embedding, context, tokens, next(given))
+            hidden_states = run(block, hidden_states, embedding, context, tokens, next(of_block))
         velocity = self.conv_out(self.act(self.norm_out(hidden_states)))
         return from_patches(velocity, self.patch_size)[..., :length]

@@ -44,21 +44,11 @@ def check_classes(components):
 
 def check_fit(lctg, feature_extractor, dale):
     """Raises a `ValueError` naming the component that does not fit the others."""
-    config, extractor = lctg.config, feature_extractor
-    frames = extractor.hop_length * extractor.frame_multiple
-    pairs = [
-        ("lctg.config.feature_channels", config.feature_channels, "feature_size", extractor.feature_size),
-        ("lctg.config.feature_hop", config.feature_hop, "hop_length", extractor.hop_length),
-        ("lctg.config.level_bands", config.level_bands, "level_bands", extractor.level_bands),
-        ("lctg.config.detail_channels", config.detail_channels, "detail_samples", extractor.detail_samples),
-    ]
-    if extractor.level_bands or extractor.detail_samples or frames % config.latent_hop:
-        pairs.append(("lctg.config.latent_hop", config.latent_hop, "hop_length x frame_multiple", frames))
-    for theirs, expected, ours, found in pairs:
-        if expected != found:
+    for name, expected in feature_extractor.lctg_geometry.items():
+        if lctg.config[name] != expected:
             raise ValueError(
-                f"`feature_extractor` does not fit `lctg`: its {ours} is {found}, {theirs} is {expected}. They belong "
-                "to different checkpoints."
+                f"`feature_extractor` does not fit `lctg`: it asks for `{name}` = {expected}, lctg.config.{name} is "
+                f"{lctg.config[name]}. They belong to different checkpoints."
             )
     if dale is not None and dale.latent_channels != lctg.base_channels:
         raise ValueError(

@@ -11,6 +11,7 @@ from diffusers.utils import replace_example_docstring
 
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
+from ..models.hooks import has_hooks
 from ..schedulers import VDDIMScheduler, draw_noise
 from ..signal.checks import check_number, check_whole_number
 from .components import check_classes, check_fit, check_scheduler, step_arguments
@@ -104,8 +105,7 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
     def _execution_device(self):
         # diffusers' own searches all modules for hooks, once for each component and more: half a step of DALE
         models = [model for model in (self.lctg, self.dale, self.rating_estimator) if model is not None]
-        parts = (vars(part) for model in models for part in model.modules())
-        if any("_hf_hook" in part or "_diffusers_hook" in part for part in parts):
+        if any(has_hooks(model) for model in models):
             return super()._execution_device
         return next(self.lctg.parameters()).device
 

@@ -1,5 +1,6 @@
 """Velocity functions `velocity(state, step)` of both stages, for one window and for longer textures."""
 
+from ..models.hooks import has_hooks
 from .windows import Windows, in_chunks
 
 
@@ -43,7 +44,7 @@ def _segment_velocity(dale, scheduler, ratings, guidance):
         if guidance() != current:
             current = guidance()
             weights, rows = current.conditions(ratings)
-            conditions = dale.condition(rows, timesteps)
+            conditions = [rows] * len(timesteps) if has_hooks(dale) else dale.condition(rows, timesteps)
         # the sampler's state is wider than a half-precision model
         return current.velocity(dale, scheduler, state.to(dtype), timesteps[step], conditions[step], weights)
 
@@ -55,7 +56,7 @@ def texture_velocity(lctg, latents, timesteps):
     size = lctg.config.segment_samples // lctg.config.latent_hop
     windows, dtype = Windows(latents.shape[-1], min(size, latents.shape[-1])), latents.dtype
     if len(windows.starts) == 1:
-        conditions = lctg.condition(latents, timesteps)
+        conditions = [latents] * len(timesteps) if has_hooks(lctg) else lctg.condition(latents, timesteps)
         return lambda waveform, step: lctg(waveform.to(dtype), timesteps[step], conditions[step], return_dict=False)[0]
     fine, contexts = windows.scaled(lctg.config.latent_hop), windows.split(latents)
 

@@ -5,30 +5,27 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from diffusers.configuration_utils import ConfigMixin, register_to_config
+from diffusers.configuration_utils import ConfigMixin, FrozenDict, register_to_config
 from diffusers.schedulers.scheduling_utils import SchedulerMixin
 from diffusers.utils import BaseOutput
 from diffusers.utils.torch_utils import randn_tensor
+
+from .angles import to_angle, to_timestep
 
 #: What `examples/research/sampler.py` found best on whitened textures: for new checkpoints.
 RECOMMENDED = {"multistep_order": 2, "spacing": "both_ends"}
 #: A damaged config may ask for any number, and the timesteps are a table.
 MOST_TIMESTEPS = 1_000_000
-SPACINGS = ("uniform", "both_ends", "dense", "log_snr")
+SPACINGS = ("uniform", "both_ends")
 #: "both_ends" lies half way between even and cosine steps: with more, order 2 amplifies components that are stronger
 #: than average (by 1.5 dB at 4 steps for a plain cosine); with less, weak and strong ones fade.
 COSINE_SHARE = 0.5
-#: Log tangents of the angles between which "log_snr" is even: +-4, signal to noise of +-35 dB, outside of which nothing
-#: happens to data of unit variance.
-LOG_TANGENT = 4.0
 #: Largest difference in rad to the angles of another scheduler that counts as the same schedule: diffusers' cosine
 #: schedule is offset by 0.008 of the way, 0.0125 rad.
 SAME_SCHEDULE = 0.02
-#: Largest |log_snr_shift|: beyond +-217 dB angles fall together in float64.
-MOST_SHIFT = 50.0
 #: Largest weight of the second order; the spacings reach 1.5.
 MOST_WEIGHT = 2.0
-# arguments that tell diffusers' schedulers what was trained
+# arguments that say to diffusers' schedulers what was trained
 _FOR_DIFFUSERS = ("prediction_type", "beta_schedule", "rescale_betas_zero_snr", "timestep_spacing", "clip_sample")
 # largest distance at which a timestep counts as one of the scheduler's
 _TOLERANCE = 1e-3
@@ -60,33 +57,32 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
     Sampler for the v-objective (Salimans and Ho 2022, arXiv 2202.00512; DDIM: Song et al. 2021, arXiv 2010.02502).
 
     Time is the angle phi in [0, pi/2]: x = cos(phi) x0 + sin(phi) noise, v = dx/dphi = cos(phi) noise - sin(phi) x0.
-    `timesteps` hold t = num_train_timesteps * phi / (pi/2) - 1, in [-1, num_train_timesteps - 1]; fractions are exact,
-    so that any number of steps starts at pure noise (zero terminal signal-to-noise ratio) and ends at clean data.
+    `timesteps` hold t = num_train_timesteps * phi / (pi/2) - 1, in [-1, num_train_timesteps - 1]. Fractions are exact:
+    any number of steps starts at pure noise (zero terminal signal-to-noise ratio) and ends at clean data.
 
     In this variable x'' + x = g, where g vanishes while the model's prediction of data and noise stays the same. Order
     1 (DDIM) is the exact solution for g = 0, a rotation of (x, v). Order 2 takes the g that explains the last step and
-    holds it for the next (variation of constants): no further network evaluation, and with the spacing "both_ends" no
-    component of the data is amplified by more than 0.3 dB from 4 steps on. The first step is of order 1.
-    `examples/research/sampler.py` compares it with what else was tried. The schedule is float64;
-    the update has at least float32, whatever the model's dtype.
+    holds it for the next one (variation of constants). It needs no further network evaluation, and with the spacing
+    `"both_ends"` it amplifies no component of the data by more than 0.3 dB from 4 steps on. The first step is of order
+    1. The schedule is float64; the update has at least float32, whatever the model's dtype.
 
-    This scheduler inherits from [`SchedulerMixin`] and [`ConfigMixin`]. Its config says to diffusers' schedulers what
+    This scheduler inherits from [`SchedulerMixin`] and [`ConfigMixin`]. Its config tells diffusers' schedulers what
     they need: `DDIMScheduler.from_config(scheduler.config)` samples the same model on diffusers' cosine schedule, which
-    lags by up to 0.0125 rad; with `trained_betas=scheduler.betas()` on this very schedule.
+    lags by up to 0.0125 rad; with `trained_betas=scheduler.betas.tolist()` on exactly this schedule.
 
     Args:
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis.
         multistep_order (`int`, *optional*, defaults to 1): 1 is DDIM, 2 the second order.
-        spacing (`str`, *optional*, defaults to `"uniform"`): of the angles: `"uniform"`; `"both_ends"`, denser near
-            pure noise and near clean data; `"dense"`, ever denser towards clean data (a square);
-            `"log_snr"`, even in the logarithm of the signal-to-noise ratio within +-35 dB.
-        log_snr_shift (`float`, *optional*, defaults to 0.0): added to the log signal-to-noise ratio of every angle;
-            above 0 steps move towards clean data.
+        spacing (`str`, *optional*, defaults to `"uniform"`): of the angles: `"uniform"`, or `"both_ends"`, denser near
+            pure noise and near clean data.
         prediction_type (`str`, *optional*, defaults to `"v_prediction"`): nothing else is possible.
         beta_schedule (`str`, *optional*, defaults to `"squaredcos_cap_v2"`): diffusers' name of the nearest schedule;
             nothing else is possible, unless `trained_betas` are given.
         trained_betas (`list[float]`, *optional*): of another scheduler's config; refused if their angles are not ours.
         rescale_betas_zero_snr, timestep_spacing, clip_sample (*optional*): for diffusers' schedulers; not used here.
+
+    Attributes:
+        betas, alphas_cumprod (`torch.Tensor`): (num_train_timesteps,) float32, this schedule as diffusers describes it.
 
     Raises:
         ValueError: if an argument is out of range, or a config of another scheduler belongs to another schedule.
@@ -101,7 +97,6 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         num_train_timesteps: int = 1000,
         multistep_order: int = 1,
         spacing: str = "uniform",
-        log_snr_shift: float = 0.0,
         prediction_type: str = "v_prediction",
         beta_schedule: str = "squaredcos_cap_v2",
         trained_betas: list[float] | None = None,
@@ -117,20 +112,26 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
             raise ValueError(f"`multistep_order` must be 1 (DDIM) or 2, got {multistep_order}.")
         if spacing not in SPACINGS:
             raise ValueError(f"`spacing` must be one of {SPACINGS}, got {spacing!r}.")
-        if not abs(log_snr_shift) <= MOST_SHIFT:  # NaN fails too
-            raise ValueError(f"`log_snr_shift` must lie within +-{MOST_SHIFT}, got {log_snr_shift}.")
         if prediction_type != "v_prediction":
             raise ValueError(f"`prediction_type` must be 'v_prediction', got {prediction_type!r}: train with v.")
         self._check_schedule(num_train_timesteps, beta_schedule, trained_betas)
-        # diffusers lets another class replace what was left at its default: not what says which model this is
-        left = [name for name in self.config.get("_use_default_values", ()) if name not in _FOR_DIFFUSERS]
-        self.register_to_config(_use_default_values=left)
+        self._keep_for_diffusers()
         self.init_noise_sigma = 1.0
         self.num_inference_steps = None
         self.timesteps = torch.linspace(num_train_timesteps - 1, 0, num_train_timesteps)
         self._angles = None  # (steps + 1,) float64, from the first to 0
         self._begin_index = None
         self._restart()
+        angles = to_angle(np.arange(-1, num_train_timesteps), num_train_timesteps)
+        alphas_cumprod = np.append(np.square(np.cos(angles[:-1])), 0.0)  # exactly 0 at pure noise
+        self.alphas_cumprod = torch.from_numpy(alphas_cumprod[1:].astype(np.float32))
+        self.betas = torch.from_numpy((1 - alphas_cumprod[1:] / alphas_cumprod[:-1]).astype(np.float32))
+
+    def _keep_for_diffusers(self):
+        """Lets other classes replace defaults, as diffusers does, but not those that say what was trained."""
+        left = set(self.config.get("_use_default_values", ())) - set(_FOR_DIFFUSERS)
+        config = {name: value for name, value in self.config.items() if name != "_use_default_values"}
+        self._internal_dict = FrozenDict({**config, "_use_default_values": sorted(left)} if left else config)
 
     def _restart(self):
         self._step_index = None
@@ -158,17 +159,12 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
                 )
             return
         angles = np.arccos(np.sqrt(np.clip(np.cumprod(1 - np.asarray(trained_betas, dtype=np.float64)), 0, 1)))
-        ours = math.pi / 2 * np.arange(1, length + 1) / length
+        ours = to_angle(np.arange(length), length)
         if angles.shape != ours.shape or not np.abs(angles - ours).max() < SAME_SCHEDULE:
             raise ValueError(
-                f"`trained_betas` must be those of cos^2 over {length} timesteps (`betas()`), to {SAME_SCHEDULE} rad: "
+                f"`trained_betas` must be those of cos^2 over {length} timesteps (`betas`), to {SAME_SCHEDULE} rad: "
                 "a model trained on another schedule would be given the wrong times."
             )
-
-    def betas(self):
-        """This schedule as diffusers' `trained_betas`: (num_train_timesteps,) floats, the last one 1."""
-        alphas = np.cos(math.pi / 2 * np.arange(self.config.num_train_timesteps + 1) / self.config.num_train_timesteps)
-        return (1 - np.square(alphas[1:] / alphas[:-1])).tolist()
 
     def __len__(self):
         return self.config.num_train_timesteps
@@ -191,9 +187,13 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         self._restart()
 
     def angle(self, timesteps):
-        """phi = pi/2 * (t + 1) / num_train_timesteps, in the dtype of `timesteps` if floating, else float32."""
+        """phi of timesteps, in their dtype if it is floating, else float32."""
         timesteps = timesteps if torch.is_floating_point(timesteps) else timesteps.float()
-        return (timesteps + 1) * (math.pi / 2 / self.config.num_train_timesteps)
+        return to_angle(timesteps, self.config.num_train_timesteps)
+
+    def timestep(self, angles):
+        """Timesteps of angles phi in rad: the inverse of `angle`."""
+        return to_timestep(angles, self.config.num_train_timesteps)
 
     def set_timesteps(self, num_inference_steps=None, device=None, timesteps=None):
         """Chooses the angles at which the model is evaluated; the end, 0, is not evaluated.
@@ -213,25 +213,22 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         if timesteps is None:
             if not (num_inference_steps >= 1 and num_inference_steps % 1 == 0):  # NaN and infinity fail too
                 raise ValueError(f"`num_inference_steps` must be a whole number >= 1, got {num_inference_steps}.")
-            angles = spaced_angles(int(num_inference_steps), self.config.spacing, self.config.log_snr_shift)
+            angles = spaced_angles(int(num_inference_steps), self.config.spacing)
         else:
             angles = self._custom_angles(timesteps)
         self._angles = angles
         self.num_inference_steps = len(angles) - 1
-        timesteps = angles[:-1] / (math.pi / 2) * self.config.num_train_timesteps - 1
-        self.timesteps = torch.from_numpy(timesteps.astype(np.float32)).to(device)
+        self.timesteps = torch.from_numpy(self.timestep(angles[:-1]).astype(np.float32)).to(device)
         self._begin_index = None
         self._restart()
 
     def _custom_angles(self, timesteps):
-        values, last = (
-            torch.as_tensor(timesteps, dtype=torch.float64).cpu().numpy(),
-            self.config.num_train_timesteps - 1,
-        )
+        values = torch.as_tensor(timesteps, dtype=torch.float64).cpu().numpy()
+        last = self.config.num_train_timesteps - 1
         inside = values.ndim == 1 and len(values) and np.all((values > -1) & (values <= last + 1e-6))
         if not inside or not np.all(np.diff(values) < 0):
             raise ValueError(f"`timesteps` must fall, without repeats, inside (-1, {last}], got {values.tolist()}.")
-        return np.append((np.minimum(values, last) + 1) * (math.pi / 2 / (last + 1)), 0.0)
+        return np.append(to_angle(np.minimum(values, last), last + 1), 0.0)
 
     def scale_model_input(self, sample, timestep=None):
         """Returns `sample`: its variance is one at every angle."""
@@ -253,9 +250,9 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         """One step from the angle of `timestep` to the next smaller one.
 
         Args:
-            model_output (`torch.Tensor`): the predicted velocity v, any shape.
+            model_output (`torch.Tensor`): the predicted velocity, any shape.
             timestep (`float` or `torch.Tensor`): the current entry of `timesteps`.
-            sample (`torch.Tensor`): the current sample x, the shape of `model_output`.
+            sample (`torch.Tensor`): the current sample, the shape of `model_output`.
             eta (`float`, *optional*, defaults to 0.0): share of fresh noise, 0 (deterministic) to 1 (ancestral
                 sampling), as in Song et al. 2021, equation 16; of order 1 only.
             generator (`torch.Generator` or list, *optional*): draws that noise.
@@ -276,6 +273,15 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
                 f"`eta` must be between 0 and 1, and 0 for multistep_order 2, got {eta} for multistep_order "
                 f"{self.config.multistep_order}: fresh noise breaks what the second order continues."
             )
+        # Notation of DDIM (arXiv 2010.02502) with alpha_bar = cos^2(phi), and of the v-objective (arXiv 2202.00512):
+        # - angle -> phi
+        # - following -> phi', the angle of the next step; turn -> phi - phi'
+        # - sample (x) -> "x_phi"
+        # - model_output (v) -> "v_theta(x_phi, phi)"
+        # - pred_original_sample (x0) -> "x0_hat" = cos(phi) x_phi - sin(phi) v
+        # - pred_epsilon (noise) -> "eps_hat" = sin(phi) x_phi + cos(phi) v
+        # - prev_sample -> "x_phi'" = cos(phi') x0_hat + sin(phi') eps_hat = cos(turn) x_phi - sin(turn) v
+        # - eta -> share of fresh noise; std_dev -> sigma of equation 16 in DDIM
         if self._step_index is None:
             self._init_step_index(timestep)
         if self._step_index >= self.num_inference_steps:
@@ -315,13 +321,13 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         return a * x + (b - share) * v + share * turned
 
     def _noisy_step(self, angle, following, x, v, x0, eta, generator):
-        """DDIM with fresh noise in the place of a part of the predicted one."""
+        """DDIM with fresh noise in place of a part of the predicted one."""
         ratio = math.sin(following) / math.sin(angle)
-        spread = eta * ratio * math.sqrt(max(0.0, 1 - (math.cos(angle) / math.cos(following)) ** 2))
+        std_dev = eta * ratio * math.sqrt(max(0.0, 1 - (math.cos(angle) / math.cos(following)) ** 2))
         noise = math.sin(angle) * x + math.cos(angle) * v
         fresh = draw_noise(x.shape, generator, x.device, x.dtype)
-        kept = math.sqrt(max(0.0, math.sin(following) ** 2 - spread**2))
-        return math.cos(following) * x0 + kept * noise + spread * fresh
+        kept = math.sqrt(max(0.0, math.sin(following) ** 2 - std_dev**2))
+        return math.cos(following) * x0 + kept * noise + std_dev * fresh
 
     def _check_finite(self, model_output):
         finite = torch.isfinite(model_output).all()
@@ -375,24 +381,14 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         return self._mix(model_output, sample, timesteps).to(sample.dtype)
 
 
-def spaced_angles(steps, spacing="uniform", log_snr_shift=0.0):
+def spaced_angles(steps, spacing="uniform"):
     """Angles from pi/2 to 0: (steps + 1,) float64, falling; both ends exact.
 
     Args:
         steps (`int`): at least 1.
         spacing (`str`): one of `SPACINGS`.
-        log_snr_shift (`float`): added to log cos^2/sin^2.
     """
-    way = np.linspace(1.0, 0.0, steps + 1)
+    fractions = np.linspace(1.0, 0.0, steps + 1)
     if spacing == "both_ends":
-        way = (1 - COSINE_SHARE) * way + COSINE_SHARE * (1 - np.cos(math.pi * way)) / 2
-    elif spacing == "dense":
-        way = np.square(way)
-    angles = math.pi / 2 * way
-    if spacing == "log_snr":
-        # with very many steps the gaps at both ends must shrink too
-        half = max(LOG_TANGENT, math.log(steps))
-        angles[1:-1] = np.arctan(np.exp(np.linspace(half, -half, steps + 1)[1:-1]))
-    if log_snr_shift:
-        angles[1:-1] = np.arctan(math.exp(-log_snr_shift / 2) * np.tan(angles[1:-1]))
-    return angles
+        fractions = (1 - COSINE_SHARE) * fractions + COSINE_SHARE * (1 - np.cos(math.pi * fractions)) / 2
+    return math.pi / 2 * fractions

@@ -208,8 +208,7 @@ class LCTGTrainingStep(nn.Module):
         self.model, self.scheduler = model, scheduler
         self.octave_exponent, self.spectral_loss_weight = octave_exponent, spectral_loss_weight
         self.latent_penalty, self.detail_dropout = latent_penalty, detail_dropout
-        signed = extractor.hop_length * extractor.use_waveform + extractor.detail_samples
-        self.unsigned_features = extractor.feature_size - signed
+        self.unsigned_features = extractor.feature_size - extractor.detail_samples
         self.rate_and_band = (extractor.sampling_rate, extractor.band)
 
     def forward(self, batch, random):
