@@ -189,7 +189,8 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
     def angle(self, timesteps):
         """phi of timesteps, in their dtype if it is floating, else float32."""
         timesteps = timesteps if torch.is_floating_point(timesteps) else timesteps.float()
-        return to_angle(timesteps, self.config.num_train_timesteps)
+        # `to_angle`, rounded otherwise: guided textures of one seed stay the same bit for bit
+        return (timesteps + 1) * (math.pi / 2 / self.config.num_train_timesteps)
 
     def timestep(self, angles):
         """Timesteps of angles phi in rad: the inverse of `angle`."""
