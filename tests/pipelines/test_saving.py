@@ -99,8 +99,8 @@ def test_pipeline_without_dale_saves_and_loads_without_a_warning(make_pipeline, 
 @pytest.mark.parametrize(
     "options",
     [
-        {"feature_size": 32, "num_filters": 24},
-        {"feature_size": 24, "num_filters": 8, "hop_length": 16},
+        {"num_filters": 32},
+        {"hop_length": 16},
         {"frame_multiple": 1},
     ],
     ids=["other channels", "another hop", "frames that do not fill latents"],
