@@ -134,7 +134,7 @@ class TestReport:
         publish.main([*words, "--report", str(report)])
         out = tmp_path / "small"
         card = card_of(out)
-        assert "#### Paper, yardsticks, ours" in card and "### Measured" in card and "another take" in card
+        assert "#### Overview" in card and "### Measured" in card and "another take" in card
         assert "None yet" not in card
         pictures = re.findall(r"!\[.*?\]\((report/.*?)\)", card)
         assert pictures and {path.name for path in (out / "report").iterdir()} == {p.split("/")[1] for p in pictures}

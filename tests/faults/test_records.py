@@ -47,7 +47,7 @@ def run(tmp_path):
 def _read_all(run):
     """Every reader in turn; returns whether a card could be written."""
     assert phases(run)[-1][0] == run
-    assert set(training_facts([run])) >= {"phases", "optimiser_steps", "machines"}
+    assert set(training_facts([run])) >= {"phases", "optimiser_steps"}
     found, _ = trained_on([run])
     assert count_seen(JUDGED, found) in (0, 1)
     record = read_record(run)
