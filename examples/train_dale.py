@@ -61,7 +61,7 @@ def read_datasets(args, sampling_rate):
     """The training view, and up to 2,000 segments of surfaces that training does not see."""
     limits = {"max_samples": args.max_train_samples, "max_surfaces": args.max_train_surfaces}
     dataset = PreparedDataset(args.train_data_dir, "train", "filtered", sampling_rate, **limits)
-    if args.ratings == "single" and dataset.single_ratings is None:
+    if args.ratings == "single" and dataset.ratings.single is None:
         raise ValueError("--ratings single: the file holds no single raters' ratings; prepare the data again.")
     return dataset, PreparedDataset(args.train_data_dir, "validation", "filtered", sampling_rate, max_samples=2000)
 
@@ -79,14 +79,14 @@ def fit_estimator(args, accelerator, dale, dataset, states, held_out, held_out_s
     estimator, scores = fit_rating_estimator(
         dale.channel_groups,
         pooled,
-        torch.from_numpy(dataset.surface_ratings[dataset.surface_ids]).float(),
+        torch.from_numpy(dataset.ratings.mean[dataset.surface_ids]).float(),
         held_out_pooled,
         held_out_states["ratings"],
         dale.config.rating_axes,
         steps=args.rating_head_steps,
         seed=args.seed,
     )
-    rated = np.isfinite(held_out.surface_ratings[np.unique(held_out.surface_ids)]).any(axis=1).sum()
+    rated = np.isfinite(held_out.ratings.mean[np.unique(held_out.surface_ids)]).any(axis=1).sum()
     accelerator.print("rating estimator, R² on unseen surfaces:", describe_scores(scores, rated))
     return estimator.to(accelerator.device)
 

@@ -99,7 +99,7 @@ class _Given:
         self.floor = reference.distances(reference.embed(self.real), self.surfaces)["ktd"]["mean"]
         encoded = pipe.encode(self.real, self.rate)
         base = pipe.lctg.pad_detail(encoded.latents[:, : pipe.lctg.base_channels])
-        ratings, made = held_out.surface_ratings[self.surfaces], []
+        ratings, made = held_out.ratings.mean[self.surfaces], []
         for start in range(0, len(ratings), BATCH):
             generator = torch.Generator().manual_seed(seed + start)
             made.append(pipe(ratings[start : start + BATCH], generator=generator, output_type="latent"))

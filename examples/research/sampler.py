@@ -65,7 +65,7 @@ def trained(pipe, data, segments, seed, quiet):
     rate = held_out.sampling_rate
     reference = Reference(train.textures(train.non_overlapping(2, seed)), rate)
     rows = held_out.non_overlapping(1, seed)[:segments]
-    real, ratings = held_out.textures(rows), held_out.surface_ratings[held_out.surface_ids[rows]]
+    real, ratings = held_out.textures(rows), held_out.ratings.mean[held_out.surface_ids[rows]]
     lctg = TrainedStage(pipe, "lctg", real, ratings, rate, seed)
     found = {"lctg": trained_errors(lctg, real, rate, reference, quiet=quiet)}
     few = slice(None, _RULE_SEGMENTS)

@@ -34,7 +34,7 @@ def test_item(virtual_prepared):
     assert item["surface"].dtype == torch.int64 and item["index"] == 1
     assert item["level"] == pytest.approx(float(level(item["texture"].numpy())), abs=1e-4)  # float32
     assert 66 < item["reference_speed"] < 99 and 0.1 < item["friction_coefficient"] < 3
-    torch.testing.assert_close(item["ratings"], torch.tensor(data.surface_ratings[item["surface"]]))
+    torch.testing.assert_close(item["ratings"], torch.tensor(data.ratings.mean[item["surface"]]))
     assert (data.sampling_rate, data.unit, data.band) == (DEVICE_RATE, "N", BAND_HZ)
     with pytest.raises(IndexError):
         data[len(data)]
@@ -161,7 +161,7 @@ def test_missing_ratings_and_nan_stretch(tmp_path, recording_maker, recordings_w
     assert report.seconds["filtered"]["missing (NaN)"] == pytest.approx(0.01)
     assert sum(report.seconds["filtered"].values()) == pytest.approx(15.0)
     data = PreparedDataset(tmp_path / "p.h5", "all")
-    assert np.isnan(data.surface_ratings).all() and torch.isnan(data[0]["ratings"]).all()
+    assert np.isnan(data.ratings.mean).all() and torch.isnan(data[0]["ratings"]).all()
     assert np.isfinite(data.textures(range(len(data)))).all()
     assert "missing samples" in str(report)
 
@@ -175,7 +175,7 @@ def test_ratings_reach_the_items(tmp_path, recording_maker, recordings_writer):
     assert "rater left out: r1 on slipperiness: the same answer on all training surfaces" in report.notes
     data = PreparedDataset(tmp_path / "p.h5", "train")
     assert data[0]["ratings_count"].tolist() == [2, 2, 1]
-    np.testing.assert_allclose(data.ratings_mean[2], values[0, :, 2].mean())
+    np.testing.assert_allclose(data.ratings.raw_mean[2], values[0, :, 2].mean())
 
 
 def test_split_seed_and_sizes():
@@ -208,7 +208,7 @@ def test_reader_refuses(virtual_prepared, arguments, message):
 
 
 def test_reader_refuses_other_files_and_empty_views(tmp_path, virtual_recordings, recording_maker, recordings_writer):
-    with pytest.raises(ValueError, match="is no prepared data set"):
+    with pytest.raises(ValueError, match="is not a prepared data set"):
         PreparedDataset(virtual_recordings)
     path = recordings_writer(tmp_path / "r.h5", {"a": recording_maker()})
     prepare_recordings(path, tmp_path / "p.h5", validation=0, test=0, quiet=True)
@@ -262,7 +262,7 @@ def test_max_surfaces_keeps_whole_surfaces_spread_over_the_view(virtual_prepared
             np.testing.assert_array_equal(getattr(data, name), getattr(every, name)[inside])
         np.testing.assert_array_equal(data.textures([0, -1]), every.textures(np.flatnonzero(inside)[[0, -1]]))
         # indices go on meaning the surfaces of the file
-        assert data.surfaces == every.surfaces and len(data.surface_ratings) == 6
+        assert data.surfaces == every.surfaces and len(data.ratings.mean) == 6
 
 
 @pytest.mark.parametrize("split", ["train", "validation"])
@@ -287,21 +287,14 @@ def test_max_surfaces_at_every_rate(virtual_prepared, rate):
 
 def test_ratings_of_single_raters_average_to_the_pooled_ones(virtual_prepared):
     data = PreparedDataset(virtual_prepared)
-    raters, *shape = data.single_ratings.shape
-    assert raters > 1 and shape == [6, 3] and data.single_ratings.dtype == np.float32
-    np.testing.assert_allclose(np.nanmean(data.single_ratings, axis=0), data.surface_ratings, atol=1e-6)  # float32
-    np.testing.assert_array_equal((~np.isnan(data.single_ratings)).sum(0), data.surface_ratings_count)
-    assert data.single_ratings.std(0).max() > 0.1  # raters differ
+    raters, *shape = data.ratings.single.shape
+    assert raters > 1 and shape == [6, 3] and data.ratings.single.dtype == np.float32
+    np.testing.assert_allclose(np.nanmean(data.ratings.single, axis=0), data.ratings.mean, atol=1e-6)  # float32
+    np.testing.assert_array_equal((~np.isnan(data.ratings.single)).sum(0), data.ratings.count)
+    assert data.ratings.single.std(0).max() > 0.1  # raters differ
 
 
-def test_single_ratings_are_none_where_the_file_has_none(
-    virtual_prepared, tmp_path, recording_maker, recordings_writer
-):
-    with h5py.File(shutil.copy(virtual_prepared, tmp_path / "older.h5"), "r+") as file:
-        del file["ratings/each"]
-    older, newer = (PreparedDataset(path) for path in (tmp_path / "older.h5", virtual_prepared))
-    assert older.single_ratings is None
-    np.testing.assert_array_equal(older.surface_ratings, newer.surface_ratings)
-    path = recordings_writer(tmp_path / "r.h5", {name: recording_maker() for name in "abc"})  # nobody rated
+def test_no_single_ratings_where_nobody_rated(tmp_path, recording_maker, recordings_writer):
+    path = recordings_writer(tmp_path / "r.h5", {name: recording_maker() for name in "abc"})
     prepare_recordings(path, tmp_path / "p.h5", quiet=True)
-    assert PreparedDataset(tmp_path / "p.h5").single_ratings is None
+    assert PreparedDataset(tmp_path / "p.h5").ratings.single is None

@@ -71,10 +71,10 @@ def test_hard_ratings_are_the_held_out_raters(collection, tmp_path, answers):
     for data, chosen in ((train, [0, 1, 2]), (hard, [3, 4])):
         names = tuple(RATERS[number] for number in chosen)
         expected = pool_ratings(RaterScores(answers[chosen], names, SURFACES, RATING_AXES), SURFACES, training)
-        np.testing.assert_array_equal(data.surface_ratings, expected.mean)
-        np.testing.assert_array_equal(data.ratings_mean, expected.raw_mean)
-        np.testing.assert_array_equal(data.reliability.mean_correlation, expected.reliability.mean_correlation)
-        assert data.surface_ratings_count.max() == len(chosen)
+        np.testing.assert_array_equal(data.ratings.mean, expected.mean)
+        np.testing.assert_array_equal(data.ratings.raw_mean, expected.raw_mean)
+        np.testing.assert_array_equal(data.ratings.reliability.mean_correlation, expected.reliability.mean_correlation)
+        assert data.ratings.count.max() == len(chosen)
         np.testing.assert_array_equal(data[0]["ratings"], expected.mean[data.surface_ids[0]])
 
 
@@ -100,11 +100,11 @@ def test_what_is_held_out_leaves_no_trace_in_ordinary_splits(collection, tmp_pat
             assert first.keys() == second.keys()
             for key in first:
                 np.testing.assert_array_equal(first[key], second[key])
-        np.testing.assert_array_equal(one.ratings_mean, other.ratings_mean)
-        np.testing.assert_array_equal(one.ratings_scale, other.ratings_scale)
+        np.testing.assert_array_equal(one.ratings.raw_mean, other.ratings.raw_mean)
+        np.testing.assert_array_equal(one.ratings.raw_scale, other.ratings.raw_scale)
     hard = [PreparedDataset(tmp_path / f"p-{name}.h5", "hard") for name in ("r", "other")]
     assert hard[0].levels.mean() + 0.3 < hard[1].levels.mean()
-    assert (hard[0].surface_ratings != hard[1].surface_ratings).any()
+    assert (hard[0].ratings.mean != hard[1].ratings.mean).any()
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_a_kind_without_patterns_is_not_held_out(collection, tmp_path, hold_out,
     surfaces, who = members(tmp_path / "p.h5", "all")
     assert surfaces == (set(SURFACES) - hard if hold_out.surfaces else set(SURFACES))
     assert who == ({"e1"} if hold_out.explorers else {"e1", "e2"})
-    raters = PreparedDataset(tmp_path / "p.h5", "hard").surface_ratings_count.max()
+    raters = PreparedDataset(tmp_path / "p.h5", "hard").ratings.count.max()
     assert raters == (1 if hold_out.raters else 5)
 
 
@@ -194,38 +194,27 @@ def prepared_with(path, turnarounds):
     return PreparedDataset(target), report
 
 
-def test_turnarounds_are_stored_where_they_are(strokes):
-    for rate in (DEVICE_RATE, 2500):
-        prepared_with(strokes, "keep")
-        data = PreparedDataset(strokes.with_name("keep.h5"), sampling_rate=rate)
-        for index in range(len(data)):
-            positions = data.turnaround_positions(index)
-            assert len(positions) == data.turnarounds[index]
-            seconds = (data.starts[index] + positions) / rate
-            # the direction has 2 ms
-            assert all(min(abs(at - 2), abs(at - 5)) < 0.004 for at in seconds)
-            assert ((positions >= 0) & (positions < data.segment_samples)).all()
-    assert data.turnarounds.sum() > 0
-
-
-def test_level_with_and_without_turnarounds(strokes):
+def test_turnarounds_and_level_between_them(strokes):
     keep, _ = prepared_with(strokes, "keep")
-    turning = keep.turnarounds > 0
+    begin = keep.starts / DEVICE_RATE
+    inside = sum((begin < at) & (at < begin + SEGMENT_SECONDS) for at in (2, 5))
+    np.testing.assert_array_equal(keep.segments.turnarounds, inside)
+    turning, between = inside > 0, keep.segments.level_between_turnarounds
     assert turning.any() and not turning.all()
-    assert (keep.levels - keep.levels_apart)[turning].min() > 0.5  # a step of 0.6 N against 10 mN of noise
-    np.testing.assert_allclose(keep.levels_apart[~turning], keep.levels[~turning], atol=0.5)
+    assert (keep.levels - between)[turning].min() > 0.5  # a step of 0.6 N against 10 mN of noise
+    np.testing.assert_allclose(between[~turning], keep.levels[~turning], atol=0.5)
     for index in np.flatnonzero(turning)[:3]:
         texture = keep.textures(index)[0].astype(np.float64)
-        for at in keep.turnaround_positions(index):
-            texture[max(0, at - 300) : at + 300] = np.nan
-        # float32
-        assert keep.levels_apart[index] == pytest.approx(0.5 * np.log(np.nanmean(texture**2)), abs=1e-5)
+        for at in np.array([2, 5]) * DEVICE_RATE - keep.starts[index]:
+            texture[max(0, at - 300) : max(0, at + 300)] = np.nan
+        # the direction has 2 ms
+        assert between[index] == pytest.approx(0.5 * np.log(np.nanmean(texture**2)), abs=0.05)
 
 
 def test_exclude_and_mask(strokes):
     (keep, _), (mask, _), (exclude, report) = (prepared_with(strokes, name) for name in ("keep", "mask", "exclude"))
-    assert len(keep) == len(mask) and (keep.turnarounds == mask.turnarounds).all()
-    assert len(exclude) < len(keep) and not exclude.turnarounds.any()
+    assert len(keep) == len(mask) and (keep.segments.turnarounds == mask.segments.turnarounds).all()
+    assert len(exclude) < len(keep) and not exclude.segments.turnarounds.any()
     half = MASK_SECONDS / 2
     begins = exclude.starts / DEVICE_RATE
     for at in (2, 5):
@@ -233,7 +222,7 @@ def test_exclude_and_mask(strokes):
     assert report.seconds["filtered"]["turnaround"] == pytest.approx(3 * 2 * MASK_SECONDS)
     steady = exclude.levels.mean()
     np.testing.assert_allclose(mask.levels, steady, atol=0.05)
-    assert keep.levels[keep.turnarounds > 0].min() > steady + 0.5
+    assert keep.levels[keep.segments.turnarounds > 0].min() > steady + 0.5
     for data in (keep, mask, exclude):
         assert data.attributes["turnarounds"] in ("keep", "mask", "exclude")
         # the swing at the turnaround is not part of it; 2 % is what the smoothed direction loses beside it
@@ -245,26 +234,24 @@ def test_unknown_turnarounds_are_refused_before_anything_is_read(tmp_path):
         prepare_recordings(tmp_path / "absent.h5", tmp_path / "p.h5", turnarounds="drop")
 
 
-def test_account(tmp_path, recording_maker, recordings_writer):
+def test_seconds_by_reason(tmp_path, recording_maker, recordings_writer):
     recordings = {"a": recording_maker(seconds=5.0), "b": recording_maker(seconds=4.0, speed=20.0, seed=1)}
     recordings["c"] = recording_maker(seconds=4.0, seed=2)
     recordings["c"]["force"][20_000:20_100] = np.nan
     recordings["c"]["force"][30_000:30_100, 0] = 1.0
     path = recordings_writer(tmp_path / "r.h5", recordings)
     report = prepare_recordings(path, tmp_path / "p.h5", validation=0, test=0, quiet=True)
-    data = PreparedDataset(tmp_path / "p.h5")
-    account = data.account
-    assert account["recordings"] == ("a/explorer/0", "b/explorer/0", "c/explorer/0") == data.recordings
-    assert account["reasons"] == REASONS
     for subset in ("filtered", "full"):
-        seconds = account["seconds"][subset]
+        seconds = PreparedDataset(tmp_path / "p.h5", subset=subset).seconds_by_reason()
+        assert list(seconds.index) == ["a/explorer/0", "b/explorer/0", "c/explorer/0"]
+        assert tuple(seconds.columns) == REASONS
         np.testing.assert_allclose(seconds.sum(axis=1), [5, 4, 4])
-        assert report.seconds[subset] == pytest.approx(dict(zip(REASONS, seconds.sum(axis=0), strict=True)))
-    filtered = dict(zip(REASONS, account["seconds"]["filtered"].T, strict=True))
+        assert report.seconds[subset] == pytest.approx(seconds.sum().to_dict())
+    filtered = PreparedDataset(tmp_path / "p.h5").seconds_by_reason()
     np.testing.assert_allclose(filtered["speed outside limits"], [0, 3.8, 0])
     np.testing.assert_allclose(filtered["missing (NaN)"], [0, 0, 0.01])
     np.testing.assert_allclose(filtered["saturated"], [0, 0, 0.01])
-    np.testing.assert_allclose(filtered["used"][0], 4.8)
+    np.testing.assert_allclose(filtered["used"].iloc[0], 4.8)
     assert "saturated samples excluded, in 1 recordings, first c/explorer/0 (the first is 30000)" in report.notes
     assert "missing samples (NaN) excluded, in 1 recordings, first c/explorer/0" in report.notes
 
@@ -296,7 +283,7 @@ def test_unusable_forces_leave_no_file(tmp_path, recordings_writer, factor, axes
 
 def test_reliability_is_stored_and_printed(collection, tmp_path):
     report = prepare_recordings(collection, tmp_path / "p.h5", quiet=True)
-    stored = PreparedDataset(tmp_path / "p.h5").reliability
+    stored = PreparedDataset(tmp_path / "p.h5").ratings.reliability
     assert stored.axes == RATING_AXES
     np.testing.assert_array_equal(stored.alpha, report.reliability.alpha)
     assert f"roughness: mean inter-rater correlation {stored.mean_correlation[0]:.2f} (10 pairs" in str(report)
@@ -314,9 +301,10 @@ def test_lateral_force_alone(tmp_path):
         assert f"no channel for the limits of {name}: skipped, in 3 recordings, first a/e/0" in report.notes
     data = PreparedDataset(tmp_path / "p.h5")
     assert len(data) == len(PreparedDataset(tmp_path / "p.h5", subset="full")) > 0
-    assert np.isnan(data.friction_coefficients).all() and np.isnan(data.speeds).all() and data.reliability is None
+    assert np.isnan(data.friction_coefficients).all() and np.isnan(data.speeds).all()
+    assert data.ratings.reliability is None
     assert np.isfinite(data.levels).all() and np.isfinite(data.textures(range(len(data)))).all()
-    assert data.surface_ratings_count.max() == 0
+    assert data.ratings.count.max() == 0
 
 
 def test_files_of_another_version_are_refused_with_the_remedy(virtual_prepared, tmp_path):
@@ -324,7 +312,7 @@ def test_files_of_another_version_are_refused_with_the_remedy(virtual_prepared, 
     with h5py.File(tmp_path / "p.h5", "r+") as file:
         file.attrs["version"] = 1
     with pytest.raises(
-        ValueError, match="no prepared data set of version 2 .*version=1.*write one with examples/prepare"
+        ValueError, match="not a prepared data set of version 3 .*version=1.*write one with examples/prepare"
     ):
         PreparedDataset(tmp_path / "p.h5")
 

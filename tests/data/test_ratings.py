@@ -1,8 +1,5 @@
 """Ratings: standardised on training surfaces only, pooled once; the scales in which they are given."""
 
-import math
-import statistics
-
 import numpy as np
 import pytest
 
@@ -51,41 +48,6 @@ def test_rater_with_one_answer_is_left_out_of_that_axis(scores):
     np.testing.assert_allclose(pooled.mean[:, 1], pool_ratings(others, SURFACES, TRAINING).mean[:, 1], atol=1e-6)
 
 
-def _reference(values, training):
-    """Pooled mean, spread and number of raters of one surface and axis after the other, by the words of the paper."""
-    raters, surfaces, axes = values.shape
-    z = [[[] for _ in range(axes)] for _ in range(surfaces)]
-    for rater in range(raters):
-        for axis in range(axes):
-            answers = [float(v) for v in values[rater, :, axis]]
-            known = [v for v, trains in zip(answers, training, strict=True) if trains and not math.isnan(v)]
-            if len(set(known)) < 2:
-                continue
-            mean, deviation = statistics.fmean(known), statistics.pstdev(known)
-            for surface, answer in enumerate(answers):
-                if not math.isnan(answer):
-                    z[surface][axis].append((answer - mean) / deviation)
-    nan = float("nan")
-    mean = [[statistics.fmean(cell) if cell else nan for cell in row] for row in z]
-    spread = [[statistics.pstdev(cell) if cell else nan for cell in row] for row in z]
-    return np.array(mean), np.array(spread), np.array([[len(cell) for cell in row] for row in z])
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_equals_a_slow_reference_with_many_missing_answers(seed):
-    rng = np.random.default_rng(seed)
-    values = rng.integers(0, 9, (5, 12, 3)).astype(np.float32)
-    values[rng.random(values.shape) < 0.6] = np.nan  # surfaces are left with 0 to 5 raters, raters with 0 to 12 answers
-    training = rng.permutation(12) < 8
-    names = tuple(f"s{i}" for i in range(12))
-    pooled = pool_ratings(RaterScores(values, tuple("abcde"), names, RATING_AXES), names, training)
-    mean, spread, count = _reference(values, training)
-    assert len(set(count.ravel().tolist())) > 2
-    np.testing.assert_array_equal(pooled.count, count)
-    np.testing.assert_allclose(pooled.mean, mean, atol=1e-6)  # float32; NaN in the same places
-    np.testing.assert_allclose(pooled.std, spread, atol=1e-6)
-
-
 def test_raters_without_two_answers_in_training_are_reported_and_left_out(scores):
     scores.values[0, 1:6, 0] = np.nan  # "a" gave one answer on roughness in training, and others elsewhere
     scores.values[1, :6] = np.nan  # "b" rated only surfaces outside training
@@ -129,22 +91,22 @@ def test_z_scores_of_each_rater_are_kept_and_average_to_the_pooled_mean(scores):
     scores.values[0, 0] = scores.values[3, 7, 1] = np.nan  # no answer
     scores.values[2, :6, 1] = 5  # left out of this axis
     pooled = pool_ratings(scores, SURFACES, TRAINING)
-    assert pooled.each.shape == (4, 9, 3) and pooled.each.dtype == np.float32
-    np.testing.assert_allclose(np.nanmean(pooled.each, axis=0), pooled.mean, atol=1e-6)  # float32
-    np.testing.assert_allclose(np.nanstd(pooled.each, axis=0), pooled.std, atol=1e-6)
+    assert pooled.single.shape == (4, 9, 3) and pooled.single.dtype == np.float32
+    np.testing.assert_allclose(np.nanmean(pooled.single, axis=0), pooled.mean, atol=1e-6)  # float32
+    np.testing.assert_allclose(np.nanstd(pooled.single, axis=0), pooled.std, atol=1e-6)
     expected = np.isnan(scores.values)
     expected[2, :, 1] = True
-    np.testing.assert_array_equal(np.isnan(pooled.each), expected)
+    np.testing.assert_array_equal(np.isnan(pooled.single), expected)
     # every rater's own scale, on training surfaces
-    np.testing.assert_allclose(np.nanmean(pooled.each[:, :6, [0, 2]], axis=1), 0, atol=1e-6)
-    np.testing.assert_allclose(np.nanstd(pooled.each[:, :6, [0, 2]], axis=1), 1, atol=1e-6)
+    np.testing.assert_allclose(np.nanmean(pooled.single[:, :6, [0, 2]], axis=1), 0, atol=1e-6)
+    np.testing.assert_allclose(np.nanstd(pooled.single[:, :6, [0, 2]], axis=1), 1, atol=1e-6)
     shuffled = [SURFACES[i] for i in (8, 0, 4)]
     few = pool_ratings(scores, [*shuffled, *SURFACES[1:4]], np.ones(6, dtype=bool))
-    assert np.isnan(few.each[0, 1]).all() and np.isfinite(few.each[1]).all()  # in the order of the surfaces
+    assert np.isnan(few.single[0, 1]).all() and np.isfinite(few.single[1]).all()  # in the order of the surfaces
 
 
 def test_nobody_has_no_single_ratings():
-    assert no_ratings(4).each is None
+    assert no_ratings(4).single is None
 
 
 def test_impossible_ratings_are_errors(scores):

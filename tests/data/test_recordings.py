@@ -63,7 +63,7 @@ def test_what_was_measured_tells_wrong_units_and_short_runs(tmp_path, recording_
     recording = recording_maker()
     recording["force"] = recording["force"] / 1000
     path = recordings_writer(tmp_path / "r.h5", {name: recording for name in "abc"})
-    with pytest.raises(ValueError, match=r"median 0.0005 N, limits 0.4 to 0.6 N: is unit right\? \(--normal-force"):
+    with pytest.raises(ValueError, match=r"median 0.0005 N, limits 0.4 to 0.6 N: is the unit right\? \(--normal-force"):
         prepare_recordings(path, tmp_path / "p.h5", quiet=True)
     recording = recording_maker()
     recording["velocity"] = recording["velocity"].copy()
@@ -73,70 +73,26 @@ def test_what_was_measured_tells_wrong_units_and_short_runs(tmp_path, recording_
         prepare_recordings(path, tmp_path / "p.h5", quiet=True)
     assert "runs within the limits: median 0.55 s, longest 0.55 s; a segment lasts 1.64 s" in str(raised.value)
     assert "between two runs: median 0.15 s; up to 0.1 s outside the limits are bridged (--longest" in str(raised.value)
-    assert "is unit right" not in str(raised.value)
+    assert "is the unit right" not in str(raised.value)
     report = prepare_recordings(path, tmp_path / "p.h5", SegmentLimits(longest_excursion=0.3), quiet=True)
     assert report.segments["filtered"]["train"]
 
 
-def damage_format(file):
-    file.attrs["format"] = "something"
+FORCE, VELOCITY = "recordings/a/explorer/0/force", "recordings/a/explorer/0/velocity"
 
 
-def damage_rate(file):
-    del file["recordings/a/explorer/0/force"].attrs["rate"]
+def stored_as(change):
+    """A damage: the force is stored as `change` of it, with its attributes."""
+
+    def damage(file):
+        values, attributes = file[FORCE][()], dict(file[FORCE].attrs)
+        del file[FORCE]
+        file.create_dataset(FORCE, data=change(values)).attrs.update(attributes)
+
+    return damage
 
 
-def damage_unit(file):
-    del file["recordings/a/explorer/0/velocity"].attrs["unit"]
-
-
-def damage_field(file):
-    del file["recordings/a/explorer/0/force"]
-
-
-def damage_length(file):
-    group = file["recordings/a/explorer/0"]
-    short, attributes = group["force"][: int(SEGMENT_SECONDS * 10_000) - 1], dict(group["force"].attrs)
-    del group["force"]
-    group.create_dataset("force", data=short).attrs.update(attributes)
-
-
-def damage_ratings(file):
-    file["ratings/values"][0, 0, 0] = 9
-
-
-def damage_surfaces(file):
-    file["ratings/surfaces"][0] = "nobody"
-
-
-def damage_recordings(file):
-    del file["recordings/a"]
-
-
-def damage_layout(file):
-    file.move("recordings/a/explorer/0/force", "recordings/a/force")
-
-
-def damage_source(file):
-    del file.attrs["source"]
-
-
-def damage_rate_text(file):
-    file["recordings/a/explorer/0/force"].attrs["rate"] = "10000"
-
-
-def damage_rate_list(file):
-    file["recordings/a/explorer/0/velocity"].attrs["rate"] = [500.0, 500.0]
-
-
-def damage_numbers(file):
-    group = file["recordings/a/explorer/0"]
-    values, attributes = group["force"][()], dict(group["force"].attrs)
-    del group["force"]
-    group.create_dataset("force", data=values.astype("S20")).attrs.update(attributes)
-
-
-def damage_group(file):
+def replaced_group(file):
     del file["recordings"]
     file["recordings"] = np.zeros(4)
 
@@ -144,23 +100,23 @@ def damage_group(file):
 @pytest.mark.parametrize(
     "damage, message",
     [
-        (damage_source, "r.h5, /: lacks the attribute `source`"),
-        (damage_rate_text, "/recordings/a/explorer/0/force: has no positive attribute `rate`"),
-        (damage_rate_list, "/recordings/a/explorer/0/velocity: has no positive attribute `rate`"),
-        (damage_numbers, r"/recordings/a/explorer/0/force: holds \|S20, no real numbers. Store it as float32"),
-        (damage_group, "r.h5, /recordings: there is no recording"),
-        (damage_layout, "r.h5, /recordings/a: is no group of groups.*Arrange recordings as"),
-        (damage_format, "r.h5, /: format='something'.*Convert the source"),
-        (damage_rate, "r.h5, /recordings/a/explorer/0/force: has no positive attribute `rate`.*Add the sampling rate"),
-        (damage_unit, "r.h5, /recordings/a/explorer/0/velocity: attribute `unit` is None.*Convert"),
+        (lambda file: file.attrs.__delitem__("source"), "r.h5, /: lacks the attribute `source`"),
+        (lambda file: file.attrs.update(format="other"), "r.h5, /: format='other'.*Convert the source"),
+        (lambda file: file[FORCE].attrs.__delitem__("rate"), f"r.h5, /{FORCE}: has no positive attribute `rate`.*Add"),
+        (lambda file: file[FORCE].attrs.update(rate="10000"), f"/{FORCE}: has no positive attribute `rate`"),
+        (lambda file: file[VELOCITY].attrs.update(rate=[500.0] * 2), f"/{VELOCITY}: has no positive attribute `rate`"),
+        (lambda file: file[VELOCITY].attrs.__delitem__("unit"), f"/{VELOCITY}: attribute `unit` is None.*Convert"),
         (
-            damage_field,
-            "r.h5, /recordings/a/explorer/0: has fields \\['velocity'\\].*exactly one of `force` and `lateral`",
+            stored_as(lambda values: values.astype("S20")),
+            rf"/{FORCE}: holds \|S20, not real numbers. Store it as float32",
         ),
-        (damage_length, "r.h5, /recordings/a/explorer/0/force: lasts 1.64 s, less than one segment.*Leave it out"),
-        (damage_ratings, "r.h5, /ratings/values:.*1 ratings lie outside 0-8 .*9.*Map the scale"),
-        (damage_surfaces, "r.h5, /ratings/surfaces: \\['nobody'\\] have no recording"),
-        (damage_recordings, "r.h5, /recordings: there is no recording"),
+        (stored_as(lambda values: values[: int(SEGMENT_SECONDS * 10_000) - 1]), f"/{FORCE}: lasts 1.64 s, less than"),
+        (lambda file: file.__delitem__(FORCE), r"explorer/0: has fields \['velocity'\].*exactly one of `force`"),
+        (lambda file: file.move(FORCE, "recordings/a/force"), "/recordings/a: is not a group of groups.*Arrange"),
+        (lambda file: file.__delitem__("recordings/a"), "r.h5, /recordings: there is no recording"),
+        (replaced_group, "r.h5, /recordings: there is no recording"),
+        (lambda file: file["ratings/values"].__setitem__((0, 0, 0), 9), "/ratings/values:.*1 ratings lie outside 0-8"),
+        (lambda file: file["ratings/surfaces"].__setitem__(0, "nobody"), r"/ratings/surfaces: \['nobody'\] have no"),
     ],
 )
 def test_bad_files_are_named_when_opened(tmp_path, recording_maker, recordings_writer, damage, message):
@@ -186,14 +142,14 @@ def test_attributes_as_matlab_and_c_programs_write_them(tmp_path, recording_make
         found = next(iter(file))
         assert file.attributes == attributes and file.unit == "N" and file.rate(file.names[0]) == expected.rate
     np.testing.assert_array_equal(found.force, expected.force)
-    told = [(each.rate, each.velocity_rate, each.unit, each.notes) for each in (found, expected)]
-    assert told[0] == told[1]
+    for name in ("rate", "velocity_rate", "unit", "notes"):
+        assert getattr(found, name) == getattr(expected, name)
 
 
 def test_truncated_file(tmp_path, recording_maker, recordings_writer):
     path = recordings_writer(tmp_path / "r.h5", {"a": recording_maker()})
     path.write_bytes(path.read_bytes()[:10_000])
-    with pytest.raises(ValueError, match="r.h5 is truncated or no HDF5 file.*Copy it again"):
+    with pytest.raises(ValueError, match="r.h5 is truncated or not an HDF5 file.*Copy it again"):
         RecordingsFile(path)
     with pytest.raises(FileNotFoundError, match="absent.h5"):
         RecordingsFile(tmp_path / "absent.h5")

@@ -276,7 +276,7 @@ def test_file_s_own_ratings_are_reproduced(prepared):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("tactile_diffusers.virtual.fresh.FIRST_FRESH", number)
             again = fresh_ratings(1, facts["seed"], facts["agreement"], training)
-        np.testing.assert_array_equal(again[0], data.surface_ratings[number])
+        np.testing.assert_array_equal(again[0], data.ratings.mean[number])
 
 
 def test_what_is_held_out_takes_no_part(tmp_path, monkeypatch):
@@ -354,7 +354,7 @@ def test_recorded_truth_takes_all_surfaces_as_they_are(prepared, monkeypatch):
     rated = recorded_truth(data, describe, per_surface=3)
     assert len(rated.ratings) == 6 and (rated.importance == 1).all()
     assert (np.bincount(rated.surface_ids) == 3).all()
-    np.testing.assert_array_equal(rated.ratings, data.surface_ratings)
+    np.testing.assert_array_equal(rated.ratings, data.ratings.mean)
     chosen = data.non_overlapping(3)
     np.testing.assert_array_equal(rated.measures["levels"], data.levels[chosen])
     assert rated.mean("levels", POPULATION) == pytest.approx(data.levels[chosen].mean())

@@ -119,7 +119,7 @@ def _stores(folder):
     with h5py.File(folder / "recordings.h5", "r+") as file:
         _unwritten(file, "recordings/b/0/0/lateral", (HUGE,)).attrs.update(rate=2500.0, unit="N")
     with h5py.File(folder / "prepared.h5", "w") as file:
-        file.attrs.update(format="tactile-prepared", version=2, sampling_rate=10_000, segment_samples=16_384)
+        file.attrs.update(format="tactile-prepared", version=3, sampling_rate=10_000, segment_samples=16_384)
         file.attrs.update(band=[20.0, 1000.0], unit="N", source="a test", limits="{}", hold_out="{}")
         _unwritten(file, "surfaces/name", (HUGE,))
     (folder / "generated").mkdir()

@@ -13,11 +13,9 @@ from ablate_rows import read_rows
 
 from tactile_diffusers.cli import publish
 from tactile_diffusers.cli.compare import read_report
-from tactile_diffusers.data.card.folder import NUMBERS_FILE, check_card_folder
+from tactile_diffusers.data.card.data_card import NUMBERS_FILE, check_card_folder
 from tactile_diffusers.evaluation.report import _kept
 from tactile_diffusers.pipelines.hub import forget_folders
-from tactile_diffusers.virtual import generate
-from tactile_diffusers.virtual.collection import Collection
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CONDITIONS = {"digest": "abc", "split": "test"}
@@ -36,10 +34,6 @@ def _published_card(path):
 
 def _row(path):
     return [len(row.train) for row in read_rows(path.parent)]
-
-
-def _collection(path):
-    generate._check_parts(path.parent, Collection(seconds=2.0, explorers=1, seed=5))
 
 
 def _configs(path):
@@ -61,7 +55,6 @@ READERS = {
     "data card": ("card.json", _published_card),
     "row": ("base.json", _row),
     "result": ("result.json", _ablation),
-    "settings": (generate.SETTINGS_FILE, _collection),
     "config": ("config.json", _configs),
 }
 
@@ -81,8 +74,6 @@ def files(tmp_path_factory):
         (root / "report to publish" / picture.name).write_bytes(b"png")
     row = next(iter(json.loads((EXAMPLES / "results/ablation/ablation.json").read_text())["rows"].values()))
     found["result"].write_text(json.dumps({**row, **CONDITIONS}))
-    collection = Collection(seconds=2.0, explorers=1, seed=5)
-    found["settings"].write_text(json.dumps(collection.attributes))
     found["config"].write_text(json.dumps({"widths": [8, 16], "_name_or_path": "/somewhere/here"}))
     return found
 
@@ -103,7 +94,7 @@ def test_flipped(case, flips):
 def test_replaced(case, foreign):
     if case.path.name == "config.json":  # other JSON beside a checkpoint is none of its business
         foreign = {name: content for name, content in foreign.items() if name not in ("json list", "json number")}
-    if case.path.name in ("config.json", "base.json", generate.SETTINGS_FILE):  # they may be absent
+    if case.path.name in ("config.json", "base.json"):  # they may be absent
         for content in foreign.values():
             case.refuse(content)
     else:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter, SegmentLimits, prepare_recordings
-from tactile_diffusers.data.card.source import describe_source
+from tactile_diffusers.data.card.measure import describe_source
 from tactile_diffusers.export import read_generated
 from tactile_diffusers.export.generated import open_folder, write_shard
 from tactile_diffusers.playback import TextureScene
@@ -31,7 +31,6 @@ def stores(tmp_path_factory):
         for surface in ("a", "b"):
             writer.add_recording(surface, "0", "0", lateral=force, lateral_rate=2500)
         writer.set_ratings(np.full((2, 2, 3), 4.0), ["r", "s"], ["a", "b"], ["roughness", "bumpiness", "slipperiness"])
-        writer.set_truth(["a", "b"], {"grain": np.array([1.0, 2.0])})
     return {"recordings": short, "prepared": prepared}
 
 
@@ -39,14 +38,18 @@ def _recordings(path):
     with RecordingsFile(path) as file:
         found = [part for one in file for part in (one.force, one.lateral, one.velocity) if part is not None]
         ratings = [] if file.ratings is None else [np.nan_to_num(file.ratings.values)]
-        truth = [] if file.truth is None else [values for values in file.truth.fields.values()]
-    return found + ratings + truth
+    return found + ratings
 
 
 def _prepared(path):
     data = PreparedDataset(path, "all")
     first = data[0]
-    return [data.textures(np.arange(len(data))), data.levels, first["texture"].numpy(), data.turnaround_positions(0)]
+    return [
+        data.textures(np.arange(len(data))),
+        data.levels,
+        first["texture"].numpy(),
+        data.seconds_by_reason().to_numpy(),
+    ]
 
 
 READERS = {"recordings": _recordings, "prepared": _prepared}

@@ -217,7 +217,6 @@ def _read_recordings(path):
     with RecordingsFile(path) as file:
         for recording in file:
             assert recording.samples and recording.rate > 0, recording
-        assert file.truth is None or file.truth.surfaces is not None
 
 
 @cache
@@ -239,7 +238,7 @@ def _read_prepared(path):
     textures = data.textures(np.arange(len(data)))
     assert textures.ndim == 2 and not np.isinf(textures).any(), textures
     assert set(data[0]), data
-    data.turnaround_positions(0)
+    data.seconds_by_reason()
 
 
 #: Two shards, of which the second is fuzzed.

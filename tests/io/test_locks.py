@@ -13,7 +13,6 @@ import pytest
 from tactile_diffusers.io import locks
 from tactile_diffusers.io.files import atomic_path, clear_left_behind, whole_folder
 from tactile_diffusers.io.locks import is_locked, lock_folder, locked_folder, unlock_folder
-from tactile_diffusers.virtual import generate_recordings
 
 pytestmark = pytest.mark.skipif(locks.fcntl is None, reason="needs flock")
 #: Holds a folder until it is killed, or told to end; nothing is imported that takes long.
@@ -127,15 +126,3 @@ def test_a_folder_that_is_being_written_is_not_cleared_away(tmp_path):
         clear_left_behind(tmp_path / "small")
         assert temporary.is_dir()
     assert [path.name for path in tmp_path.iterdir()] == ["small"] and not is_locked(tmp_path / "small")
-
-
-def test_two_who_generate_the_same_surfaces(holder, tmp_path):
-    parts = tmp_path / "r.h5.partial"
-    (tmp_path / "taken").rename(parts)
-    with pytest.raises(ValueError, match="r.h5.partial is in use"):
-        generate_recordings(tmp_path / "r.h5", 2, seconds=2.0, explorers=1, quiet=True)
-    assert not list(parts.iterdir())
-    holder.kill()
-    holder.wait()
-    generate_recordings(tmp_path / "r.h5", 2, seconds=2.0, explorers=1, quiet=True)
-    assert [path.name for path in tmp_path.iterdir()] == ["r.h5"]

@@ -6,7 +6,7 @@ import pytest
 from laws import LAWS, Check, Law
 from validate_virtual import main, markdown
 
-from tactile_diffusers.virtual import explorers, friction, laws
+from tactile_diffusers.virtual import exploration, friction, laws
 
 SLOW = {"levels", "compliant_grating", "raters", "exploration"}
 
@@ -27,7 +27,7 @@ def test_law_is_as_intended(name):
         ("noise_in_time", friction, "TEMPORAL_NOISE_N", 1.0e-3),
         ("stick_slip", friction, "PERIOD_JITTER", 0.1),
         ("finger_low_pass", laws, "CUTOFF_PER_SPEED", 11.0),
-        ("further_explorers", explorers, "EXPLORERS", explorers.EXPLORERS[:1]),
+        ("further_explorers", exploration, "EXPLORERS", exploration.EXPLORERS[:1]),
     ],
 )
 def test_a_changed_law_is_found(name, where, constant, value, monkeypatch):

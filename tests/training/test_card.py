@@ -161,7 +161,7 @@ class TestWriting:
             assert run(code).textures.shape == (1, 2048)
 
     def test_surfaces_that_nobody_rated(self, folder, pipe, dataset, monkeypatch):
-        dataset.surface_ratings = np.full_like(dataset.surface_ratings, np.nan)
+        dataset.ratings.mean = np.full_like(dataset.ratings.mean, np.nan)
         write_card(folder, pipe, dataset, [])
         monkeypatch.chdir(folder.parent)
         card = card_of(folder)
@@ -169,8 +169,8 @@ class TestWriting:
         assert run(blocks(card, "python")[0]).textures.shape == (1, 2048)
 
     def test_data_without_newtons_or_normal_force_say_so(self, folder, pipe, dataset):
-        dataset.unit, dataset.source = "1", "a sensor"
-        dataset.friction_coefficients = np.full_like(dataset.friction_coefficients, np.nan)
+        dataset.attributes = dataset.attributes | {"unit": "1", "source": "a sensor"}
+        dataset.segments.friction_coefficient = np.full_like(dataset.friction_coefficients, np.nan)
         write_card(folder, pipe, dataset, [])
         card = card_of(folder)
         assert "uncalibrated" in card and "unknown: no normal force" in card

@@ -204,10 +204,10 @@ def test_states_hold_level_friction_and_ratings(data, latents, make_dale):
 
 def test_states_can_hold_the_ratings_of_every_rater(data, latents, make_dale):
     single, pooled = (training_states(make_dale(), data, latents, single_raters=each) for each in (True, False))
-    assert single["ratings"].shape == (len(data), len(data.single_ratings), 3)
+    assert single["ratings"].shape == (len(data), len(data.ratings.single), 3)
     assert single["ratings"].dtype == torch.float32
     for row in (0, len(data) - 1):
-        expected = data.single_ratings[:, data.surface_ids[row]]
+        expected = data.ratings.single[:, data.surface_ids[row]]
         assert torch.equal(single["ratings"][row], torch.from_numpy(expected))
     torch.testing.assert_close(single["ratings"].nanmean(1), pooled["ratings"], rtol=0, atol=1e-5)  # float32
     for name in set(pooled) - {"ratings"}:

@@ -23,7 +23,7 @@ def _refusal(script, words):
 @pytest.mark.parametrize(
     ("script", "changes", "reason"),
     [
-        ("train_lctg.py", {"train_data_dir": "recordings.h5"}, "is no prepared data set"),
+        ("train_lctg.py", {"train_data_dir": "recordings.h5"}, "is not a prepared data set"),
         ("train_dale.py", {"pretrained_model_name_or_path": "nope"}, "nope"),
         ("distill_lctg.py", {"pretrained_model_name_or_path": "nope", "model_config_name_or_path": None}, "nope"),
     ],

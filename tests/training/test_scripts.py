@@ -59,11 +59,11 @@ def _statistics_of_the_data_are_in_the_config(folders, prepared):
     assert config.log_friction_mean == pytest.approx(np.log(data.friction_coefficients).mean(), abs=1e-5)
     assert config.reference_speed == pytest.approx(data.speeds.mean(), rel=1e-5)
     statistics = config.rating_statistics
-    assert statistics["mean"] == pytest.approx(data.ratings_mean.tolist(), rel=1e-6)
+    assert statistics["mean"] == pytest.approx(data.ratings.raw_mean.tolist(), rel=1e-6)
     table = np.array(statistics["quantiles"])
     assert table.shape == (3, 21) and (np.diff(table) >= 0).all()
     assert table[:, [0, -1]].tolist() == statistics["range"]
-    assert statistics["std"] == pytest.approx(data.ratings_scale.tolist(), rel=1e-6)
+    assert statistics["std"] == pytest.approx(data.ratings.raw_scale.tolist(), rel=1e-6)
     assert config.latent_frames * pipe.lctg.config.latent_hop == pipe.lctg.config.segment_samples == 512
     latents = pipe.encode(data.textures(np.arange(len(data))), data.sampling_rate).latents
     # the encoder heard the working rate in training and 10 kHz here: two resamplings differ at the ends

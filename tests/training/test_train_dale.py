@@ -84,7 +84,7 @@ def test_single_raters_are_what_dale_hears(dale_script, train, prepared, tmp_pat
     monkeypatch.setattr(dale_script, "DALETrainingStep", Watched)
     options = {"max_train_steps": 1, "gradient_accumulation_steps": 1, "rating_head_steps": 1}
     train(tmp_path / "dale", ratings="single", condition_dropout=0, unconditional=0, **options)
-    raters = PreparedDataset(prepared).single_ratings.shape[0]
+    raters = PreparedDataset(prepared).ratings.single.shape[0]
     for every, heard in asked[:1]:
         assert every.shape == (4, raters, 3)
         assert ((every == heard[:, None]).all(-1).sum(1) >= 1).all()
@@ -94,7 +94,7 @@ def test_single_raters_are_what_dale_hears(dale_script, train, prepared, tmp_pat
 def test_single_raters_are_refused_where_the_file_has_none(train, prepared, tmp_path):
     older = shutil.copy(prepared, tmp_path / "older.h5")
     with h5py.File(older, "r+") as file:
-        del file["ratings/each"]
+        del file["ratings/single"]
     with pytest.raises(ValueError, match="--ratings single: the file holds no single raters' ratings"):
         train(tmp_path / "dale", ratings="single", train_data_dir=older)
     assert not list(tmp_path.glob("dale/checkpoint-*"))
@@ -118,7 +118,7 @@ def test_fewer_training_surfaces(dale_script, train, prepared, tmp_path, monkeyp
     assert record["trained_on"]["surfaces"] == sorted(training.surfaces[number] for number in every[[0, -1]])
     config = json.loads((output / "dale" / "config.json").read_text())
     # statistics are of what is trained on
-    expected = np.sort(training.surface_ratings[every[[0, -1]]], axis=0).T
+    expected = np.sort(training.ratings.mean[every[[0, -1]]], axis=0).T
     np.testing.assert_allclose(config["rating_statistics"]["range"], expected, atol=1e-6)  # float32
     assert config["level_mean"] == pytest.approx(float(training.levels.mean()), rel=1e-5)
 

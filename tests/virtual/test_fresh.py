@@ -55,18 +55,16 @@ def test_ratings_in_the_units_of_a_data_set(virtual_prepared):
 
 
 def test_ratings_of_a_file_with_other_raters():
-    attributes = {"agreement": 3.0, "raters": 15, "rater_moisture": 0.25, "axis_correlation": 0.5, "band": 1}
+    attributes = {"agreement": 3.0, "raters": 15, "axis_correlation": 0.5, "band": 1}
     settings = rater_settings(attributes)
-    assert settings == {
-        name: attributes[name] for name in ("raters", "agreement", "rater_moisture", "axis_correlation")
-    }
+    assert settings == {name: attributes[name] for name in ("raters", "agreement", "axis_correlation")}
     assert rater_settings({"agreement": 2.0})["raters"] == 12  # a file without the others
     # as an HDF5 file gives them
     stored = rater_settings({"raters": np.int64(3), "agreement": np.float64(2.0)})
     np.testing.assert_array_equal(fresh_ratings(20, 3, **stored), fresh_ratings(20, 3, agreement=2.0, raters=3))
     surfaces = [VirtualSurface(SEED, FIRST_FRESH + number) for number in range(20)]
     asked = [2, 7, 14]  # the others are held out
-    answers = np.stack([s.answers(draw_raters(SEED, 15), 3.0, 0.25, 0.5)[asked] for s in surfaces], axis=1)
+    answers = np.stack([s.answers(draw_raters(SEED, 15), 3.0, 0.5)[asked] for s in surfaces], axis=1)
     answers = answers.astype(np.float64)
     z = (answers - answers.mean(1, keepdims=True)) / answers.std(1, keepdims=True)
     fresh = fresh_ratings(20, SEED, **{**settings, "raters": asked})

@@ -6,7 +6,6 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db, band_pass, rms
@@ -20,9 +19,8 @@ from tactile_diffusers.virtual import (
     generate_recordings,
     steady_exploration,
 )
-from tactile_diffusers.virtual.exploration import VELOCITY_RATE
-from tactile_diffusers.virtual.explorers import EXPLORERS
-from tactile_diffusers.virtual.friction import contact_force, low_pass, stick_slip, temporal_noise
+from tactile_diffusers.virtual.exploration import EXPLORERS, VELOCITY_RATE
+from tactile_diffusers.virtual.friction import contact_force, low_pass, stick_slip
 from tactile_diffusers.virtual.laws import contact_stiffness, finger_cutoff, friction_coefficient, stick_slip_rate
 from tactile_diffusers.virtual.percepts import expected_powers
 from tactile_diffusers.virtual.profile import profile_tables
@@ -63,15 +61,6 @@ def test_a_surface_does_not_depend_on_how_many_there_are(tmp_path):
             np.testing.assert_array_equal(a.velocity, b.velocity)
         np.testing.assert_array_equal(two.ratings.values, three.ratings.values[:, :2])
     assert not np.array_equal(VirtualSurface(5, 0).explore(0, 2.0)[0], VirtualSurface(6, 0).explore(0, 2.0)[0])
-
-
-@pytest.mark.parametrize("speed", [66.0, 80.0, 99.0])
-def test_grating_line_lies_at_speed_over_wavelength(speed):
-    force = slide(SURFACE, speed)[:, 0]
-    frequency, power = signal.welch(force, DEVICE_RATE, nperseg=DEVICE_RATE)
-    power[frequency < 20] = 0
-    # 1 Hz of resolution; a period jitter of 2 % over 12 periods in a window moves the peak by less than 2 %
-    assert frequency[np.argmax(power)] == pytest.approx(speed / SURFACE.wavelength, rel=0.03)
 
 
 def test_same_place_same_profile():
@@ -144,29 +133,15 @@ def test_stick_slip_keeps_its_rate_in_long_recordings():
     assert last / 60 == pytest.approx(0.75 * 80 / (0.6 * 0.3) / np.exp(0.25**2 / 2), rel=0.01)
 
 
-def test_fingers_differ_in_cutoff():
+def test_cutoff_of_the_finger():
     assert finger_cutoff(80.0) == pytest.approx(13.8 * 80) and finger_cutoff(200.0) == 1500
     assert finger_cutoff(80.0, 1.5) == pytest.approx(1.5 * 13.8 * 80)
-    tables = profile_tables(SURFACE, np.random.default_rng(1))
-    exploration = steady_exploration(80.0, 0.5, 8.0)
-    high = [
-        band_levels_db(
-            contact_force(np.random.default_rng(0), SURFACE, tables, exploration, cutoff=factor)[:, 0],
-            DEVICE_RATE,
-            np.array([900.0, 1000.0]),
-        )[0]
-        for factor in (0.5, 1.0)
-    ]
-    gains = [1 / (1 + (950 / (factor * 13.8 * 80)) ** 2) for factor in (0.5, 1.0)]
-    # 0.7 dB: sensor noise and the recursion at 10 kHz
-    assert high[0] - high[1] == pytest.approx(10 * np.log10(gains[0] / gains[1]), abs=0.7)
 
 
-@pytest.mark.parametrize("speed", [80.0])
-def test_expected_power_agrees_with_simulation(speed):
+def test_expected_power_agrees_with_simulation():
     # 1.5 dB: one profile of 120 mm holds about ten wavelengths of 20-80 Hz components, whose power scatters
     fine, coarse = expected_powers(SURFACE)
-    force = slide(SURFACE, speed, seconds=12.0)[:, 0]
+    force = slide(SURFACE, 80.0, seconds=12.0)[:, 0]
     assert band_levels_db(force, DEVICE_RATE, np.array([20.0, 80.0]))[0] == pytest.approx(coarse, abs=1.5)
     assert fine < band_levels_db(force, DEVICE_RATE, np.array([20.0, 1000.0]))[0]
 
@@ -179,14 +154,6 @@ def test_low_pass_equals_its_recursion():
         state += (1 - np.exp(-2 * np.pi * frequency / DEVICE_RATE)) * (value - state)
         expected.append(state)
     np.testing.assert_allclose(low_pass(values, cutoff, DEVICE_RATE), expected, atol=1e-12)  # float64 rounding
-
-
-def test_temporal_noise_has_its_power_and_slope():
-    noise = temporal_noise(np.random.default_rng(0), 400_000)
-    levels = band_levels_db(noise, DEVICE_RATE, np.array([20.0, 100.0, 500.0]))
-    assert levels[0] == pytest.approx(levels[1], abs=0.5)  # 1/f: equal power in equal ratios
-    inside = band_levels_db(noise, DEVICE_RATE, np.array([20.0, 1000.0]))[0]
-    assert inside == pytest.approx(20 * np.log10(1.2e-3), abs=0.3)  # scatter of 40 s is 0.1 dB
 
 
 def test_turnarounds_are_shorter_than_a_tenth_of_a_second():
@@ -254,15 +221,6 @@ def test_recipe_of_the_raters():
     assert np.corrcoef(z.mean(0).T)[0, 1] == pytest.approx(0.40, abs=0.1)
 
 
-def test_moisture_of_raters_disturbs_slipperiness_alone():
-    plain, moist = rated(), rated(rater_moisture=0.5)
-    np.testing.assert_array_equal(plain[:, :, :2], moist[:, :, :2])
-    # log friction counts 0.85 / 0.44 standard deviations a unit: 0.5 of it adds 0.96 to a disagreement of 1.15
-    noise = 1.15**2 + (0.5 * 0.85 / 0.44) ** 2
-    assert inter_rater(moist, 2) == pytest.approx(1 / (1 + noise), abs=0.06)
-    assert inter_rater(moist, 2) < inter_rater(plain, 2) - 0.05
-
-
 def test_halo_pulls_correlations_up():
     percepts = [rated(agreement=1e3, axis_correlation=c).mean(0) for c in (0.0, 0.6)]
     before, after = (np.corrcoef(answers.T)[np.triu_indices(3, 1)] for answers in percepts)
@@ -274,8 +232,7 @@ def test_halo_pulls_correlations_up():
 
 def test_a_rater_is_the_same_among_more():
     surface = VirtualSurface(0, 3)
-    settings = {"rater_moisture": 0.25, "axis_correlation": 0.3}
-    few, many = (surface.answers(draw_raters(0, count), **settings) for count in (12, 20))
+    few, many = (surface.answers(draw_raters(0, count), axis_correlation=0.3) for count in (12, 20))
     np.testing.assert_array_equal(few, many[:12])
 
 
@@ -314,7 +271,7 @@ def test_calibration_file_is_reproduced():
     [
         ({"surfaces": 0}, "`surfaces`"),
         ({"explorers": 1.5}, "`explorers`"),
-        ({"seconds": 1.0}, "`seconds`.*1.6384"),
+        ({"seconds": 1.0}, "`seconds`.*1.64"),
         ({"seconds": float("nan")}, "`seconds`"),
         ({"agreement": 0}, "`agreement`"),
         ({"seed": -1}, "`seed`"),

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import optimize, signal
 
 from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, band_levels_db
-from tactile_diffusers.virtual.explorers import POPULATION_SPREAD
+from tactile_diffusers.virtual.exploration import POPULATION_SPREAD
 from tactile_diffusers.virtual.friction import TEMPORAL_NOISE_N, temporal_noise
 from tactile_diffusers.virtual.laws import (
     AMPLITUDE_LOAD_EXPONENT,

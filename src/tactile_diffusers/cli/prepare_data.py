@@ -23,9 +23,7 @@ SOURCE_OPTIONS = {
         "seed": 0,
         "agreement": 1.0,
         "raters": RATERS,
-        "rater_moisture": 0.0,
         "axis_correlation": 0.0,
-        "duration_spread": 0.0,
         "workers": 1,
         "output": None,
     },
@@ -91,9 +89,7 @@ def _add_virtual(add):
     number("raters", count, "number of raters")
     number("seed", seed, "seed of surfaces, explorations and raters")
     number("agreement", positive_number, "divides the raters' disagreement")
-    number("rater_moisture", float, "standard deviation of the raters' own moisture; try 0.25")
     number("axis_correlation", float, "halo: the axes of a rater correlate by up to this; at most 0.6")
-    number("duration_spread", float, "uneven sampling: standard deviation of the log duration")
     number("workers", count, "processes; the result does not depend on it")
     add("--calibrate", action="store_true", help="recompute the constants of the percepts, and stop")
 

@@ -1,14 +1,16 @@
 """`PreparedDataset`: textures, levels, friction coefficients and ratings by index."""
 
 import json
+from functools import cached_property
 
 import numpy as np
 import torch
 
-from ..io.hdf5 import as_strings, check_sizes, open_whole
+from ..io.hdf5 import check_sizes, open_whole
 from ..io.reading import reading
-from ..signal import RATING_AXES, resample
-from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, read_account, read_ratings, samples_at
+from ..signal import RATING_AXES
+from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, LateralReader, SegmentTable, read_group
+from .ratings import SurfaceRatings
 from .splits import SPLITS, Splits
 
 
@@ -20,41 +22,29 @@ class PreparedDataset(torch.utils.data.Dataset):
 
     Args:
         path (`str` or `Path`): a file from `prepare_recordings`.
-        split (`str`): "train", "validation" or "test", by surface; "all" of these; or "hard", what `HoldOut` kept
-            apart, which is no part of "all", because its ratings may be of other raters.
+        split (`str`): "train", "validation" or "test", by surface; "all" of these; or "hard", the segments that
+            `HoldOut` keeps apart. These are not part of "all", because their ratings may be of other raters.
         subset (`str`): "filtered" (within the limits of force and speed) or "full".
         sampling_rate (`int`, *optional*): Hz; defaults to the native rate.
         max_samples (`int`, *optional*): keep at most so many segments, evenly spread over the view.
         max_surfaces (`int`, *optional*): keep at most so many surfaces, evenly spread over the view.
 
     Attributes:
-        sampling_rate (`int`): Hz.
-        segment_samples (`int`): at `sampling_rate`.
-        band (`tuple[float, float]`): Hz.
-        unit (`str`): "N", or "1" if uncalibrated.
-        source (`str`): where the recordings come from.
-        attributes (`dict`): everything that the source and the preparation noted of the file, as plain numbers, strings
-            and lists ("limits" as a dict): "source", "licence", "filter_order"; a virtual one also "seed" and others.
-        explorers (`int`): distinct explorers in the whole file.
+        path, split, subset, sampling_rate: the arguments.
+        segment_samples (`int`): samples of a segment at `sampling_rate`.
+        attributes (`dict`): what the source and the preparation stored about the file, as plain numbers, strings,
+            lists and dicts: "source", "licence", "limits", "filter_order", "turnarounds"; virtual data also "seed".
         surfaces (`tuple[str, ...]`): names of all surfaces of the file; `surface_ids` index them.
         splits (`tuple[str, ...]`): the split of each surface of the file; "hard" = held out.
-        recordings (`tuple[str, ...]`): names of all recordings of the file; `recording_ids` index them.
-        account (`dict`): where the time of every recording of the file went: "recordings" and "reasons" (names), and
-            "seconds", for each subset (recordings, reasons); the reason "used" is what segments are cut from.
-        ratings_mean, ratings_scale (`np.ndarray`): (3,) typical rater's mean and scale on the 0-8 scale.
-        surface_ratings, surface_ratings_std, surface_ratings_count (`np.ndarray`): (surfaces, 3) of all surfaces; if
-            raters are held out, by them in the split "hard" and by the others elsewhere.
-        reliability (`RatingReliability` or `None`): how far these raters agree.
-        single_ratings (`np.ndarray` or `None`): (raters, surfaces, 3) z-scores of single raters, NaN = no answer;
-            `None` if nobody rated, or the file was prepared before they were kept.
-        friction_coefficients, levels, speeds (`np.ndarray`): (len,) float32 of this view; NaN = unknown.
-        levels_apart (`np.ndarray`): (len,) float32, levels without 60 ms around turnarounds.
-        turnarounds (`np.ndarray`): (len,) int64, how many; `turnaround_positions` tells where.
-        surface_ids, recording_ids, starts (`np.ndarray`): (len,) int64; starts in samples of this view's rate.
+        recordings (`tuple[str, ...]`): names of all recordings of the file, "surface/explorer/trial".
+        ratings (`SurfaceRatings`): of all surfaces of the file: mean, std and count over raters, the z-scores of single
+            raters, and their reliability. If raters are held out, of these in the split "hard", of the others
+            elsewhere.
+        segments (`SegmentTable`): one row a segment of this view; the properties below are its columns.
 
     Raises:
         FileNotFoundError: if there is no file.
-        ValueError: if the file is no prepared data set, an argument is unknown, or the view is empty.
+        ValueError: if the file is not a prepared data set, an argument is unknown, or the view is empty.
     """
 
     def __init__(self, path, split="train", subset="filtered", sampling_rate=None, max_samples=None, max_surfaces=None):
@@ -62,183 +52,173 @@ class PreparedDataset(torch.utils.data.Dataset):
             raise ValueError(f"`split` must be one of {(*SPLITS, 'all')}, got {split!r}.")
         if subset not in SUBSETS:
             raise ValueError(f"`subset` must be one of {SUBSETS}, got {subset!r}.")
-        if max_samples is not None and max_samples < 1:
-            raise ValueError(f"`max_samples` must be at least 1 or None, got {max_samples}.")
-        if max_surfaces is not None and max_surfaces < 1:
-            raise ValueError(f"`max_surfaces` must be at least 1 or None, got {max_surfaces}.")
+        for name, value in (("max_samples", max_samples), ("max_surfaces", max_surfaces)):
+            if value is not None and value < 1:
+                raise ValueError(f"`{name}` must be at least 1 or None, got {value}.")
         self.path, self.split, self.subset = str(path), split, subset
-        self._lateral = None
         with open_whole(path) as file:
             with self._reading():
-                self._check_file(file)
+                self._read_attributes(file)
                 check_sizes(file)
             self._set_rate(sampling_rate)
             with self._reading():
                 self._read_surfaces(file)
-                self._read_windows(file, max_samples, max_surfaces)
-                self._find_textures(file)
+                self._read_segments(file, max_samples, max_surfaces)
+                self._lateral = LateralReader(file, self.sampling_rate, self.recording_ids)
+                self._check_places()
 
     def _reading(self):
         return reading(self.path, "a prepared data set", "Copy it again, or prepare the data again.")
 
-    def _check_file(self, file):
-        attributes = file.attrs
-        if attributes.get("format") != PREPARED_FORMAT or attributes.get("version") != PREPARED_VERSION:
+    def _read_attributes(self, file):
+        attributes = {k: v.tolist() if hasattr(v, "tolist") else v for k, v in file.attrs.items()}
+        form, version = attributes.get("format"), attributes.get("version")
+        if form != PREPARED_FORMAT or version != PREPARED_VERSION:
             raise ValueError(
-                f"{self.path} is no prepared data set of version {PREPARED_VERSION} "
-                f"(format={attributes.get('format')!r}, version={attributes.get('version')}): write one with "
-                "examples/prepare_data.py."
+                f"{self.path} is not a prepared data set of version {PREPARED_VERSION} (format={form!r}, "
+                f"version={version}): write one with examples/prepare_data.py."
             )
-        self._native_rate = int(attributes["sampling_rate"])
-        self._native_samples = int(attributes["segment_samples"])
-        low, high = (float(edge) for edge in attributes["band"])
-        if not (0 < low < high < self._native_rate / 2 and self._native_samples > 0):
+        for name in ("limits", "hold_out"):
+            attributes[name] = json.loads(attributes[name])
+        for name in ("source", "unit", "filter_order", "filter_passes", "turnarounds", "report"):
+            attributes[name]  # a missing one is refused here, not in the last line of a card
+        low, high = map(float, attributes["band"])
+        if not (0 < low < high < int(attributes["sampling_rate"]) / 2 and int(attributes["segment_samples"]) > 0):
             raise ValueError(f"its band of {low:g}-{high:g} Hz or its segments are impossible")
-        self.band = (low, high)
-        self.unit, self.source = str(attributes["unit"]), str(attributes["source"])
-        self.attributes = _plain(attributes)
-        for name in ("filter_order", "filter_passes", "turnarounds", "report"):  # what a card tells in the end
-            self.attributes[name]
+        self.attributes = attributes
 
     def _set_rate(self, sampling_rate):
-        rate = self._native_rate if sampling_rate is None else sampling_rate
+        native = int(self.attributes["sampling_rate"])
+        rate = native if sampling_rate is None else sampling_rate
         if int(rate) != rate or rate / 2 <= self.band[1]:
             raise ValueError(
                 f"`sampling_rate` must be a whole number of Hz above {2 * self.band[1]:g}, twice the band's upper "
                 f"edge, got {rate}."
             )
         self.sampling_rate = int(rate)
-        self.segment_samples = int(round(self._native_samples * rate / self._native_rate))
+        self.segment_samples = int(round(self.attributes["segment_samples"] * rate / native))
 
     def _read_surfaces(self, file):
-        self.surfaces, self.recordings = as_strings(file["surfaces/name"]), as_strings(file["recordings/name"])
-        self.explorers = len({name.split("/")[1] for name in self.recordings})
-        self._splits = Splits(
-            file["surfaces/split"][()], *(file[f"recordings/{name}"][()] for name in ("surface", "withheld", "hard"))
-        )
-        self.splits = tuple(SPLITS[number] for number in self._splits.surfaces)
-        self.account = read_account(file)
+        surfaces, recordings = read_group(file["surfaces"]), read_group(file["recordings"])
+        self.surfaces, self.recordings = surfaces["name"], recordings.pop("name")
+        self._splits = Splits(surfaces["split"], **recordings)
+        self.splits = tuple(SPLITS[number] for number in surfaces["split"])
         group = "ratings_hard" if self.split == "hard" and "ratings_hard" in file else "ratings"
-        pooled, self.reliability, self.single_ratings = read_ratings(file[group])
-        self.surface_ratings, self.surface_ratings_std, self.surface_ratings_count = pooled[:3]
-        self.ratings_mean, self.ratings_scale = pooled[3:]
+        self.ratings = SurfaceRatings.from_dict(read_group(file[group]))
+        for values in (self.ratings.mean, self.ratings.std, self.ratings.count):
+            if np.shape(values) != (len(self.surfaces), len(RATING_AXES)) or np.isinf(values).any():
+                raise ValueError("ratings are not those of its surfaces")
 
-    def _read_windows(self, file, max_samples, max_surfaces):
-        windows = {name: values[()] for name, values in file[f"windows/{self.subset}"].items()}
-        if any(values.shape != windows["recording"].shape or np.isinf(values).any() for values in windows.values()):
-            raise ValueError("windows differ in number, or hold infinite numbers")
-        chosen = np.flatnonzero(self._splits.members(self.split)[windows["recording"]])
+    def _read_segments(self, file, max_samples, max_surfaces):
+        table = SegmentTable(**read_group(file[f"segments/{self.subset}"]))
+        chosen = np.flatnonzero(self._splits.members(self.split)[table.recording])
         if not len(chosen):
             raise ValueError(f"{self.path} has no {self.subset} segment in the split {self.split!r}: see its report.")
-        surfaces = self._splits.owners[windows["recording"]]
-        if max_surfaces is not None and max_surfaces < len(present := np.unique(surfaces[chosen])):
-            kept = present[np.linspace(0, len(present) - 1, max_surfaces).round().astype(np.int64)]
-            chosen = chosen[np.isin(surfaces[chosen], kept)]
-        if max_samples is not None and max_samples < len(chosen):
-            chosen = chosen[np.linspace(0, len(chosen) - 1, max_samples).round().astype(np.int64)]
-        windows = {name: values[chosen] for name, values in windows.items()}
-        self.recording_ids, self._starts = windows["recording"], windows["start"]
-        self.surface_ids = self._splits.owners[self.recording_ids]
-        self.friction_coefficients, self.speeds = windows["friction_coefficient"], windows["speed"]
-        self.levels, self.levels_apart, self.turnarounds = (
-            windows[name] for name in ("level", "level_apart", "turnarounds")
-        )
-        self.starts = np.round(self._starts * (self.sampling_rate / self._native_rate)).astype(np.int64)
-        self._turnaround_offset = file["recordings/turnaround_offset"][()]
-        self._turnaround_positions = file["turnarounds"][()]
-        self._check_shapes()
-
-    def _check_shapes(self):
-        ratings = (self.surface_ratings, self.surface_ratings_std, self.surface_ratings_count)
-        if any(
-            np.shape(values) != (len(self.surfaces), len(RATING_AXES)) or np.isinf(values).any() for values in ratings
-        ):
-            raise ValueError("ratings are not those of its surfaces")
-        offset, positions = self._turnaround_offset, self._turnaround_positions
-        whole = offset.dtype.kind in "iu" and positions.dtype.kind in "iu" and positions.ndim == 1
-        if not whole or offset.shape != (len(self.recordings) + 1,):
-            raise ValueError("turnarounds are not those of its recordings")
-
-    def _find_textures(self, file):
-        """Where each texture begins, in the file or, at a rate that it does not hold, in memory."""
-        if f"offset/{self.sampling_rate}" in file:
-            stored = file[f"lateral/{self.sampling_rate}"]
-            # mapped, not read through HDF5: twenty times faster, and safe in forked processes
-            if stored.id.get_offset() is None:
-                raise ValueError(f"{self.path}: lateral force is chunked or compressed. Prepare the data set again.")
-            self._mapped = {"dtype": stored.dtype, "offset": stored.id.get_offset(), "shape": stored.shape}
-            self._places = file[f"offset/{self.sampling_rate}"][()][self.recording_ids] + self.starts
-            self._map()  # at once, so that index and textures are of one file even if it is replaced later
-            self._check_places()
-            return
-        native, lateral = file[f"offset/{self._native_rate}"][()], file[f"lateral/{self._native_rate}"]
-        needed = np.unique(self.recording_ids)
-        lengths = samples_at(native[needed + 1] - native[needed], self._native_rate, self.sampling_rate)
-        places = np.concatenate([[0], np.cumsum(lengths)])
-        self._mapped, self._lateral = None, np.empty(places[-1], dtype=np.float32)
-        for recording, place, end in zip(needed, places[:-1], places[1:], strict=True):
-            whole = lateral[native[recording] : native[recording + 1]]
-            self._lateral[place:end] = resample(whole, self._native_rate, self.sampling_rate)
-        self._places = places[np.searchsorted(needed, self.recording_ids)] + self.starts
-        self._check_places()
+        surfaces = self._splits.owners[table.recording]
+        if max_surfaces is not None:
+            chosen = chosen[np.isin(surfaces[chosen], _spread(np.unique(surfaces[chosen]), max_surfaces))]
+        if max_samples is not None:
+            chosen = _spread(chosen, max_samples)
+        self.segments = table.rows(chosen)
 
     def _check_places(self):
-        # resampling rounds both ends of a segment
-        if self._places.min() < 0 or self._places.max() + self.segment_samples > len(self._lateral) + 1:
+        places = self._places(slice(None))  # resampling rounds both ends of a segment
+        if places.min() < 0 or places.max() + self.segment_samples > len(self._lateral) + 1:
             raise ValueError(f"{self.path} is damaged: segments lie outside of its recordings. Prepare it again.")
 
-    def _map(self):
-        self._lateral = np.memmap(self.path, mode="r", **self._mapped)
+    def _places(self, indices):
+        return self._lateral.begin[self.recording_ids[indices]] + self.starts[indices]
+
+    @property
+    def band(self):
+        """Edges of the band-pass, Hz."""
+        low, high = self.attributes["band"]
+        return float(low), float(high)
+
+    @property
+    def unit(self):
+        """Unit of textures: "N", or "1" if uncalibrated."""
+        return str(self.attributes["unit"])
+
+    @property
+    def source(self):
+        """Where the recordings come from."""
+        return str(self.attributes["source"])
+
+    @property
+    def explorers(self):
+        """Number of explorers in the whole file."""
+        return len({name.split("/")[1] for name in self.recordings})
+
+    @property
+    def recording_ids(self):
+        """(len,) int64, the recording of each segment."""
+        return self.segments.recording
+
+    @cached_property
+    def surface_ids(self):
+        """(len,) int64, the surface of each segment."""
+        return self._splits.owners[self.segments.recording]
+
+    @cached_property
+    def starts(self):
+        """(len,) int64, first sample of each segment within its recording, at this view's rate."""
+        ratio = self.sampling_rate / int(self.attributes["sampling_rate"])
+        return np.round(self.segments.start * ratio).astype(np.int64)
+
+    @property
+    def friction_coefficients(self):
+        """(len,) float32; NaN = unknown."""
+        return self.segments.friction_coefficient
+
+    @property
+    def levels(self):
+        """(len,) float32, log RMS."""
+        return self.segments.level
+
+    @property
+    def speeds(self):
+        """(len,) float32, mean finger speed in mm/s; NaN = unknown."""
+        return self.segments.speed
 
     def __len__(self):
-        return len(self._starts)
-
-    def __getstate__(self):
-        return {**self.__dict__, "_lateral": None} if self._mapped else self.__dict__  # a map pickles as its content
+        return len(self.segments.start)
 
     def textures(self, indices):
         """Textures by index: (n, segment_samples) float32, in `unit`."""
-        if self._lateral is None:  # after pickling
-            self._map()
-        indices = np.atleast_1d(np.asarray(indices, dtype=np.int64))
-        textures = np.empty((len(indices), self.segment_samples), dtype=np.float32)
-        for row, place in enumerate(self._places[indices]):
-            textures[row] = self._lateral[place : place + self.segment_samples]
-        if not np.isfinite(textures).all():
-            raise ValueError(f"{self.path} is damaged: it holds lateral force that is no number. Copy it again.")
-        return textures
+        return self._lateral.read(self._places(np.atleast_1d(np.asarray(indices, np.int64))), self.segment_samples)
 
-    def turnaround_positions(self, index):
-        """Middles of the turnarounds of one segment: (k,) int64, samples of this view's rate from its first one."""
-        recording, start = self.recording_ids[index], self._starts[index]
-        positions = self._turnaround_positions[slice(*self._turnaround_offset[recording : recording + 2])] - start
-        inside = positions[(positions >= 0) & (positions < self._native_samples)]
-        return (inside * self.sampling_rate) // self._native_rate
+    def seconds_by_reason(self):
+        """Where the time of every recording of the file went: a `pandas.DataFrame`, recordings by `REASONS`, s.
+
+        Segments are cut from what is "used"; the other columns are reasons why time was dropped.
+        """
+        import pandas
+
+        with open_whole(self.path) as file, self._reading():
+            stored = read_group(file["seconds"])
+            return pandas.DataFrame(stored[self.subset], index=list(self.recordings), columns=list(stored["reasons"]))
 
     def non_overlapping(self, per_surface, seed=0):
         """Indices of segments that share no sample, drawn at random over recordings (explorers), in ascending order.
 
         Args:
-            per_surface (`int`): at most so many segments of each surface; overlapping ones would count twice.
+            per_surface (`int`): at most so many segments of each surface.
             seed (`int`): of the choice.
 
         Returns:
             `np.ndarray`: (n,) int64.
         """
-        chosen, taken = [], {}
+        chosen, taken, table = [], {}, self.segments
+        length = int(self.attributes["segment_samples"])
         for index in np.random.default_rng(seed).permutation(len(self)):
             rows = taken.setdefault(int(self.surface_ids[index]), [])
-            place = (self.recording_ids[index], self._starts[index])
-            free = all(r != place[0] or abs(s - place[1]) >= self._native_samples for r, s in rows)
+            recording, start = table.recording[index], table.start[index]
+            free = all(other != recording or abs(place - start) >= length for other, place in rows)
             if free and len(rows) < per_surface:
-                rows.append(place)
+                rows.append((recording, start))
                 chosen.append(index)
         return np.sort(np.asarray(chosen, dtype=np.int64))
-
-    def overlap(self, first, second):
-        """Whether two segments share samples."""
-        apart = abs(int(self._starts[first]) - int(self._starts[second]))
-        return bool(self.recording_ids[first] == self.recording_ids[second] and apart < self._native_samples)
 
     def __getitem__(self, index):
         """One segment.
@@ -254,18 +234,19 @@ class PreparedDataset(torch.utils.data.Dataset):
         surface = int(self.surface_ids[index])
         return {
             "texture": torch.from_numpy(self.textures(index)[0]),
-            "friction_coefficient": torch.tensor(self.friction_coefficients[index]),
-            "level": torch.tensor(self.levels[index]),
-            "ratings": torch.tensor(self.surface_ratings[surface]),
-            "ratings_std": torch.tensor(self.surface_ratings_std[surface]),
-            "ratings_count": torch.tensor(self.surface_ratings_count[surface]),
-            "reference_speed": torch.tensor(self.speeds[index]),
+            "friction_coefficient": torch.tensor(self.segments.friction_coefficient[index]),
+            "level": torch.tensor(self.segments.level[index]),
+            "ratings": torch.tensor(self.ratings.mean[surface]),
+            "ratings_std": torch.tensor(self.ratings.std[surface]),
+            "ratings_count": torch.tensor(self.ratings.count[surface]),
+            "reference_speed": torch.tensor(self.segments.speed[index]),
             "surface": torch.tensor(surface),
             "index": torch.tensor(index),
         }
 
 
-def _plain(attributes):
-    """Attributes of an HDF5 file as a dict of plain Python values."""
-    plain = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in attributes.items()}
-    return {**plain, **{name: json.loads(plain[name]) for name in ("limits", "hold_out")}}
+def _spread(values, most):
+    """At most so many of `values`, evenly spread."""
+    if most >= len(values):
+        return values
+    return values[np.linspace(0, len(values) - 1, most).round().astype(np.int64)]

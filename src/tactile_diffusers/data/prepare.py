@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 
 import numpy as np
 from tqdm import tqdm
@@ -10,20 +10,11 @@ from tqdm import tqdm
 from ..io.files import clear_left_behind
 from ..io.hdf5 import whole_file
 from ..signal import BAND_HZ
-from .prepared_file import (
-    PREPARED_FORMAT,
-    PREPARED_VERSION,
-    SUBSETS,
-    WINDOW_FIELDS,
-    LateralWriter,
-    write_ratings,
-    write_reasons,
-    write_recordings,
-    write_windows,
-)
+from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, LateralWriter, SegmentTable, write_group
+from .projection import channels, filtered_with_gaps
 from .ratings import RatingReliability, no_ratings, pool_ratings
 from .recordings import RecordingsFile
-from .segments import REASONS, SegmentLimits, channels, filtered_with_gaps, find_windows
+from .segments import REASONS, SegmentLimits, find_windows
 from .splits import SPLITS, assign_splits
 from .turnarounds import DEFAULT_TURNAROUNDS, check_turnarounds
 from .unmet_limits import Measured
@@ -31,7 +22,7 @@ from .unmet_limits import Measured
 
 @dataclass
 class PreparationReport:
-    """What preparation did.
+    """What preparation kept, and why it dropped the rest.
 
     Attributes:
         segments (`dict`): subset -> split -> number of segments.
@@ -105,7 +96,7 @@ def prepare_recordings(
     with RecordingsFile(recordings) as source:
         rate = _common_rate(source, band, order, passes)
         splits = assign_splits(source.names, source.surfaces, validation, test, split_seed, hold_out)
-        ratings, notes = _pooled(source, splits, hold_out)
+        ratings, notes = _pool(source, splits, hold_out)
         index = _Index(rate, limits, len(source))
         clear_left_behind(prepared)
         with whole_file(prepared) as file:
@@ -116,21 +107,15 @@ def prepare_recordings(
                 filtered, valid = filtered_with_gaps(data.lateral, rate, band, order, passes)
                 lateral.add(number, filtered)
                 index.add(number, recording, data, filtered, valid)
-            columns = index.columns()
-            report = _report(columns, splits, index, notes, ratings["ratings"].reliability)
-            wanted = {name: size for name, size in (("validation", validation), ("test", test)) if size}
-            report.notes += _few_held_out(columns["filtered"]["recording"], splits, wanted)
+            tables = index.tables()
+            report = _report(tables, splits, index, notes, ratings["ratings"].reliability)
+            report.notes += _few_held_out(tables["filtered"], splits, {"validation": validation, "test": test})
             if not any(report.segments["filtered"].values()):
                 raise ValueError(
                     f"{recordings}: no segment meets the limits.\n{report}\n"
                     f"What was measured, beside the limits; widen or drop what does not fit:\n{index.measured}"
                 )
-            write_recordings(file, source, splits, index.turnarounds)
-            for name, pooled in ratings.items():
-                write_ratings(file, name, pooled)
-            for subset in SUBSETS:
-                write_windows(file, subset, columns[subset], index.seconds[subset])
-            write_reasons(file)
+            _write_index(file, source, splits, ratings, tables, index.seconds)
             file.attrs.update(
                 format=PREPARED_FORMAT,
                 version=PREPARED_VERSION,
@@ -149,35 +134,48 @@ def prepare_recordings(
     return report
 
 
+def _write_index(file, source, splits, ratings, tables, seconds):
+    file.attrs.update({key: value for key, value in source.attributes.items() if key not in ("format", "version")})
+    write_group(file, "surfaces", {"name": source.surfaces, "split": splits.surfaces})
+    recordings = {name: getattr(splits, name) for name in ("owners", "withheld", "hard")}
+    write_group(file, "recordings", {"name": source.names, **recordings})
+    for name, pooled in ratings.items():
+        write_group(file, name, asdict(pooled))
+    for subset, table in tables.items():
+        write_group(file, f"segments/{subset}", vars(table))
+    write_group(file, "seconds", {"reasons": REASONS, **seconds})
+
+
 class _Index:
-    """Collects the windows, turnarounds, account and notes of all recordings."""
+    """Collects the segments, seconds by reason and notes of all recordings."""
 
     def __init__(self, rate, limits, recordings):
         self.rate = rate
         self.limits = dict(zip(SUBSETS, (limits, limits.without_conditions()), strict=True))
         self.seconds = {subset: np.zeros((recordings, len(REASONS))) for subset in SUBSETS}
-        self.turnarounds = []
         self.measured = Measured(limits, rate)
-        self._parts = {subset: {name: [] for name in ("recording", *WINDOW_FIELDS)} for subset in SUBSETS}
+        self._parts = {subset: {field.name: [] for field in fields(SegmentTable)} for subset in SUBSETS}
         self._names = {}
 
     def add(self, number, recording, data, filtered, valid):
-        self.turnarounds.append(data.turnarounds)
         for subset, limits in self.limits.items():
             windows = find_windows(data, filtered, valid, self.rate, limits)
             if subset == SUBSETS[0]:
                 self.measured.add(data, windows.usable)
             self.seconds[subset][number] = [windows.seconds[reason] for reason in REASONS]
-            self._parts[subset]["recording"].append(np.full(len(windows.start), number))
-            for field_name in WINDOW_FIELDS:
-                self._parts[subset][field_name].append(getattr(windows, field_name))
+            columns = {**vars(windows), "recording": np.full(len(windows.start), number)}
+            for name, parts in self._parts[subset].items():
+                parts.append(columns[name])
             for note in (*recording.notes, *_recording_notes(data, windows)):
-                # what differs between recordings is in brackets at the end
+                # the part in brackets at the end differs between recordings
                 what, place = note.rsplit(" (", 1) if note.endswith(")") else (note, "")
                 self._names.setdefault(what, {}).setdefault(recording.name, place and f" ({place}")
 
-    def columns(self):
-        return {s: {name: np.concatenate(parts) for name, parts in c.items()} for s, c in self._parts.items()}
+    def tables(self):
+        return {
+            subset: SegmentTable(**{name: np.concatenate(parts) for name, parts in columns.items()})
+            for subset, columns in self._parts.items()
+        }
 
     def notes(self):
         firsts = {note: next(iter(names.items())) for note, names in self._names.items()}
@@ -199,7 +197,7 @@ def _common_rate(source, band, order, passes):
     return rate
 
 
-def _pooled(source, splits, hold_out):
+def _pool(source, splits, hold_out):
     """{group of the file: `SurfaceRatings`}, and notes; held-out raters are pooled apart, for the hard split."""
     scores, training = source.ratings, splits.surfaces == SPLITS.index("train")
     if scores is None:
@@ -232,21 +230,25 @@ def _recording_notes(data, windows):
     return notes
 
 
-def _few_held_out(recordings, splits, wanted):
+def _few_held_out(table, splits, wanted):
     """Notes, if a split that is wanted has segments of fewer surfaces than evaluation needs."""
-    counts = {name: len(np.unique(splits.owners[recordings[splits.members(name)[recordings]]])) for name in wanted}
-    if not len(recordings):
+    if not len(table.recording):
         return
-    few = [f"{counts[name]} {name} surface{'s' * (counts[name] != 1)}" for name in wanted if counts[name] < 2]
+    counts = {
+        name: len(np.unique(splits.owners[table.recording[splits.members(name)[table.recording]]]))
+        for name, size in wanted.items()
+        if size
+    }
+    few = [f"{count} {name} surface{'s' * (count != 1)}" for name, count in counts.items() if count < 2]
     if few:
         yield f"{' and '.join(few)} with segments: evaluation needs 2 of each; prepare with --test 2 --validation 2"
 
 
-def _report(columns, splits, index, notes, reliability):
+def _report(tables, splits, index, notes, reliability):
     shown = [name for name in SPLITS if name != "hard" or splits.hard.any()]
     segments = {
-        subset: {name: int(np.sum(splits.members(name)[columns[subset]["recording"]])) for name in shown}
-        for subset in SUBSETS
+        subset: {name: int(np.sum(splits.members(name)[table.recording])) for name in shown}
+        for subset, table in tables.items()
     }
     surfaces = {name: len(np.unique(splits.owners[splits.members(name)])) for name in shown}
     seconds = {s: dict(zip(REASONS, map(float, total.sum(axis=0)), strict=True)) for s, total in index.seconds.items()}

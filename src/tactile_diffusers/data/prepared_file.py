@@ -2,30 +2,48 @@
 
 lateral/<rate>, offset/<rate>   filtered lateral force (samples,) float32 of all recordings, one after the other,
                                 at the native and the working rate, and where each begins (recordings + 1,)
-surfaces/name, split            split: index into SPLITS
-recordings/name, surface, withheld, hard, turnaround_offset
-turnarounds                     middles of all turnarounds, native samples within their recording
-ratings/..., ratings_hard/...   of `SurfaceRatings`; the second of held-out raters only
-windows/<subset>/...            recording and WINDOW_FIELDS, (windows,)
-account/reasons, <subset>       seconds (recordings, reasons)
+surfaces, recordings            names and splits: fields of `Splits`
+ratings, ratings_hard           `SurfaceRatings`; the second of held-out raters only
+segments/<subset>               `SegmentTable`
+seconds/reasons, <subset>       where the time went: names, and seconds (recordings, reasons)
 """
+
+from dataclasses import dataclass, fields
 
 import h5py
 import numpy as np
 
 from ..io.hdf5 import as_strings
 from ..signal import WORKING_RATE, resample
-from .ratings import RatingReliability
-from .segments import REASONS
 
 PREPARED_FORMAT = "tactile-prepared"
-PREPARED_VERSION = 2
+PREPARED_VERSION = 3
 SUBSETS = ("filtered", "full")
-#: Per window and subset; see `Windows`.
-WINDOW_FIELDS = ("start", "friction_coefficient", "level", "level_apart", "speed", "turnarounds")
-_WHOLE_NUMBERS = ("recording", "start", "turnarounds")
-_RATING_FIELDS = ("mean", "std", "count", "raw_mean", "raw_scale")
-_RELIABILITY_FIELDS = ("mean_correlation", "alpha", "raters", "pairs", "raters_per_surface")
+
+
+@dataclass
+class SegmentTable:
+    """Segments, one row each; see `Windows`. Starts are native samples within the recording."""
+
+    recording: np.ndarray
+    start: np.ndarray
+    friction_coefficient: np.ndarray
+    level: np.ndarray
+    level_between_turnarounds: np.ndarray
+    speed: np.ndarray
+    turnarounds: np.ndarray
+
+    def __post_init__(self):
+        for field in fields(self):
+            whole = field.name in ("recording", "start", "turnarounds")
+            values = np.asarray(getattr(self, field.name), np.int64 if whole else np.float32)
+            if values.ndim != 1 or len(values) != len(self.recording) or np.isinf(values).any():
+                raise ValueError("columns of segments differ in length, or hold infinite numbers")
+            setattr(self, field.name, values)
+
+    def rows(self, chosen):
+        """Another table of the chosen rows."""
+        return SegmentTable(**{name: values[chosen] for name, values in vars(self).items()})
 
 
 def stored_rates(rate, band):
@@ -33,9 +51,10 @@ def stored_rates(rate, band):
     return (rate, WORKING_RATE) if 2 * band[1] < WORKING_RATE < rate else (rate,)
 
 
-def samples_at(lengths, rate_in, rate_out):
-    """Samples that `resample` makes of `lengths`, (recordings,) int64."""
-    return -(-np.asarray(lengths, dtype=np.int64) * rate_out // rate_in)
+def _offsets(lengths, rate_in, rate_out):
+    """Where each recording begins after `resample`, and where the last one ends: (recordings + 1,) int64."""
+    resampled = -(-np.asarray(lengths, dtype=np.int64) * rate_out // rate_in)
+    return np.concatenate([[0], np.cumsum(resampled)])
 
 
 class LateralWriter:
@@ -49,74 +68,91 @@ class LateralWriter:
     """
 
     def __init__(self, file, lengths, rate, band):
-        self.rate, self._datasets, self._offsets = rate, {}, {}
+        self.rate, self._stored = rate, {}
         for other in stored_rates(rate, band):
-            self._offsets[other] = np.concatenate([[0], np.cumsum(samples_at(lengths, rate, other))])
-            file.create_dataset(f"offset/{other}", data=self._offsets[other])
-            self._datasets[other] = file.create_dataset(f"lateral/{other}", (self._offsets[other][-1],), np.float32)
+            offsets = _offsets(lengths, rate, other)
+            file.create_dataset(f"offset/{other}", data=offsets)
+            self._stored[other] = offsets, file.create_dataset(f"lateral/{other}", (offsets[-1],), np.float32)
 
     def add(self, number, filtered):
         """Stores recording `number`, (samples,) at the native rate."""
-        for rate, dataset in self._datasets.items():
-            start, stop = self._offsets[rate][number : number + 2]
-            dataset[start:stop] = resample(filtered, self.rate, rate)
+        for rate, (offsets, dataset) in self._stored.items():
+            dataset[offsets[number] : offsets[number + 1]] = resample(filtered, self.rate, rate)
 
 
-def write_recordings(file, source, splits, turnarounds):
-    """Names, splits and turnarounds (a list of (k,) native samples) of the recordings of a `RecordingsFile`."""
-    text = h5py.string_dtype()
-    file.attrs.update({key: value for key, value in source.attributes.items() if key not in ("format", "version")})
-    file.create_dataset("surfaces/name", data=list(source.surfaces), dtype=text)
-    file.create_dataset("surfaces/split", data=splits.surfaces)
-    file.create_dataset("recordings/name", data=source.names, dtype=text)
-    file.create_dataset("recordings/surface", data=splits.owners)
-    file.create_dataset("recordings/withheld", data=splits.withheld)
-    file.create_dataset("recordings/hard", data=splits.hard)
-    counts = [len(positions) for positions in turnarounds]
-    file.create_dataset("recordings/turnaround_offset", data=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))
-    file.create_dataset("turnarounds", data=np.concatenate(turnarounds).astype(np.int64))
+class LateralReader:
+    """Filtered lateral force at one rate: mapped from the file or, at a rate that it does not hold, in memory.
+
+    Args:
+        file (`h5py.File`): a prepared data set.
+        rate (`int`): Hz.
+        needed (`np.ndarray`): the recordings that will be read.
+
+    Attributes:
+        begin (`np.ndarray`): (recordings,) where each recording begins.
+    """
+
+    def __init__(self, file, rate, needed):
+        self.path, self._mapping, self._values = file.filename, None, None
+        if f"offset/{rate}" in file:
+            stored = file[f"lateral/{rate}"]
+            # mapped, not read through HDF5: twenty times faster, and safe in forked processes
+            if stored.id.get_offset() is None:
+                raise ValueError(f"{self.path}: lateral force is chunked or compressed. Prepare the data set again.")
+            self._mapping = {"dtype": stored.dtype, "offset": stored.id.get_offset(), "shape": stored.shape}
+            self.begin = file[f"offset/{rate}"][:-1]
+            self._map()  # at once, so that index and textures are of one file even if it is replaced later
+        else:
+            self._resample(file, rate, np.unique(needed))
+
+    def _map(self):
+        self._values = np.memmap(self.path, mode="r", **self._mapping)
+
+    def _resample(self, file, rate, needed):
+        native = int(file.attrs["sampling_rate"])
+        offsets, lateral = file[f"offset/{native}"][()], file[f"lateral/{native}"]
+        places = _offsets(offsets[needed + 1] - offsets[needed], native, rate)
+        self._values, self.begin = np.empty(places[-1], np.float32), np.zeros(len(offsets) - 1, np.int64)
+        self.begin[needed] = places[:-1]
+        for recording, begin, end in zip(needed, places[:-1], places[1:], strict=True):
+            self._values[begin:end] = resample(lateral[offsets[recording] : offsets[recording + 1]], native, rate)
+
+    def __len__(self):
+        return len(self._values)
+
+    def __getstate__(self):
+        return {**self.__dict__, "_values": None} if self._mapping else self.__dict__  # a map pickles as its content
+
+    def read(self, places, samples):
+        """`samples` samples from each of `places`: (n, samples) float32."""
+        if self._values is None:  # after pickling
+            self._map()
+        rows = np.empty((len(places), samples), dtype=np.float32)
+        for row, place in enumerate(places):
+            rows[row] = self._values[place : place + samples]
+        if not np.isfinite(rows).all():
+            raise ValueError(f"{self.path} is damaged: it holds lateral force that is not a number. Copy it again.")
+        return rows
 
 
-def write_ratings(file, name, ratings):
-    """Stores `SurfaceRatings` as group `name`."""
-    group = file.create_group(name)
-    for field in _RATING_FIELDS:
-        group.create_dataset(field, data=getattr(ratings, field))
-    if ratings.each is not None:
-        group.create_dataset("each", data=ratings.each)
-    if ratings.reliability is not None:
-        group.create_dataset("axes", data=list(ratings.reliability.axes), dtype=h5py.string_dtype())
-        for field in _RELIABILITY_FIELDS:
-            group.create_dataset(field, data=getattr(ratings.reliability, field))
+def write_group(file, name, content):
+    """Stores a dict of arrays, names and further dicts as a group; `None` is left out."""
+    for field, values in content.items():
+        if isinstance(values, dict):
+            write_group(file, f"{name}/{field}", values)
+        elif values is not None:
+            values = np.asarray(values)
+            text = values.dtype.kind == "U"
+            data, dtype = (values.tolist(), h5py.string_dtype()) if text else (values, None)
+            file.create_dataset(f"{name}/{field}", data=data, dtype=dtype)
 
 
-def read_ratings(group):
-    """The five arrays of `SurfaceRatings` in order, its `RatingReliability` or `None`, and `each` or `None`."""
-    reliability = None
-    if "axes" in group:
-        fields = {field: group[field][()] for field in _RELIABILITY_FIELDS}
-        reliability = RatingReliability(as_strings(group["axes"]), **fields)
-    each = group["each"][()] if "each" in group else None  # files of older versions lack it
-    return [group[field][()] for field in _RATING_FIELDS], reliability, each
+def read_group(group):
+    """What `write_group` stored."""
 
+    def value(node):
+        if isinstance(node, h5py.Group):
+            return read_group(node)
+        return as_strings(node) if h5py.check_string_dtype(node.dtype) else node[()]
 
-def write_windows(file, subset, columns, seconds):
-    """Stores the windows of a subset, {field: (windows,)}, and its account, seconds (recordings, reasons)."""
-    for name, values in columns.items():
-        kind = np.int64 if name in _WHOLE_NUMBERS else np.float32
-        file.create_dataset(f"windows/{subset}/{name}", data=values.astype(kind))
-    file.create_dataset(f"account/{subset}", data=seconds)
-
-
-def write_reasons(file):
-    """Stores the reasons that the account's columns stand for."""
-    file.create_dataset("account/reasons", data=list(REASONS), dtype=h5py.string_dtype())
-
-
-def read_account(file):
-    """ "recordings" and "reasons", names, and "seconds", {subset: (recordings, reasons)}: a dict."""
-    return {
-        "recordings": as_strings(file["recordings/name"]),
-        "reasons": as_strings(file["account/reasons"]),
-        "seconds": {subset: file[f"account/{subset}"][()] for subset in SUBSETS},
-    }
+    return {field: value(node) for field, node in group.items()}

@@ -6,8 +6,8 @@ import numpy as np
 
 from ..signal import RATING_AXES, coverage_distance
 
-#: A rater whose answers (0-8 scale) spread less than this gives one answer: what is left is rounding.
-LEAST_SPREAD = 1e-6
+#: A rater whose answers (0-8 scale) have a smaller standard deviation gives one answer: the rest is rounding.
+LEAST_DEVIATION = 1e-6
 #: Correlations over fewer common surfaces are left out: over two, every one is 1 or -1.
 LEAST_COMMON = 3
 #: Values of the table behind percentiles, one every 5 %. Straight lines between them are off by 0.03 z (RMS, 480
@@ -17,7 +17,7 @@ QUANTILES = 21
 
 @dataclass
 class RatingReliability:
-    """How far raters agree, on each axis; over every surface rated, because nothing is trained on it.
+    """How far raters agree on each axis, over all rated surfaces: nothing is trained on it.
 
     Attributes:
         axes (`tuple[str, ...]`): names of the axes, in the order of the arrays.
@@ -52,12 +52,13 @@ class SurfaceRatings:
 
     Attributes:
         mean (`np.ndarray`): (surfaces, 3) float32, mean over raters of their z-scores; NaN = not rated.
-        std (`np.ndarray`): (surfaces, 3) float32, spread over raters (population standard deviation).
+        std (`np.ndarray`): (surfaces, 3) float32, population standard deviation over raters.
         count (`np.ndarray`): (surfaces, 3) float32, raters that answered.
         raw_mean, raw_scale (`np.ndarray`): (3,) float32, the typical rater's mean and standard deviation, 0-8 scale.
         left_out (`list[str]`): raters left out of an axis, and why.
         reliability (`RatingReliability` or `None`): how far the raters agree; `None` if nobody rated.
-        each (`np.ndarray` or `None`): (raters, surfaces, 3) float32, z-scores of single raters, NaN = no answer.
+        single (`np.ndarray` or `None`): (raters, surfaces, 3) float32, z-scores of single raters, NaN = no answer;
+            `None` if nobody rated.
     """
 
     mean: np.ndarray
@@ -67,7 +68,15 @@ class SurfaceRatings:
     raw_scale: np.ndarray
     left_out: list = field(default_factory=list)
     reliability: RatingReliability | None = None
-    each: np.ndarray | None = None
+    single: np.ndarray | None = None
+
+    @classmethod
+    def from_dict(cls, fields):
+        """The inverse of `dataclasses.asdict`."""
+        fields = {**fields, "left_out": list(fields["left_out"])}
+        if fields.get("reliability") is not None:
+            fields["reliability"] = RatingReliability(**fields["reliability"])
+        return cls(**fields)
 
 
 def no_ratings(surfaces):
@@ -81,8 +90,8 @@ def no_ratings(surfaces):
 def pool_ratings(scores, surfaces, training):
     """Z-scores each rater and axis on the training surfaces only, then averages over raters.
 
-    The mean is never standardised again: as raters disagree, it spreads less over surfaces than one rater's z-scores. A
-    rater without two different answers on training surfaces is left out of that axis, and `left_out` says so.
+    The mean is never standardised again: as raters disagree, it varies less over surfaces than one rater's z-scores. A
+    rater without two different answers on training surfaces is left out of that axis, and `left_out` names the rater.
 
     Args:
         scores (`RaterScores`): answers on the 0-8 scale, NaN = missing.
@@ -105,7 +114,7 @@ def pool_ratings(scores, surfaces, training):
     values[:, rated] = scores.values[:, [column[surfaces[i]] for i in rated]][:, :, axes]
 
     mean, scale, answers = _moments(values[:, training], axis=1)
-    usable = scale > LEAST_SPREAD
+    usable = scale > LEAST_DEVIATION
     left_out = [
         f"{scores.raters[r]} on {RATING_AXES[a]}: {_why_left_out(answers[r, a])}" for r, a in np.argwhere(~usable)
     ]
@@ -113,10 +122,10 @@ def pool_ratings(scores, surfaces, training):
         axis = RATING_AXES[int(np.argmin(usable.any(axis=0)))]
         raise ValueError(f"No rater differs between training surfaces on {axis}: add ratings or training surfaces.")
     z = (values - mean[:, None]) / np.where(usable, scale, np.nan)[:, None]
-    pooled, spread, count = _moments(z, axis=0)
-    pooled[count == 0] = spread[count == 0] = np.nan
+    pooled, deviation, count = _moments(z, axis=0)
+    pooled[count == 0] = deviation[count == 0] = np.nan
     typical = [np.nanmean(np.where(usable, moment, np.nan), axis=0).astype(np.float32) for moment in (mean, scale)]
-    pooled = [array.astype(np.float32) for array in (pooled, spread, count)]
+    pooled = [array.astype(np.float32) for array in (pooled, deviation, count)]
     return SurfaceRatings(*pooled, *typical, left_out, rating_reliability(scores), z.astype(np.float32))
 
 

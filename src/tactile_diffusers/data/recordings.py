@@ -5,8 +5,6 @@ File attributes: `format`, `version`, `source`, `licence`. Group `/recordings/<s
 ("N", "mm/s"); both start at the same instant. A source without normal force has `lateral` (n,) instead of `force` and
 may lack `velocity`; `unit` "1" means uncalibrated. The optional group `/ratings` holds `values` (raters, surfaces,
 axes) on the 0-8 scale (8 = rougher, bumpier, more slippery; NaN = missing) and the names `raters`, `surfaces`, `axes`.
-The optional group `/truth` holds what is known of the surfaces beside the recordings, for evaluation only: names
-`surfaces`, and one dataset (surfaces, ...) a fact, numbers or strings. Preparation and training never read it.
 """
 
 from dataclasses import dataclass
@@ -18,13 +16,17 @@ import numpy as np
 from ..io.hdf5 import as_strings, open_whole, plain_attributes, whole_file
 from ..io.reading import check_size, reading
 from ..signal import SEGMENT_SECONDS
-from .checks import check_forces, check_ratings
+from .force_checks import check_forces, check_ratings
 
 FORMAT = "tactile-recordings"
 VERSION = 1
 #: Units of the contact force: newtons, or "1" for uncalibrated sensor counts.
 FORCE_UNITS = ("N", "1")
 VELOCITY_UNIT = "mm/s"
+#: Attribute `source` of recordings of `tactile_diffusers.virtual`.
+VIRTUAL_SOURCE = "virtual surfaces"
+#: Channels: number of columns (None = one row of samples) and units.
+_CHANNELS = {"force": ((3,), FORCE_UNITS), "lateral": ((), FORCE_UNITS), "velocity": ((2,), (VELOCITY_UNIT,))}
 
 
 @dataclass
@@ -32,8 +34,8 @@ class Recording:
     """One exploration of one surface by one explorer.
 
     Attributes:
-        surface, explorer, trial (`str`): who and what.
-        force (`np.ndarray` or `None`): (n, 3) float32 [x, y along the surface, z normal]; NaN = not measured.
+        surface, explorer, trial (`str`): names.
+        force (`np.ndarray` or `None`): (n, 3) float32 [x, y along the surface, z normal]; NaN = missing.
         lateral (`np.ndarray` or `None`): (n,) float32, for sources without 3-D force.
         rate (`int`): Hz, of `force` or `lateral`.
         velocity (`np.ndarray` or `None`): (m, 2) float32, mm/s.
@@ -70,14 +72,6 @@ class RaterScores:
     raters: tuple[str, ...]
     surfaces: tuple[str, ...]
     axes: tuple[str, ...]
-
-
-@dataclass
-class SurfaceTruth:
-    """What is known of surfaces beside their recordings: `fields` name -> (surfaces, ...) numbers or strings."""
-
-    surfaces: tuple[str, ...]
-    fields: dict[str, np.ndarray]
 
 
 class RecordingsWriter:
@@ -126,39 +120,38 @@ class RecordingsWriter:
             unit (`str`): "N", or "1" if uncalibrated.
 
         Raises:
-            ValueError: if not exactly one of `force` and `lateral` is given, or a rate, shape, name or unit is wrong.
+            ValueError: if not exactly one of `force` and `lateral` is passed, or a rate, shape, name or unit is wrong.
         """
         if (force is None) == (lateral is None):
             raise ValueError("Give exactly one of `force` (n, 3) and `lateral` (n,).")
         if unit not in FORCE_UNITS:
             raise ValueError(f"`unit` must be one of {FORCE_UNITS}, got {unit!r}: convert the force to newtons.")
-        channels = [("force", force, force_rate, (3,), unit), ("lateral", lateral, lateral_rate, (), unit)]
-        channels.append(("velocity", velocity, velocity_rate, (2,), VELOCITY_UNIT))
         for name in (surface, explorer, trial):
             if not str(name) or "/" in str(name):
                 raise ValueError(f"{name!r} cannot name a surface, explorer or trial: give a name without '/'.")
-        given = [channel for channel in channels if channel[1] is not None]
-        for name, values, rate, columns, _ in given:
+        channels = {
+            "force": (force, force_rate, unit),
+            "lateral": (lateral, lateral_rate, unit),
+            "velocity": (velocity, velocity_rate, VELOCITY_UNIT),
+        }
+        channels = {name: channel for name, channel in channels.items() if channel[0] is not None}
+        for name, (values, rate, _) in channels.items():
+            columns = _CHANNELS[name][0]
             if np.ndim(values) != 1 + len(columns) or np.shape(values)[1:] != columns:
                 raise ValueError(f"`{name}` must have shape (samples, *{columns}), got {np.shape(values)}.")
             if rate is None or not rate > 0:
                 raise ValueError(f"`{name}_rate` must be a positive number of Hz, got {rate}.")
         group = self._file["recordings"].create_group(f"{surface}/{explorer}/{trial}")
-        for name, values, rate, _, channel_unit in given:
+        for name, (values, rate, channel_unit) in channels.items():
             dataset = group.create_dataset(name, data=np.asarray(values, dtype=np.float32))
             dataset.attrs.update(rate=float(rate), unit=channel_unit)
-
-    def copy_recordings(self, source):
-        """Adds all recordings of a `RecordingsFile` as they are, streamed from file to file."""
-        for surface in source.surfaces:
-            source._file.copy(f"recordings/{surface}", self._file["recordings"])
 
     def set_attributes(self, **attributes):
         """Adds attributes to the file (numbers or strings), for example a report that is known only at the end."""
         self._file.attrs.update(attributes)
 
     def set_ratings(self, values, raters, surfaces, axes):
-        """Stores what raters answered.
+        """Stores the raters' answers.
 
         Args:
             values (`np.ndarray`): (raters, surfaces, axes) on the 0-8 scale, NaN = missing.
@@ -174,37 +167,23 @@ class RecordingsWriter:
         for name, strings in (("raters", raters), ("surfaces", surfaces), ("axes", axes)):
             group.create_dataset(name, data=list(strings), dtype=h5py.string_dtype())
 
-    def set_truth(self, surfaces, fields):
-        """Stores what is known of the surfaces, for evaluation only: preparation and training never read it.
-
-        Args:
-            surfaces (`list[str]`): names as in `add_recording`.
-            fields (`dict[str, np.ndarray]`): name -> (surfaces, ...) numbers or (surfaces,) strings.
-
-        Raises:
-            ValueError: if a field's name is taken or its length is not that of `surfaces`.
-        """
-        group = self._file.create_group("truth")
-        group.create_dataset("surfaces", data=list(surfaces), dtype=h5py.string_dtype())
-        for name, values in fields.items():
-            values = np.asarray(values)
-            if not name or "/" in name or name == "surfaces":
-                raise ValueError(f"{name!r} cannot name a field of the truth: give a name without '/', not 'surfaces'.")
-            if values.shape[:1] != (len(surfaces),):
-                raise ValueError(f"`fields[{name!r}]` has shape {values.shape}, there are {len(surfaces)} surfaces.")
-            text = values.dtype.kind == "U"
-            data, dtype = (values.tolist(), h5py.string_dtype()) if text else (values, None)
-            group.create_dataset(name, data=data, dtype=dtype)
-
 
 class RecordingsFile:
-    """Reads `recordings.h5`; iterating yields one `Recording` after the other, so that one is in memory at a time.
+    """Reads `recordings.h5`. Iterating yields one `Recording` after the other, so that one is in memory at a time.
 
-    The structure of the whole file is checked when it is opened, values when a recording is read. A NaN in a recording
-    is no error: preparation excludes it and says so. An infinite value becomes NaN.
+    The structure of the file is checked when it is opened, values are checked when a recording is read. NaN is not an
+    error: preparation excludes missing samples and reports them. An infinite value becomes NaN.
 
     Args:
         path (`str` or `Path`): the file.
+
+    Attributes:
+        names (`list[str]`): of the recordings, "surface/explorer/trial".
+        lengths (`list[int]`): samples of each recording's force.
+        surfaces (`tuple[str, ...]`): names of the surfaces.
+        unit (`str`): "N", or "1" if uncalibrated.
+        attributes (`dict`): of the file, as plain Python values.
+        ratings (`RaterScores` or `None`): the raters' answers.
 
     Raises:
         FileNotFoundError: if there is no file.
@@ -217,6 +196,7 @@ class RecordingsFile:
         try:
             with self._reading():
                 self._check_structure()
+                self.ratings = self._read_ratings()
         except Exception:
             self._file.close()
             raise
@@ -227,9 +207,6 @@ class RecordingsFile:
     def __exit__(self, *exception):
         self.close()
 
-    def _reading(self):
-        return reading(self.path, "a store of recordings", "Copy it again, or write it again from its source.")
-
     def close(self):
         self._file.close()
 
@@ -239,73 +216,72 @@ class RecordingsFile:
     def __iter__(self):
         return (self.read(name) for name in self.names)
 
+    def _reading(self):
+        return reading(self.path, "a store of recordings", "Copy it again, or write it again from its source.")
+
     def _fail(self, group, problem, remedy):
         raise ValueError(f"{self.path}, {group}: {problem}. {remedy}")
 
     def _check_structure(self):
-        attributes = plain_attributes(self._file)
-        if attributes.get("format") != FORMAT or attributes.get("version") != VERSION:
-            found = f"format={attributes.get('format')!r}, version={attributes.get('version')!r}"
-            self._fail("/", f"{found} instead of {FORMAT!r}, {VERSION}", "Convert the source with RecordingsWriter.")
-        if "source" not in attributes:
+        self.attributes = plain_attributes(self._file)
+        form, version = self.attributes.get("format"), self.attributes.get("version")
+        if form != FORMAT or version != VERSION:
+            problem = f"format={form!r}, version={version!r} instead of {FORMAT!r}, {VERSION}"
+            self._fail("/", problem, "Convert the source with RecordingsWriter.")
+        if "source" not in self.attributes:
             self._fail("/", "lacks the attribute `source`", "Add where the recordings come from.")
         recordings = self._file.get("recordings")
         if not isinstance(recordings, h5py.Group) or not len(recordings):
             self._fail("/recordings", "there is no recording", "Add at least one with RecordingsWriter.")
-        self.names, self.lengths, units = [], [], set()
-        for surface in self._subgroups(self._file["recordings"]):
+        self.surfaces, self.names, self.lengths, units = tuple(recordings), [], [], set()
+        for surface in self._subgroups(recordings):
             for explorer in self._subgroups(surface):
                 for trial in self._subgroups(explorer):
-                    dataset = self._check_recording(trial)
+                    self._check_recording(trial)
+                    force = _force_of(trial)
                     self.names.append(trial.name.removeprefix("/recordings/"))
-                    self.lengths.append(len(dataset))
-                    units.add(plain_attributes(dataset)["unit"])
+                    self.lengths.append(len(force))
+                    units.add(plain_attributes(force)["unit"])
         if len(units) > 1:
             self._fail("/recordings", f"units {sorted(units)} are mixed", "Keep one unit per file.")
         self.unit = units.pop()
-        self.surfaces = tuple(self._file["recordings"])
-        self.attributes = attributes
-        self.ratings = self._read_ratings()
 
     def _subgroups(self, group):
         members = list(group.values())
         if not members or not all(isinstance(member, h5py.Group) for member in members):
-            self._fail(group.name, "is no group of groups", "Arrange recordings as /recordings/surface/explorer/trial.")
+            remedy = "Arrange recordings as /recordings/surface/explorer/trial."
+            self._fail(group.name, "is not a group of groups", remedy)
         return members
 
     def _check_recording(self, group):
-        fields = [name for name in ("force", "lateral") if name in group]
-        if len(fields) != 1:
+        if ("force" in group) == ("lateral" in group):
             self._fail(group.name, f"has fields {sorted(group)}", "Store exactly one of `force` and `lateral`.")
-        for name, columns in ((fields[0], (3,) if fields[0] == "force" else ()), ("velocity", (2,))):
-            if name not in group:
-                continue
-            dataset = group[name]
-            check_size(self.path, dataset.nbytes)
-            units = FORCE_UNITS if name != "velocity" else (VELOCITY_UNIT,)
-            attributes = plain_attributes(dataset)
-            rate = attributes.get("rate")
-            if not isinstance(rate, Real) or not 0 < float(rate) < np.inf:  # a long double may be less than any float
-                self._fail(dataset.name, "has no positive attribute `rate`", "Add the sampling rate in Hz.")
-            if (unit := attributes.get("unit")) not in units:
-                self._fail(dataset.name, f"attribute `unit` is {unit!r}", f"Convert the data to one of {units}.")
-            if dataset.ndim != 1 + len(columns) or dataset.shape[1:] != columns:
-                self._fail(dataset.name, f"has shape {dataset.shape}", f"Store (samples, *{columns}).")
-            if dataset.dtype.kind not in "fiu":
-                self._fail(dataset.name, f"holds {dataset.dtype}, no real numbers", "Store it as float32.")
-            seconds = len(dataset) / rate
-            if seconds < SEGMENT_SECONDS:
-                problem = f"lasts {seconds:.3g} s, less than one segment of {SEGMENT_SECONDS} s"
-                self._fail(dataset.name, problem, "Leave it out, or check its `rate`.")
-        rate = float(plain_attributes(group[fields[0]])["rate"])
+        for name in _CHANNELS:
+            if name in group:
+                self._check_channel(group[name], *_CHANNELS[name])
+        rate = float(plain_attributes(_force_of(group))["rate"])
         if rate != int(rate):
-            self._fail(f"{group.name}/{fields[0]}", f"`rate` is {rate}", "Resample to a whole number of Hz.")
-        return group[fields[0]]
+            self._fail(_force_of(group).name, f"`rate` is {rate}", "Resample to a whole number of Hz.")
+
+    def _check_channel(self, dataset, columns, units):
+        check_size(self.path, dataset.nbytes)
+        attributes = plain_attributes(dataset)
+        rate, unit = attributes.get("rate"), attributes.get("unit")
+        if not isinstance(rate, Real) or not 0 < float(rate) < np.inf:  # a long double may be less than any float
+            self._fail(dataset.name, "has no positive attribute `rate`", "Add the sampling rate in Hz.")
+        if unit not in units:
+            self._fail(dataset.name, f"attribute `unit` is {unit!r}", f"Convert the data to one of {units}.")
+        if dataset.ndim != 1 + len(columns) or dataset.shape[1:] != columns:
+            self._fail(dataset.name, f"has shape {dataset.shape}", f"Store (samples, *{columns}).")
+        if dataset.dtype.kind not in "fiu":
+            self._fail(dataset.name, f"holds {dataset.dtype}, not real numbers", "Store it as float32.")
+        if len(dataset) / rate < SEGMENT_SECONDS:
+            problem = f"lasts {len(dataset) / rate:.3g} s, less than one segment of {SEGMENT_SECONDS} s"
+            self._fail(dataset.name, problem, "Leave it out, or check its `rate`.")
 
     def rate(self, name):
         """Rate of the force of recording `name`, Hz."""
-        group = self._file[f"recordings/{name}"]
-        return int(plain_attributes(group["force" if "force" in group else "lateral"])["rate"])
+        return int(plain_attributes(_force_of(self._file[f"recordings/{name}"]))["rate"])
 
     def read(self, name):
         """Reads one recording.
@@ -320,57 +296,20 @@ class RecordingsFile:
             ValueError: if the force cannot be a finger's: see `check_forces`.
         """
         with self._reading():
-            return self._read(name)
-
-    def _read(self, name):
-        group = self._file[f"recordings/{name}"]
-        surface, explorer, trial = name.split("/")
-        field = "force" if "force" in group else "lateral"
-        values = _finite(group[field])
-        unit = plain_attributes(group[field])["unit"]
-        notes = check_forces(values, f"{self.path}, {group[field].name}", unit)
-        velocity = _finite(group["velocity"]) if "velocity" in group else None
-        return Recording(
-            surface,
-            explorer,
-            trial,
-            force=values if field == "force" else None,
-            lateral=values if field == "lateral" else None,
-            rate=self.rate(name),
-            velocity=velocity,
-            velocity_rate=float(plain_attributes(group["velocity"])["rate"]) if velocity is not None else None,
-            unit=unit,
-            notes=tuple(notes),
-        )
-
-    @property
-    def truth(self):
-        """`SurfaceTruth`, or `None` if the file has none.
-
-        Raises:
-            ValueError: if the surfaces have no recording, or a field has another length.
-        """
-        with self._reading():
-            return self._read_truth()
-
-    def _read_truth(self):
-        if "truth" not in self._file:
-            return None
-        group = self._file["truth"]
-        check_size(self.path, sum(dataset.nbytes for dataset in group.values()))
-        if "surfaces" not in group:
-            self._fail("/truth", "lacks 'surfaces'", "Write it with RecordingsWriter.set_truth.")
-        surfaces, fields = as_strings(group["surfaces"]), {}
-        unknown = sorted(set(surfaces) - set(self.surfaces))
-        if unknown:
-            self._fail("/truth/surfaces", f"{unknown[:3]} have no recording", "Use the names of the groups.")
-        for name in sorted(group.keys() - {"surfaces"}):
-            dataset = group[name]
-            if dataset.shape[:1] != (len(surfaces),):
-                self._fail(dataset.name, f"has shape {dataset.shape} for {len(surfaces)} surfaces", "Write it again.")
-            text = h5py.check_string_dtype(dataset.dtype) is not None
-            fields[name] = np.array(as_strings(dataset)) if text else dataset[()]
-        return SurfaceTruth(surfaces, fields)
+            group = self._file[f"recordings/{name}"]
+            dataset = _force_of(group)
+            values, unit = _finite(dataset), plain_attributes(dataset)["unit"]
+            velocity = _finite(group["velocity"]) if "velocity" in group else None
+            return Recording(
+                *name.split("/"),
+                force=values if "force" in group else None,
+                lateral=values if "lateral" in group else None,
+                rate=self.rate(name),
+                velocity=velocity,
+                velocity_rate=None if velocity is None else float(plain_attributes(group["velocity"])["rate"]),
+                unit=unit,
+                notes=tuple(check_forces(values, f"{self.path}, {dataset.name}", unit)),
+            )
 
     def _read_ratings(self):
         if "ratings" not in self._file:
@@ -382,15 +321,15 @@ class RecordingsFile:
         check_size(self.path, sum(dataset.nbytes for dataset in group.values()))
         values = group["values"][()].astype(np.float32)
         names = [as_strings(group[name]) for name in ("raters", "surfaces", "axes")]
-        try:
-            check_ratings(values, tuple(len(strings) for strings in names), f"{self.path}, /ratings/values:")
-        except ValueError:
-            self._file.close()
-            raise
+        check_ratings(values, tuple(len(strings) for strings in names), f"{self.path}, /ratings/values:")
         unknown = sorted(set(names[1]) - set(self.surfaces))
         if unknown:
             self._fail("/ratings/surfaces", f"{unknown[:3]} have no recording", "Use the names of the groups.")
         return RaterScores(values, *names)
+
+
+def _force_of(group):
+    return group["force" if "force" in group else "lateral"]
 
 
 def _finite(dataset):

@@ -1,4 +1,4 @@
-"""Splits by surface, and the hard split: surfaces, explorers and raters that training never meets."""
+"""Splits by surface, and the hard split: surfaces, explorers and raters that training never sees."""
 
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -14,11 +14,11 @@ ENOUGH_FOR_TWO, SHARE_FOR_TWO = 8, 0.1
 
 @dataclass(frozen=True)
 class HoldOut:
-    """What no ordinary split holds; shell patterns (`fnmatch`), matched with the case of letters.
+    """Surfaces, explorers and raters that no ordinary split holds; shell patterns (`fnmatch`), matched with case.
 
-    The split "hard" consists of what is new in every respect: windows of held-out surfaces by held-out explorers, with
-    the ratings of held-out raters. A kind without patterns is not held out: any surface, explorer or rater then counts.
-    Windows that are new in some respects only (a held-out surface by an ordinary explorer) are in no split.
+    The split "hard" holds segments that are new in every respect: of held-out surfaces by held-out explorers, with the
+    ratings of held-out raters. A field without patterns restricts nothing. Segments that are new in some respects only
+    (a held-out surface by an ordinary explorer) are in no split.
 
     Attributes:
         surfaces (`tuple[str, ...]`): for example ("*-rubber",), one whole class of virtual surfaces.
@@ -26,7 +26,7 @@ class HoldOut:
         raters (`tuple[str, ...]`): raters whose answers make the ratings of the hard split and of no other.
 
     Raises:
-        ValueError: if no pattern is given, or one is no text.
+        ValueError: if there is no pattern, or one is not text.
     """
 
     surfaces: tuple[str, ...] = ()
@@ -133,7 +133,7 @@ def assign_splits(names, surfaces, validation, test, seed, hold_out=None):
         names (`Sequence[str]`): of the recordings, "surface/explorer/trial".
         surfaces (`Sequence[str]`): all of them, in order.
         validation, test, seed: of `split_surfaces`, over the surfaces that are not held out.
-        hold_out (`HoldOut`, *optional*): what is kept apart.
+        hold_out (`HoldOut`, *optional*): what is held out.
 
     Returns:
         `Splits`.
@@ -153,7 +153,7 @@ def assign_splits(names, surfaces, validation, test, seed, hold_out=None):
     explorers = sorted({explorer for _, explorer in owners})
     unseen = dict(zip(explorers, hold_out.matches("explorers", explorers), strict=True))
     by_unseen = np.array([unseen[explorer] for _, explorer in owners])
-    # a kind that is not held out restricts nothing
+    # a field without patterns restricts nothing
     hard = (held[surface] | (not hold_out.surfaces)) & (by_unseen | (not hold_out.explorers))
     splits = Splits(split, surface, held[surface] | by_unseen, hard)
     for name in ("train", "hard"):

@@ -1,17 +1,17 @@
-"""Turnarounds: where the finger reverses, and what is done about the swing of lateral force there."""
+"""Turnarounds: where the finger reverses, and how the swing of lateral force there is removed."""
 
 import numpy as np
 
 from .masks import interpolated, mask_of_runs, true_runs
 
-#: What is done about turnarounds: nothing (the paper), no segment holds one, or the force around it is replaced.
+#: Treatments of turnarounds: none (the paper), no segment holds one, or the force around it is replaced.
 TURNAROUNDS = ("keep", "exclude", "mask")
 #: By measurement on 20 virtual surfaces, segments with turnarounds against segments without. KTD: under "keep" 13 if
 #: the finger turns in an arc and 381 if it reverses on a line, under "mask" -8 and -8; others without, -15. Lowest of
 #: the nine bands: +1.1 and +16.2 dB under "keep", -0.4 and -0.3 dB under "mask". "exclude" left half of the segments if
 #: it turns in an arc, and none if it reverses on a line.
 DEFAULT_TURNAROUNDS = "mask"
-#: Around a turnaround lateral force dips for about so long (s); level and friction coefficient are told without it.
+#: Around a turnaround lateral force dips for about so long (s); level and friction coefficient are computed without it.
 DIP_SECONDS = 0.06
 #: "exclude" and "mask" act on so much around a turnaround (s): the longest excursion of the paper, and measured better
 #: than 0.06 and 0.08 s, which leave the ends of the dip, and as good as 0.12 s.
@@ -43,7 +43,7 @@ def around(positions, seconds, rate, samples):
 
 
 def treat_turnarounds(lateral, positions, rate, turnarounds=DEFAULT_TURNAROUNDS):
-    """What "keep", "exclude" and "mask" do to a recording before it is filtered.
+    """Applies "keep", "exclude" or "mask" to a recording before it is filtered.
 
     "keep" leaves it as it is (the paper). "mask" replaces 0.1 s around each turnaround (`mask_turnarounds`), and where
     three or more are so close that there is little texture between them, lets no segment hold them. "exclude" does the
@@ -53,7 +53,7 @@ def treat_turnarounds(lateral, positions, rate, turnarounds=DEFAULT_TURNAROUNDS)
         lateral (`np.ndarray`): (n,) N; NaN = missing.
         positions (`np.ndarray`): (turnarounds,) samples.
         rate (`float`): Hz.
-        turnarounds (`str`): which.
+        turnarounds (`str`): the treatment.
 
     Returns:
         `tuple[np.ndarray, np.ndarray]`: lateral force (n,) N, and which samples no segment may hold, (n,) bool.
@@ -80,8 +80,8 @@ def mask_turnarounds(lateral, replaced, rate):
     """Replaces lateral force by the force before and after, mirrored in time and cross-faded.
 
     In a turnaround the force dips, or swings by up to twice the friction force if the finger reverses on a line, and
-    the band-pass would ring. A straight line instead does not ring, but leaves a silence, from which segments are told
-    apart more easily than by the dip: the texture has to go on.
+    the band-pass would ring. A straight line instead does not ring, but leaves a silence, which distinguishes segments
+    more than the dip did: the texture has to go on.
 
     Args:
         lateral (`np.ndarray`): (n,) N; NaN = missing, and stays so.

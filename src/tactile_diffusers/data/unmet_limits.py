@@ -1,4 +1,4 @@
-"""Why no segment meets the limits: what was measured, beside the limits and the flags that set them."""
+"""Why no segment meets the limits: the measured force and speed, beside the limits and the flags that set them."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ class Measured:
         self._medians, self._runs, self._gaps = {name: [] for name in _QUANTITIES}, [], []
 
     def add(self, data, usable):
-        """One recording: its `Channels`, and the samples that a segment may hold, (n,) bool."""
+        """Adds one recording: its `Channels`, and the samples that a segment may hold, (n,) bool."""
         for name, values in (("normal_force", data.normal), ("speed", data.speed)):
             if values is not None and not np.isnan(values).all():
                 self._medians[name].append(float(np.nanmedian(values)))
@@ -31,28 +31,24 @@ class Measured:
         self._gaps += [runs[1:, 0] - runs[:-1, 1]]
 
     def __str__(self):
-        return "\n".join([*(self._beside(name) for name, found in self._medians.items() if found), self._run_lengths()])
+        lines = [self._compare(name, float(np.median(found))) for name, found in self._medians.items() if found]
+        runs, gaps = np.concatenate(self._runs), np.concatenate(self._gaps)
+        longest = f"median {np.median(runs):.2g} s, longest {runs.max():.2g} s" if len(runs) else "none"
+        needed = f"a segment lasts {self.limits.seconds:.2f} s (--segment-seconds)"
+        lines.append(f"  runs within the limits: {longest}; {needed}")
+        if len(gaps):
+            lines.append(
+                f"  between two runs: median {np.median(gaps):.2g} s; up to {self.limits.longest_excursion:g} s "
+                "outside the limits are bridged (--longest-excursion)"
+            )
+        return "\n".join(lines)
 
-    def _beside(self, name):
-        what, unit = _QUANTITIES[name]
-        bounds, median = getattr(self.limits, name), float(np.median(self._medians[name]))
+    def _compare(self, name, median):
+        (what, unit), bounds = _QUANTITIES[name], getattr(self.limits, name)
         if bounds is None:
             return f"  {what}: median {median:.3g} {unit}, no limits"
         far = not bounds[0] / FAR_OFF <= median <= bounds[1] * FAR_OFF
         return (
             f"  {what}: median {median:.3g} {unit}, limits {bounds[0]:g} to {bounds[1]:g} {unit}"
-            f"{': is unit right?' if far else ''} (--{name.replace('_', '-')} LOW HIGH, or --no-limits)"
-        )
-
-    def _run_lengths(self):
-        runs, gaps = np.concatenate(self._runs), np.concatenate(self._gaps)
-        needed = f"a segment lasts {self.limits.seconds:.2f} s (--segment-seconds)"
-        if not len(runs):
-            return f"  runs within the limits: none; {needed}"
-        line = f"  runs within the limits: median {np.median(runs):.2g} s, longest {runs.max():.2g} s; {needed}"
-        if not len(gaps):
-            return line
-        return (
-            f"{line}\n  between two runs: median {np.median(gaps):.2g} s; up to "
-            f"{self.limits.longest_excursion:g} s outside the limits are bridged (--longest-excursion)"
+            f"{': is the unit right?' if far else ''} (--{name.replace('_', '-')} LOW HIGH, or --no-limits)"
         )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..data.checks import LARGEST_FORCE_N
+from ..data.force_checks import LARGEST_FORCE_N
 from ..signal.checks import check_number, check_samples
 
 #: Up to this finger speed (mm/s) nothing is inverted, above the second all is, with a smooth step in between. A finger

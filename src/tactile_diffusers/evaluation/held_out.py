@@ -56,7 +56,7 @@ class HeldOutData:
     @property
     def ratings(self):
         """(n, 3) z-scores of the surface of each held-out segment."""
-        return self.dataset.surface_ratings[self.surfaces]
+        return self.dataset.ratings.mean[self.surfaces]
 
     @cached_property
     def real(self):
@@ -96,7 +96,7 @@ class HeldOutData:
         surfaces = train.surface_ids[rows]
         frictions = self._frictions(train, rows)
         return TrainingTextures(
-            train.textures(rows), train.surface_ratings[surfaces], frictions, surfaces, self.rate, train.band
+            train.textures(rows), train.ratings.mean[surfaces], frictions, surfaces, self.rate, train.band
         )
 
     @cached_property

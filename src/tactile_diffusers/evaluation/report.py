@@ -174,7 +174,7 @@ def _data_facts(data):
         "band": list(dataset.band),
         "surfaces": len(set(data.surfaces.tolist())),
         "segments": len(data.surfaces),
-        "rater_alpha": _alpha(dataset.reliability),
+        "rater_alpha": _alpha(dataset.ratings.reliability),
         "training_surfaces": data.baseline_surfaces or len(set(train.surface_ids.tolist())),
         "reference_surfaces": len(set(train.surface_ids.tolist())),
         "reference_segments": len(data.training.textures),

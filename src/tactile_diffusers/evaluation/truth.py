@@ -194,7 +194,7 @@ def recorded_truth(dataset, describe, per_surface=4, seed=0):
         describe(dataset.textures(rows), dataset.levels[rows], dataset.friction_coefficients[rows]) for rows in chunks
     ]
     surfaces, surface_ids = np.unique(dataset.surface_ids[chosen], return_inverse=True)
-    return RatedTextures(joined(measures), surface_ids, dataset.surface_ratings[surfaces], np.ones(len(surfaces)))
+    return RatedTextures(joined(measures), surface_ids, dataset.ratings.mean[surfaces], np.ones(len(surfaces)))
 
 
 def joined(parts):

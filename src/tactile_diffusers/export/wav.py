@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..data.wav_header import check_wav
 from ..io.files import atomic_path
 from ..io.reading import read_json, reading
+from ..io.wav_header import check_wav
 from ..signal.checks import check_number
 from .metadata import check_read, describe_texture, from_json, to_json
 

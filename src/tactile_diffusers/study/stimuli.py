@@ -127,14 +127,14 @@ def choose_takes(dataset, surfaces, seed):
     rows = np.random.default_rng([seed, 0]).permutation(dataset.non_overlapping(_CANDIDATES, seed))
     surface_ids = dataset.surface_ids[rows]
     takes = {surface: _two_takes(dataset, rows[surface_ids == surface]) for surface in np.unique(surface_ids)}
-    rated = np.isfinite(dataset.surface_ratings).all(-1)
+    rated = np.isfinite(dataset.ratings.mean).all(-1)
     usable = np.array([surface for surface, own in takes.items() if len(own) == 2 and rated[surface]], dtype=np.int64)
     if len(usable) < surfaces:
         raise ValueError(
             f"`surfaces` must be at most {len(usable)}, got {surfaces}: so many of the split {dataset.split!r} of "
             f"{dataset.path} have every rating and two segments that share no sample. Ask for fewer, or hold out more."
         )
-    ratings = dataset.surface_ratings[usable].astype(np.float64)
+    ratings = dataset.ratings.mean[usable].astype(np.float64)
     distance = np.linalg.norm(ratings - ratings.mean(0), axis=-1)
     chosen = []
     for _ in range(surfaces):
@@ -158,7 +158,7 @@ def _two_takes(dataset, rows):
 def _all_textures(pipe, held_out, train, rows, others, settings, quiet):
     """Textures of each condition, (surfaces, samples), and columns of the key about them, (surfaces,)."""
     rate, samples, steps = held_out.sampling_rate, held_out.segment_samples, pipe.resolve_steps()[0]
-    ratings = held_out.surface_ratings[held_out.surface_ids[rows]]
+    ratings = held_out.ratings.mean[held_out.surface_ids[rows]]
     real, count = held_out.textures(rows), len(rows)
     seeds = noise_seeds([settings.seed, 1], count)
     made = generate(pipe, ratings, seeds, rate, samples, steps, quiet=quiet)
@@ -202,7 +202,7 @@ def _baseline_textures(train, request, settings):
     rows = train.non_overlapping(_TRAINING_SEGMENTS, settings.seed)
     surfaces = train.surface_ids[rows]
     frictions = _known(train.friction_coefficients[rows])
-    ratings = train.surface_ratings[surfaces]
+    ratings = train.ratings.mean[surfaces]
     training = TrainingTextures(train.textures(rows), ratings, frictions, surfaces, train.sampling_rate, train.band)
     available = default_baselines(1, 1)  # numbers of `decimated`, which is not among `BASELINES`
     return {
@@ -221,7 +221,7 @@ def _blinded(held_out, rows, sets, facts, settings):
         entry = {"surface": surfaces, "condition": condition, "gain_db": gains_db, **facts[condition]}
         key.append(pandas.DataFrame(entry))
     key, textures = pandas.concat(key, ignore_index=True), np.concatenate(textures)
-    asked = held_out.surface_ratings[held_out.surface_ids[rows]].astype(np.float64)
+    asked = held_out.ratings.mean[held_out.surface_ids[rows]].astype(np.float64)
     key[[f"asked_{axis}" for axis in RATING_AXES]] = np.tile(asked, (len(sets), 1))
 
     peak = np.abs(textures).max()

@@ -165,7 +165,7 @@ def _usage(pipe, dataset, place, teacher=None, decoder=None):
     imports = f"from tactile_diffusers import {', '.join(names)}\n"
     lines = [imports, *lines, f"pipe = TactileTexturePipeline.from_pretrained({', '.join(arguments)})"]
     if pipe.dale is not None:
-        rated, axes = np.isfinite(dataset.surface_ratings).any(), ", ".join(pipe.dale.config.rating_axes)
+        rated, axes = np.isfinite(dataset.ratings.mean).any(), ", ".join(pipe.dale.config.rating_axes)
         use = GENERATE.format(ratings="[[1.5, 0.0, -1.0]]" if rated else "None", axes=axes if rated else "unrated")
         return "\n".join([*lines, use])
     rate, extractor = pipe.feature_extractor.delivery_rate, pipe.feature_extractor
@@ -214,13 +214,13 @@ def _limits(limits):
 
 
 def _ratings(dataset):
-    rated, raters = np.isfinite(dataset.surface_ratings).any(axis=-1).sum(), dataset.single_ratings
+    rated, raters = np.isfinite(dataset.ratings.mean).any(axis=-1).sum(), dataset.ratings.single
     if not rated:
         return "none"
     words = f"of {rated} surfaces" + ("" if raters is None else f" by {len(raters)} raters")
-    if dataset.reliability is None:
+    if dataset.ratings.reliability is None:
         return words
-    pairs = zip(dataset.reliability.axes, dataset.reliability.alpha, strict=True)
+    pairs = zip(dataset.ratings.reliability.axes, dataset.ratings.reliability.alpha, strict=True)
     alphas = ", ".join(f"{axis} {alpha:.2f}" for axis, alpha in pairs if np.isfinite(alpha))
     return f"{words}; Cronbach's alpha: {alphas}" if alphas else words
 

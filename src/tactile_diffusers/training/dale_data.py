@@ -30,7 +30,7 @@ def mean_and_std(values):
 
 def rating_statistics(dataset):
     """Statistics of the training surfaces' ratings for DALE's config; empty if an axis has none."""
-    ratings = dataset.surface_ratings[np.unique(dataset.surface_ids)]
+    ratings = dataset.ratings.mean[np.unique(dataset.surface_ids)]
     quantiles = rating_quantiles(ratings)
     if np.isnan(quantiles).any():
         return {}
@@ -40,8 +40,8 @@ def rating_statistics(dataset):
         centre, covariance, reach = coverage
         found = {"centre": centre.tolist(), "covariance": covariance.tolist(), "reach": reach}
     return found | {
-        "mean": dataset.ratings_mean.tolist(),
-        "std": dataset.ratings_scale.tolist(),
+        "mean": dataset.ratings.raw_mean.tolist(),
+        "std": dataset.ratings.raw_scale.tolist(),
         "range": quantiles[:, [0, -1]].tolist(),
         "quantiles": quantiles.tolist(),
     }
@@ -95,10 +95,10 @@ def training_states(dale, dataset, latents, single_raters=False):
     friction = torch.from_numpy(np.asarray(dataset.friction_coefficients, dtype=np.float32))
     level = torch.from_numpy(np.asarray(dataset.levels, dtype=np.float32))
     surfaces = dataset.surface_ids
-    ratings = np.moveaxis(dataset.single_ratings, 0, 1) if single_raters else dataset.surface_ratings
+    ratings = np.moveaxis(dataset.ratings.single, 0, 1) if single_raters else dataset.ratings.mean
     counts = np.bincount(surfaces)
     weight = np.minimum(1 / counts[surfaces], 4 * np.mean(1 / counts[surfaces]))
-    error = dataset.surface_ratings_std / np.sqrt(np.maximum(dataset.surface_ratings_count, 1))
+    error = dataset.ratings.std / np.sqrt(np.maximum(dataset.ratings.count, 1))
     parts = zip(*(values.split(PACKED_AT_ONCE) for values in (latents, level, friction)), strict=True)
     return {
         "state": torch.cat([dale.pack(*part) for part in parts]),

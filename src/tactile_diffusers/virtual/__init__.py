@@ -3,10 +3,10 @@
 They prove the machinery (controllability, spectra, dependence on speed), not perception.
 """
 
-from .exploration import VELOCITY_RATE, Exploration, free_exploration, steady_exploration
-from .explorers import Explorer, explorer
+from .collection import Collection
+from .exploration import VELOCITY_RATE, Exploration, Explorer, explorer, free_exploration, steady_exploration
 from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
-from .generate import Collection, generate_recordings
+from .generation import generate_recordings
 from .percepts import CALIBRATION_FILE, calibrate
 from .raters import RATER_SETTINGS, rater_settings
 from .recipe import RECIPE_VERSION, SurfaceParameters

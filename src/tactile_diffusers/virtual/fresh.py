@@ -4,11 +4,13 @@ from numbers import Integral
 
 import numpy as np
 
+from ..data.projection import channels, filtered_with_gaps
 from ..data.ratings import pool_ratings
 from ..data.recordings import RaterScores, Recording
-from ..data.segments import SegmentLimits, channels, filtered_with_gaps, find_windows
+from ..data.segments import SegmentLimits, find_windows
 from ..data.turnarounds import DEFAULT_TURNAROUNDS
 from ..signal import BAND_HZ, DEVICE_RATE, RATING_AXES
+from ..signal.checks import check_whole_number
 from .exploration import VELOCITY_RATE
 from .raters import RATERS, draw_raters
 from .streams import Stream, stream
@@ -18,9 +20,7 @@ from .surface import VirtualSurface
 FIRST_FRESH = 1_000_000
 
 
-def fresh_ratings(
-    candidates, seed, agreement=1.0, training=None, raters=RATERS, rater_moisture=0.0, axis_correlation=0.0
-):
+def fresh_ratings(candidates, seed, agreement=1.0, training=None, raters=RATERS, axis_correlation=0.0):
     """Ratings of fresh surfaces, without exploring them: about 0.6 ms a surface.
 
     Args:
@@ -30,7 +30,7 @@ def fresh_ratings(
             training surfaces of a data set, the result is in exactly that data set's units. Defaults to the
             candidates, whose moments are those of the population if they are many.
         raters (`int` or `Sequence[int]`): how many raters, or the numbers of those who are asked.
-        rater_moisture, axis_correlation (`float`): of the collection. `rater_settings` has all of these from a file.
+        axis_correlation (`float`): of the collection. `rater_settings` reads these settings from a file's attributes.
 
     Returns:
         `np.ndarray`: (candidates, 3) float32, means over raters of their z-scores.
@@ -38,15 +38,14 @@ def fresh_ratings(
     Raises:
         ValueError: if `candidates` or `raters` are none, or raters cannot be z-scored (see `pool_ratings`).
     """
-    if int(candidates) != candidates or candidates < 1:
-        raise ValueError(f"`candidates` must be a whole number of at least 1, got {candidates}.")
+    candidates = check_whole_number("candidates", candidates)
     reference = [] if training is None else [int(index) for index in training]
-    fresh = range(FIRST_FRESH, FIRST_FRESH + int(candidates))
+    fresh = range(FIRST_FRESH, FIRST_FRESH + candidates)
     asked = np.array(_numbers("raters", raters))
     drawn = draw_raters(seed, asked.max() + 1)
-    settings = agreement, rater_moisture, axis_correlation
     numbers = [*reference, *fresh]
-    answers = np.stack([VirtualSurface(seed, number).answers(drawn, *settings)[asked] for number in numbers], axis=1)
+    surfaces = [VirtualSurface(seed, number) for number in numbers]
+    answers = np.stack([one.answers(drawn, agreement, axis_correlation)[asked] for one in surfaces], axis=1)
     names = tuple(str(number) for number in numbers)
     scores = RaterScores(answers, tuple(str(rater) for rater in asked), names, RATING_AXES)
     gives_scale = np.ones(len(numbers), bool) if training is None else np.arange(len(numbers)) < len(reference)

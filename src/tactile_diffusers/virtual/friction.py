@@ -140,14 +140,14 @@ def contact_force(rng, surface, tables, exploration, moisture=1.0, gain=1.0, cut
     start = rng.uniform(0, 1000)
     track_speed = _to_device_rate(exploration.track_speed, samples)
     position = start + np.cumsum(track_speed, dtype=np.float64) / DEVICE_RATE
-    felt = look_up(tables, position)
+    followed = look_up(tables, position)
     amplitude = _to_device_rate(texture_amplitude(surface, normal_force, speed, gain), samples)
     sliding_friction = friction_coefficient(surface, normal_force, speed, moisture) * normal_force
 
-    profile, background = felt[:, 0], temporal_noise(rng, samples)
+    profile, background = followed[:, 0], temporal_noise(rng, samples)
     if surface.compliance > 0:
         factor = _to_device_rate(compliant_background(surface, speed), samples)
-        profile, background = profile + (factor - 1) * felt[:, 2], factor * background
+        profile, background = profile + (factor - 1) * followed[:, 2], factor * background
     fluctuation = amplitude * profile + background
     if surface.stick > 0:
         fluctuation += stick_slip(rng, surface, sliding_friction, speed, samples)
@@ -163,5 +163,5 @@ def contact_force(rng, surface, tables, exploration, moisture=1.0, gain=1.0, cut
     force *= np.float32(SENSOR_NOISE_N)
     force[:, 0] += sliding * along[0] - across * along[1]
     force[:, 1] += sliding * along[1] + across * along[0]
-    force[:, 2] += _to_device_rate(normal_force, samples) + np.float32(NORMAL_SHARE) * amplitude * felt[:, 1]
+    force[:, 2] += _to_device_rate(normal_force, samples) + np.float32(NORMAL_SHARE) * amplitude * followed[:, 1]
     return force

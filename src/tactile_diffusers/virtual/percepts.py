@@ -1,4 +1,4 @@
-"""What virtual surfaces feel like: percepts from the expected spectrum of the friction force."""
+"""Percepts of virtual surfaces, from the expected spectrum of the friction force."""
 
 import json
 from functools import lru_cache
@@ -18,7 +18,7 @@ CALIBRATION_SURFACES = 10_000
 CALIBRATION_SEED = 20_260_000
 #: Frequencies (Hz) at which continuous spectra are evaluated.
 FREQUENCIES = np.geomspace(*BAND_HZ, 201)
-#: Below this, Hz, vibration is felt as relief rather than as fine texture (recipe).
+#: Below this, Hz, vibration counts as relief rather than as fine texture (recipe).
 COARSE_BELOW_HZ = 80.0
 #: Share of fine power that is subtracted from coarse power in bumpiness. The recipe's 0.5 gives r(rough, bumpy) = 0.55
 #: for the expected spectra used here; 0.85 gives the recipe's own result, 0.40.
@@ -83,7 +83,7 @@ def reference_friction(surface):
 
 
 def percept_inputs(surface):
-    """The quantities that percepts are made of, before normalisation: a dict of floats."""
+    """The quantities that percepts are combined from, before normalisation: a dict of floats."""
     fine, coarse = expected_powers(surface)
     return {
         "fine_power": fine,
@@ -172,9 +172,3 @@ def percepts(surface):
 def percept_correlation():
     """(3, 3) correlations of the percepts over the population of surfaces."""
     return np.array(calibration()["correlation"])
-
-
-def slipperiness_per_log_friction():
-    """Change of slipperiness, in standard deviations, per unit of the log friction coefficient."""
-    constants = calibration()["constants"]
-    return FRICTION_IN_SLIPPERINESS / constants["log_friction"]["scale"] / constants["slipperiness"]["scale"]

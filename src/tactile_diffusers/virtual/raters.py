@@ -1,4 +1,4 @@
-"""Virtual raters: how percepts become answers on a 0-8 scale. Every spread is an assumption."""
+"""Virtual raters: how percepts become answers on a 0-8 scale. Every standard deviation is an assumption."""
 
 from functools import lru_cache
 
@@ -6,19 +6,19 @@ import numpy as np
 
 from ..signal import RATING_AXES
 from ..signal.rating_scales import RATING_SCALE
-from .percepts import percept_correlation, slipperiness_per_log_friction
+from .percepts import percept_correlation
 from .streams import Stream, stream
 
 RATERS = 12
-#: What all raters feel of a surface beside friction (sd per axis, in units of the percept's own spread).
+#: Impression that all raters share and no percept explains (sd per axis, in units of the percept's own).
 IDIOSYNCRASY = np.array([0.30, 0.40, 0.55])
 #: Disagreement of one rater about one surface (sd per axis, same units) at agreement 1.
 DISAGREEMENT = np.array([0.75, 0.95, 1.15])
 OFFSET_SPREAD = 0.6
 TYPICAL_GAIN = 1.75
 GAIN_SPREAD = 0.25
-#: Settings of ratings and their defaults, as they are named in the attributes of a file: the recipe.
-RATER_SETTINGS = {"raters": RATERS, "agreement": 1.0, "rater_moisture": 0.0, "axis_correlation": 0.0}
+#: Settings of ratings and their defaults (the recipe), as the attributes of a file name them.
+RATER_SETTINGS = {"raters": RATERS, "agreement": 1.0, "axis_correlation": 0.0}
 
 
 def rater_settings(attributes):
@@ -34,7 +34,7 @@ def draw_raters(seed, count=RATERS):
 
 
 def shared_impression(rng, percept):
-    """(3,) what all raters feel of a surface: its percepts and what friction does not explain, unit variance."""
+    """(3,) impression of a surface that all raters share: its percepts plus a random part, of unit variance."""
     return (percept + IDIOSYNCRASY * rng.standard_normal(3)) / np.sqrt(1 + IDIOSYNCRASY**2)
 
 
@@ -63,19 +63,16 @@ def _power(matrix, exponent):
     return (vectors * values**exponent) @ vectors.T
 
 
-def rate_surface(rng, moisture_rng, percept, raters, agreement=1.0, rater_moisture=0.0, axis_correlation=0.0):
+def rate_surface(rng, percept, raters, agreement=1.0, axis_correlation=0.0):
     """Answers of all raters about one surface.
 
     Args:
-        rng, moisture_rng (`np.random.Generator`): of the surface.
+        rng (`np.random.Generator`): of the surface.
         percept (`np.ndarray`): (3,) from `percepts`.
         raters (`tuple[np.ndarray, np.ndarray]`): from `draw_raters`.
         agreement (`float`): divides the raters' disagreement; 1 is the recipe, larger = raters agree more.
-        rater_moisture (`float`): standard deviation of the log moisture of each rater's own finger at each surface,
-            which enters the friction, and so the slipperiness, that this rater feels; 0 is the recipe, 0.25 makes
-            raters other people than the explorers.
-        axis_correlation (`float`): axes of the shared impression correlate by at least this much (halo); 0 is the
-            recipe.
+        axis_correlation (`float`): axes of the shared impression correlate by at least this much (halo effect); 0 is
+            the recipe.
 
     Returns:
         `np.ndarray`: (raters, 3) float32, whole numbers from 0 to 8.
@@ -84,10 +81,7 @@ def rate_surface(rng, moisture_rng, percept, raters, agreement=1.0, rater_moistu
     shared = shared_impression(rng, percept)
     if axis_correlation > 0:
         shared = halo(axis_correlation) @ shared
-    felt = shared + DISAGREEMENT / agreement * rng.standard_normal(offset.shape)
-    if rater_moisture > 0:
-        log_moisture = rater_moisture * moisture_rng.standard_normal(len(offset))
-        felt[:, RATING_AXES.index("slipperiness")] += slipperiness_per_log_friction() * log_moisture
+    perceived = shared + DISAGREEMENT / agreement * rng.standard_normal(offset.shape)
     low, high = RATING_SCALE
-    answers = np.round((low + high) / 2 + offset + gain * felt)
+    answers = np.round((low + high) / 2 + offset + gain * perceived)
     return np.clip(answers, low, high).astype(np.float32)

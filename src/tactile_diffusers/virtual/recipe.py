@@ -10,7 +10,7 @@ import numpy as np
 #: Raised whenever the same seed gives other data. 2: compliant gratings, exploration that adapts to roughness, fingers
 #: of different mechanics, contact stiffness that rises with speed, levels of the size that the paper implies.
 RECIPE_VERSION = 2
-#: Speed at which every parameter is given; the normal force is `REFERENCE_FORCE`.
+#: Speed at which every parameter holds; the normal force is `REFERENCE_FORCE`.
 REFERENCE_SPEED_MM_S = 80.0
 
 

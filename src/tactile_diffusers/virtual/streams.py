@@ -1,4 +1,4 @@
-"""Random streams: every kind of draw has its own, so that adding one leaves all others as they are."""
+"""Random streams: every kind of random draw has its own, so that a new one leaves all others as they are."""
 
 from enum import IntEnum
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Stream(IntEnum):
-    """First number of a stream's key; numbers are never used again for something else."""
+    """First number of a stream's key; a number is never used for two purposes."""
 
     SURFACE = 0  # surface: parameters, then profile
     EXPLORATION = 1  # surface, explorer, trial
@@ -15,8 +15,7 @@ class Stream(IntEnum):
     EXPLORER = 4  # explorer
     FRESH_WINDOWS = 5  # surface, trial
     COMPLIANCE = 6  # surface
-    DURATION = 7  # surface
-    RATER_MOISTURE = 8  # surface
+    # 7 and 8 were the duration of a recording and the moisture of raters
 
 
 def stream(seed, kind, *numbers):

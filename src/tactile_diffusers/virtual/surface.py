@@ -1,9 +1,8 @@
-"""One virtual surface: what it is, what a finger meets on it, and what raters answer about it."""
+"""One virtual surface: its parameters, its profile under a finger, and the raters' answers about it."""
 
 from functools import cached_property
 
-from .exploration import free_exploration
-from .explorers import explorer
+from .exploration import explorer, free_exploration
 from .friction import contact_force
 from .percepts import percepts
 from .profile import profile_tables
@@ -35,7 +34,7 @@ class VirtualSurface:
 
     @cached_property
     def _tables(self):
-        """Profile tables; made when a finger first meets them, a rating needs none."""
+        """Profile tables, computed when a finger first explores the surface: a rating needs none."""
         return profile_tables(self.parameters, self._rng)
 
     def explore(self, explorer_index, seconds, trial=0):
@@ -54,13 +53,13 @@ class VirtualSurface:
         """Contact force of any `Exploration`, for example `steady_exploration`: (n, 3) float32, N, at 10 kHz.
 
         Args:
-            exploration (`Exploration`): what the hand does.
+            exploration (`Exploration`): speed, force and heading of the hand.
             rng (`np.random.Generator`): the trial.
             moisture, gain, cutoff (`float`): of the `Explorer`.
         """
         return contact_force(rng, self.parameters, self._tables, exploration, moisture, gain, cutoff)
 
-    def answers(self, raters, agreement=1.0, rater_moisture=0.0, axis_correlation=0.0):
+    def answers(self, raters, agreement=1.0, axis_correlation=0.0):
         """Answers on the 0-8 scale; settings as in `rate_surface`.
 
         Args:
@@ -69,12 +68,5 @@ class VirtualSurface:
         Returns:
             `np.ndarray`: (raters, 3) float32; a rater's answers do not depend on how many raters there are.
         """
-        return rate_surface(
-            stream(self.seed, Stream.ANSWERS, self.index),
-            stream(self.seed, Stream.RATER_MOISTURE, self.index),
-            self.percepts,
-            raters,
-            agreement,
-            rater_moisture,
-            axis_correlation,
-        )
+        rng = stream(self.seed, Stream.ANSWERS, self.index)
+        return rate_surface(rng, self.percepts, raters, agreement, axis_correlation)

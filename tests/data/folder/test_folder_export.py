@@ -84,7 +84,6 @@ def test_only_what_can_be_read_back_is_written(tmp_path, recording_maker, monkey
     """No seed and no ground truth; the README's code reads the folder."""
     with RecordingsWriter(tmp_path / "r.h5", source="a test", licence="CC0-1.0", seed=7) as writer:
         writer.add_recording("a", "e", "0", **recording_maker(seconds=2))
-        writer.set_truth(["a"], {"friction_coefficient": np.array([0.6])})
     (tmp_path / "folder").mkdir()  # an empty folder is filled
     export_folder(tmp_path / "r.h5", tmp_path / "folder", quiet=True)
     files = sorted(path.relative_to(tmp_path / "folder").as_posix() for path in (tmp_path / "folder").rglob("*.*"))

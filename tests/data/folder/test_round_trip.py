@@ -57,7 +57,7 @@ def prepared(recordings):
 def assert_same_segments(path, expected):
     """Textures, index, ratings, splits: every dataset of the prepared file, bit for bit."""
     ours, theirs = datasets(path), datasets(expected)
-    assert ours.keys() == theirs.keys() and len(ours["windows/filtered/start"]) > 5
+    assert ours.keys() == theirs.keys() and len(ours["segments/filtered/start"]) > 5
     for name, values in theirs.items():
         np.testing.assert_array_equal(ours[name], values, err_msg=name)
 
@@ -161,18 +161,18 @@ def test_position_instead_of_velocity(source, direct, tmp_path):
     ours = datasets(prepared(output))
     theirs = datasets(direct)
     for subset, count in (("filtered", 5), ("full", 20)):
-        index = {name: ours[f"windows/{subset}/{name}"] for name in ("recording", "start", "level", "speed")}
-        expected = {name: theirs[f"windows/{subset}/{name}"] for name in index}
+        index = {name: ours[f"segments/{subset}/{name}"] for name in ("recording", "start", "level", "speed")}
+        expected = {name: theirs[f"segments/{subset}/{name}"] for name in index}
         assert len(index["start"]) > count
         np.testing.assert_array_equal(index["recording"], expected["recording"])
         np.testing.assert_allclose(index["start"], expected["start"], atol=20)
         np.testing.assert_allclose(index["level"], expected["level"], atol=1e-3)
         np.testing.assert_allclose(index["speed"], expected["speed"], atol=0.5)
-    name = "windows/filtered/friction_coefficient"
+    name = "segments/filtered/friction_coefficient"
     np.testing.assert_allclose(ours[name], theirs[name], atol=5e-4)
     np.testing.assert_array_equal(ours["ratings/mean"], theirs["ratings/mean"])
-    offsets, starts = theirs["offset/10000"], theirs["windows/filtered/start"]
-    for recording, start in zip(theirs["windows/filtered/recording"], starts, strict=True):
+    offsets, starts = theirs["offset/10000"], theirs["segments/filtered/start"]
+    for recording, start in zip(theirs["segments/filtered/recording"], starts, strict=True):
         segment = slice(offsets[recording] + start, offsets[recording] + start + 2**14)
         texture, other = theirs["lateral/10000"][segment], ours["lateral/10000"][segment]
         assert np.std(other - texture) < 0.005 * np.std(texture)

@@ -1,13 +1,12 @@
-"""What raters answered, how far they agree, and whether their answers belong to the recordings."""
-
-import warnings
+"""The raters' answers, how far they agree, and whether they belong to the recordings."""
 
 import numpy as np
+import pandas
 from scipy.stats import rankdata
 
 from ...signal import RATING_AXES
 from ...signal.rating_scales import RATING_SCALE
-from ..ratings import axis_correlation, rating_reliability
+from ..ratings import LEAST_COMMON, axis_correlation, rating_reliability
 
 #: Bins of pooled ratings, in z-scores.
 Z_EDGES = np.linspace(-3, 3, 25)
@@ -32,25 +31,23 @@ def describe_answers(scores, surfaces):
     reliability = rating_reliability(scores, scores.axes)
     rated = ~np.isnan(scores.values).all(axis=(0, 2))
     low, high = RATING_SCALE
-    edges = np.arange(low, high + 2) - 0.5
     axes = {}
     for number, axis in enumerate(scores.axes):
-        answers = scores.values[:, :, number]
-        known = answers[~np.isnan(answers)]
-        per_surface = (~np.isnan(answers[:, rated])).sum(axis=0)
+        answers = pandas.DataFrame(scores.values[:, rated, number].T, columns=list(scores.raters))
+        known, per_surface = answers.stack().dropna(), answers.count(axis=1)
         axes[axis] = {
-            "counts": np.histogram(known, edges)[0],
-            "mean": known.mean() if len(known) else np.nan,
-            "std": known.std() if len(known) else np.nan,
-            "missing_share": 1 - per_surface.sum() / max(1, per_surface.size * len(scores.raters)),
-            "low_end_share": float(np.mean(known == low)) if len(known) else np.nan,
-            "high_end_share": float(np.mean(known == high)) if len(known) else np.nan,
-            "fewest_raters": int(per_surface.min()) if len(per_surface) else 0,
-            "most_raters": int(per_surface.max()) if len(per_surface) else 0,
+            "counts": np.histogram(known, np.arange(low, high + 2) - 0.5)[0],
+            "mean": known.mean(),
+            "std": known.std(ddof=0),
+            "missing_share": 1 - per_surface.sum() / max(1, answers.size),
+            "low_end_share": (known == low).mean(),
+            "high_end_share": (known == high).mean(),
+            "fewest_raters": per_surface.min() if len(per_surface) else 0,
+            "most_raters": per_surface.max() if len(per_surface) else 0,
             "mean_correlation": reliability.mean_correlation[number],
             "alpha": reliability.alpha[number],
             "raters": reliability.raters[number],
-            "with_others": dict(zip(scores.raters, _with_others(answers), strict=True)),
+            "with_others": _with_others(answers),
         }
     named = {surface for surface, known in zip(scores.surfaces, rated, strict=True) if known}
     return {
@@ -62,43 +59,30 @@ def describe_answers(scores, surfaces):
 
 
 def _with_others(answers):
-    """Each rater's correlation with the mean of the others, (raters,), over the surfaces that both know."""
-    deviations = _standardised(answers)
-    result = []
-    for rater in range(len(deviations)):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # a surface that only this rater knows
-            others = np.nanmean(np.delete(deviations, rater, axis=0), axis=0) if len(deviations) > 1 else np.nan
-        result.append(axis_correlation(np.stack([deviations[rater], others + 0 * deviations[rater]], axis=-1))[0, 1])
-    return np.array(result)
-
-
-def _standardised(answers):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a rater without answers
-        centred = answers - np.nanmean(answers, axis=1, keepdims=True)
-        scale = np.nanstd(centred, axis=1, keepdims=True)
-    return centred / np.where(scale > 0, scale, np.nan)
+    """Each rater's correlation with the mean z-score of the others, over the surfaces that both know."""
+    z = (answers - answers.mean()) / answers.std(ddof=0).replace(0, np.nan)
+    return {
+        rater: z[rater].corr(z.drop(columns=rater).mean(axis=1), min_periods=LEAST_COMMON) if len(z) else np.nan
+        for rater in z
+    }
 
 
 def describe_pooled(mean):
     """Distribution of the pooled ratings of surfaces (surfaces, 3) in z-scores, and correlations between axes."""
     columns = {axis: column[~np.isnan(column)] for axis, column in zip(RATING_AXES, mean.T, strict=True)}
-    inside = {axis: np.clip(column, Z_EDGES[0], Z_EDGES[-1]) for axis, column in columns.items()}
     return {
         "edges": Z_EDGES,
-        "counts": {axis: np.histogram(column, Z_EDGES)[0] for axis, column in inside.items()},
-        "mean": {axis: column.mean() if len(column) else np.nan for axis, column in columns.items()},
+        "counts": {axis: np.histogram(np.clip(c, Z_EDGES[0], Z_EDGES[-1]), Z_EDGES)[0] for axis, c in columns.items()},
         "std": {axis: column.std() if len(column) else np.nan for axis, column in columns.items()},
         "correlation": axis_correlation(mean),
     }
 
 
 def relate(mean, quantities, seed=0):
-    """Spearman correlations over surfaces between ratings and what was measured.
+    """Spearman correlations over surfaces between ratings and measured quantities, and a shuffling test.
 
-    The probability that ratings and recordings do not belong together comes from shuffling surfaces: it is the share
-    of shuffles whose largest correlation, in size, reaches the one found.
+    The probability that ratings and recordings do not belong together is the share of shuffles of surfaces whose
+    largest correlation, in size, reaches the one found.
 
     Args:
         mean (`np.ndarray`): (surfaces, 3) pooled ratings; NaN = not rated.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...signal import BAND_HZ, SEGMENT_SECONDS, resample
-from ..checks import LARGEST_FORCE_N, check_forces, over_range, saturated
+from ..force_checks import LARGEST_FORCE_N, check_forces, over_range, saturated
 from .clocks import (
     RATE_TOLERANCE,
     SHORTEST_SHARE,

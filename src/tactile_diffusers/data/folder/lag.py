@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from ..segments import DIRECTION_BANDWIDTH
+from ..projection import DIRECTION_BANDWIDTH
 from .clocks import bridged
 
 #: Lags between force and motion are looked for up to this much (s), at this rate (Hz), in so much of a recording (s).

@@ -6,8 +6,9 @@ import numpy as np
 
 from ...signal import BAND_HZ, REFERENCE_FORCE
 from ..masks import bridge_gaps, interpolated, true_runs
+from ..projection import channels
 from ..recordings import FORMAT, RecordingsFile
-from ..segments import SegmentLimits, channels
+from ..segments import SegmentLimits
 from .clocks import on_stamps
 from .draft_columns import UNITS, describe_table, split_unit
 from .layout import FORCE_UNITS, TIME_UNITS

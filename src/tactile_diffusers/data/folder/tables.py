@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ...io.reading import check_archive, check_size, reading
-from ..wav_header import check_wav
+from ...io.wav_header import check_wav
 from .text_tables import HEAD_ROWS, find_header, text_format
 from .trees import Tree, open_tree
 

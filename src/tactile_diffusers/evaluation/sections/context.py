@@ -119,7 +119,7 @@ class Context:
     def requests(self):
         """Ratings of the held-out surfaces, `takes` rows each, and their surfaces: (n, 3) and (n,)."""
         surfaces = np.repeat(np.unique(self.data.surfaces), self.settings.takes)
-        return self.data.dataset.surface_ratings[surfaces], surfaces
+        return self.data.dataset.ratings.mean[surfaces], surfaces
 
     @cached_property
     def latent_rate(self):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_diffusers.data.checks import check_forces, over_range, saturated
+from tactile_diffusers.data.force_checks import check_forces, over_range, saturated
 from tactile_diffusers.data.masks import true_runs
 
 RATE = 10_000

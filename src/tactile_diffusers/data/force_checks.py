@@ -1,4 +1,4 @@
-"""What a contact force of a finger cannot be: a wrong unit, swapped axes, a sensor at the end of its range."""
+"""Checks of contact forces: a wrong unit, swapped axes, a sensor at the end of its range; and of ratings."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ GLITCH_SHARE = 0.01
 OTHER_UNITS = {"mN": 1e-3, "gram-force": 9.80665e-3}
 #: A sensor that stays at the extreme value of a channel for this long (s) is saturated (recipe).
 SATURATION_SECONDS = 0.005
-#: So many samples, evenly spread, tell the sign and mean of a channel.
+#: So many samples, evenly spread, show the sign and mean of a channel.
 _GLANCE = 20_000
 _AXES = "xyz"
 

@@ -14,7 +14,7 @@ from tactile_diffusers.data import PreparedDataset, RaterScores, RecordingsWrite
 from tactile_diffusers.data.card import describe, write_card
 from tactile_diffusers.data.card.advice import warnings_of
 from tactile_diffusers.data.card.answers import describe_answers, relate
-from tactile_diffusers.data.card.markdown import markdown
+from tactile_diffusers.data.card.page import markdown
 from tactile_diffusers.data.folder import ConversionReport
 from tactile_diffusers.data.folder.lag import Lag
 from tactile_diffusers.data.splits import HoldOut
@@ -41,7 +41,7 @@ def card(stored):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Cards without pictures: they take a second, and other tests look at them."""
-    monkeypatch.setattr("tactile_diffusers.data.card.card.draw_all", lambda *_: [])
+    monkeypatch.setattr("tactile_diffusers.data.card.data_card.draw_all", lambda *_: [])
 
 
 @pytest.fixture
@@ -69,8 +69,7 @@ def test_folder_is_complete(card_folder, stored):
 
 def test_time_is_accounted_for_once(stored, virtual_prepared):
     kept, seconds = stored["kept"], stored["recordings"]["seconds"]
-    account = PreparedDataset(virtual_prepared, "all").account
-    used = account["seconds"]["filtered"][:, list(account["reasons"]).index("used")].sum()
+    used = PreparedDataset(virtual_prepared, "all").seconds_by_reason()["used"].sum()
     # numbers have six significant digits
     assert sum(kept["seconds"].values()) == pytest.approx(seconds, rel=1e-5) and seconds == 6 * 12
     assert kept["seconds"]["used"] == pytest.approx(used, rel=1e-5)
@@ -91,7 +90,7 @@ def test_surfaces_are_those_of_the_index(stored, virtual_prepared):
         rms = np.sqrt(np.mean(np.square(data.textures(np.flatnonzero(mine)), dtype=np.float64), axis=1))
         assert row["level_db"] == pytest.approx(np.mean(20 * np.log10(rms)), abs=1e-3)  # float32 levels
         assert row["friction"] == pytest.approx(data.friction_coefficients[mine].mean(), rel=1e-4)
-        assert list(row["ratings"].values()) == pytest.approx(data.surface_ratings[number].tolist(), rel=1e-4)
+        assert list(row["ratings"].values()) == pytest.approx(data.ratings.mean[number].tolist(), rel=1e-4)
     counts = stored["preparation"]["segments"]
     assert sum(split["segments"] for split in counts.values()) == len(data)
     assert {name: split["surfaces"] for name, split in counts.items()} == {"train": 4, "validation": 1, "test": 1}
@@ -99,7 +98,7 @@ def test_surfaces_are_those_of_the_index(stored, virtual_prepared):
 
 def test_bands_of_white_noise(slides):
     recordings, prepared = slides({"a": {"seconds": 40, "seed": 1}, "b": {"seconds": 40, "seed": 2, "friction": 0.9}})
-    numbers, textures = describe(recordings, prepared, quiet=True)
+    numbers = describe(recordings, prepared, quiet=True)
     edges = 20 * 50 ** (np.arange(10) / 9)
     density = 0.01**2 / (DEVICE_RATE / 2)  # one-sided, N^2/Hz
     expected = 10 * np.log10(density * np.diff(edges))
@@ -107,28 +106,21 @@ def test_bands_of_white_noise(slides):
         # away from the band's edges; 12 s of noise leave 0.6 dB in the narrowest band shown (17 Hz): four sigma is 1.2
         np.testing.assert_allclose(row["bands_db"][1:-1], expected[1:-1], atol=1.2)
     assert [row["friction"] for row in numbers["surfaces"]] == pytest.approx([0.6, 0.9], rel=1e-3)
-    frequencies = np.array(numbers["spectra"]["frequencies"])
-    inside = (frequencies > 50) & (frequencies < 500)
-    mean = np.mean(np.array(numbers["spectra"]["mean_db"])[inside])
-    assert mean == pytest.approx(10 * np.log10(density), abs=0.3)  # a mean of 90 bins
-    assert textures.shape == (2, 16384) and len(numbers["examples"]) == 2
 
 
-def test_histograms_weigh_time(tmp_path, recording_maker, undrawn):
-    slow, fast = recording_maker(seconds=30, speed=20.0), recording_maker(seconds=10, speed=80.0, normal_force=0.5)
+def test_quantiles_of_speed_and_force_weigh_time(tmp_path, recording_maker, undrawn):
+    slow, fast = recording_maker(seconds=32, speed=20.0), recording_maker(seconds=8, speed=80.0, normal_force=0.5)
     with RecordingsWriter(tmp_path / "r.h5", source="a test", licence="CC0-1.0") as writer:
         writer.add_recording("a", "slow", "0", **slow)
         writer.add_recording("a", "fast", "0", **fast)
     card = write_card(tmp_path / "r.h5", tmp_path / "card", quiet=True)
-    speed = card["histograms"]["speed"]
-    centres = np.convolve(speed["edges"], [0.5, 0.5], "valid")
-    width = speed["edges"][1]
-    for who, value, seconds in (("slow", 20, 30), ("fast", 80, 10)):
-        near = np.abs(centres - value) <= width
-        assert np.sum(np.array(speed["seconds"][who])[near]) == pytest.approx(seconds, rel=1e-4)
-    assert speed["share_inside"] == pytest.approx(0.25) and speed["limits"] == [66, 99]
-    assert card["histograms"]["normal_force"]["share_inside"] == pytest.approx(1)
-    assert card["preparation"]["made_by"].startswith("this card, with the default limits")
+    speed = card["conditions"]["speed"]
+    assert list(speed["explorers"]) == ["all", "fast", "slow"] and speed["limits"] == [66, 99]
+    for who, values in (("slow", [20] * 5), ("fast", [80] * 5), ("all", [20, 20, 20, 20, 80])):
+        assert speed["explorers"][who]["quantiles"] == pytest.approx(values)
+    assert speed["explorers"]["all"]["share_inside"] == pytest.approx(0.2)
+    assert card["conditions"]["normal_force"]["explorers"]["all"]["share_inside"] == pytest.approx(1)
+    assert card["preparation"]["prepared_by"].startswith("this card, with the default limits")
     assert "explorer_without_segment" in {warning["name"] for warning in card["warnings"]}
 
 
@@ -149,14 +141,10 @@ def test_turnarounds_on_a_line_swing_and_are_masked(tmp_path):
     for treatment in ("keep", "mask"):
         prepared = tmp_path / f"{treatment}.h5"
         prepare_recordings(tmp_path / "r.h5", prepared, limits, validation=0, test=0, turnarounds=treatment, quiet=True)
-        report[treatment] = describe(tmp_path / "r.h5", prepared, quiet=True)[0]
+        report[treatment] = describe(tmp_path / "r.h5", prepared, quiet=True)
     for treatment, numbers in report.items():
-        turnarounds = numbers["turnarounds"]
-        assert turnarounds["treatment"] == treatment and 0.2 < turnarounds["share"] < 0.8
-        # both treatments are compared, whichever the data have; a swing of 0.6 N against 4 mN of noise
-        assert turnarounds["effects"]["keep"]["bands_db"][0] > 15
-        assert abs(turnarounds["effects"]["mask"]["bands_db"][0]) < 5
-    assert report["keep"]["turnarounds"]["median_db"] > 1 > abs(report["mask"]["turnarounds"]["median_db"])
+        assert numbers["preparation"]["turnarounds"] == treatment and 0.2 < numbers["bands"]["turnaround_share"] < 0.8
+    assert report["keep"]["bands"]["turnaround_db"] > 1 > abs(report["mask"]["bands"]["turnaround_db"])
     names = {treatment: {w["name"] for w in numbers["warnings"]} for treatment, numbers in report.items()}
     assert "turnarounds" in names["keep"] and "turnarounds" not in names["mask"]
 
@@ -235,7 +223,7 @@ def _relation(quantity, axis, rho, unrelated=0.001):
         (_set("surfaces/1/segments", 2), "few_segments", "fewer than 10"),
         (_set("surfaces/1/friction", None), "unknown_friction", "1 of 6"),
         (_set("surfaces/1/friction", 12.0), "strange_friction", "outside"),
-        (_set("turnarounds/median_db", 2.5), "turnarounds", "2.5 dB"),
+        (_set("bands/turnaround_db", 2.5), "turnarounds", "2.5 dB"),
         (_set("ratings", None), "no_ratings", "DALE"),
         (_set("ratings/answers/surfaces_unrated", ["x"]), "unrated", "x"),
         (_set("ratings/answers/axes/bumpiness/alpha", 0.6), "low_reliability", "bumpiness 0.60"),
@@ -263,7 +251,7 @@ def test_each_warning(card, change, name, said):
     for entry in card["ratings"]["answers"]["axes"].values():
         entry |= {"low_end_share": 0.1, "high_end_share": 0.1, "with_others": {"me": 0.5}, "alpha": 0.9}
     card["ratings"]["pooled"]["correlation"] = np.eye(3).tolist()
-    card["turnarounds"]["median_db"] = 0.1
+    card["bands"]["turnaround_db"] = 0.1
     for split in ("validation", "test"):
         card["preparation"]["segments"][split]["surfaces"] = 2
     assert [warning["name"] for warning in warnings_of(card)] == ["one_explorer"]
@@ -280,16 +268,16 @@ def test_lateral_only_uncalibrated_unrated_single_surface(tmp_path):
     card = write_card(tmp_path / "r.h5", tmp_path / "card", quiet=True)
     expected = {"uncalibrated", "lateral_only", "no_velocity", "one_explorer", "one_surface", "few_segments"}
     assert {w["name"] for w in card["warnings"]} == expected | {"unknown_friction", "no_ratings"}
-    assert card["histograms"] == {"normal_force": None, "speed": None} and card["ratings"] is None
-    assert card["surfaces"][0]["friction"] is None and card["turnarounds"]["share"] == 0
+    assert card["conditions"] == {"normal_force": None, "speed": None} and card["ratings"] is None
+    assert card["surfaces"][0]["friction"] is None and card["bands"]["turnaround_share"] == 0
     text = (tmp_path / "card" / "card.md").read_text()
     assert "relative to one count" in text and "| nan" not in text and "| None" not in text
-    assert {"limits.png", "ratings.png", "turnarounds.png"}.isdisjoint(card["files"])
+    assert "ratings.png" not in card["files"]
 
 
 def test_surface_outside_the_limits_is_named_with_its_reason(slides):
     recordings, prepared = slides({"good": {}, "pressed": {"normal_force": 2.0}})
-    numbers, _ = describe(recordings, prepared, quiet=True)
+    numbers = describe(recordings, prepared, quiet=True)
     pressed = numbers["surfaces"][1]
     assert (pressed["segments"], pressed["level_db"], pressed["kept_seconds"]) == (0, None, 0)
     assert "normal_force" in pressed["mostly_dropped"]
@@ -299,7 +287,7 @@ def test_surface_outside_the_limits_is_named_with_its_reason(slides):
 
 def test_held_out_surfaces_are_counted_apart(slides):
     recordings, prepared = slides({"a": {}, "b": {}, "held": {}}, hold_out=HoldOut(surfaces=("held",)))
-    numbers, _ = describe(recordings, prepared, quiet=True)
+    numbers = describe(recordings, prepared, quiet=True)
     segments = numbers["preparation"]["segments"]
     assert segments["hard"] == {"surfaces": 1, "segments": segments["train"]["segments"] // 2}
     assert "surface_without_segment" not in {warning["name"] for warning in numbers["warnings"]}
@@ -350,7 +338,7 @@ def test_failure_leaves_the_older_card(slides, tmp_path, undrawn, monkeypatch):
     recordings, prepared = slides({"a": {}})
     write_card(recordings, tmp_path / "card", prepared, quiet=True)
     before = (tmp_path / "card" / "card.json").read_bytes()
-    monkeypatch.setattr("tactile_diffusers.data.card.card.draw_all", lambda *_: 1 / 0)
+    monkeypatch.setattr("tactile_diffusers.data.card.data_card.draw_all", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_card(recordings, tmp_path / "card", prepared, quiet=True)
     assert (tmp_path / "card" / "card.json").read_bytes() == before and not list(tmp_path.glob(".card*"))

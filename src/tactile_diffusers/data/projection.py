@@ -1,0 +1,154 @@
+"""Lateral force, normal force and speed of a recording: the projection on the sliding direction (paper section 2.1)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from ..signal import band_pass
+from .force_checks import over_range, saturated
+from .masks import interpolated, mask_of_runs, true_runs
+from .turnarounds import DEFAULT_TURNAROUNDS, find_turnarounds, treat_turnarounds
+
+#: Cutoff (Hz) of the zero-phase low-pass on velocity before its direction is taken.
+DIRECTION_BANDWIDTH = 25.0
+#: Below this speed (mm/s) the last sliding direction is held.
+SLOWEST_DIRECTION = 10.0
+
+
+@dataclass
+class Channels:
+    """A recording's channels at the rate of its force.
+
+    Attributes:
+        lateral (`np.ndarray`): (n,) N, positive = friction opposes sliding; NaN = missing or saturated.
+        normal (`np.ndarray` or `None`): (n,) N.
+        speed (`np.ndarray` or `None`): (n,) mm/s.
+        turnarounds (`np.ndarray`): (turnarounds,) int64, the sample in the middle of each.
+        saturated (`np.ndarray`): (n,) bool, samples excluded because a sensor was at the end of its range.
+        excluded (`np.ndarray`): (n,) bool, samples that no segment may hold because of a turnaround.
+        flipped (`bool`): whether the recorded force was the surface's on the finger.
+    """
+
+    lateral: np.ndarray
+    normal: np.ndarray | None
+    speed: np.ndarray | None
+    turnarounds: np.ndarray
+    saturated: np.ndarray
+    excluded: np.ndarray
+    flipped: bool = False
+
+
+def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
+    """Lateral force, normal force and speed of a recording.
+
+    Lateral force is the contact force projected on the sliding direction (paper section 2.1). Friction dissipates:
+    where the projection is negative on average, the file holds the reaction on the finger, and the sign is turned.
+
+    Args:
+        recording (`Recording`): one exploration.
+        turnarounds (`str`): "keep", "exclude" or "mask"; see `treat_turnarounds`.
+
+    Returns:
+        `Channels`.
+
+    Raises:
+        ValueError: if the recording has 3-D force but no velocity, no usable sample or the same force in all samples,
+            or `turnarounds` is unknown.
+    """
+    samples, rate = recording.samples, recording.rate
+    speed, angle, positions = None, None, np.empty(0, dtype=np.int64)
+    if recording.velocity is not None:
+        velocity, velocity_rate = recording.velocity, recording.velocity_rate
+        speed = at_rate(np.hypot(velocity[:, 0], velocity[:, 1]), velocity_rate, rate, samples)
+        angle = sliding_direction(velocity, velocity_rate)
+        positions = np.round(find_turnarounds(angle, velocity_rate) * rate).astype(np.int64)
+        positions = positions[positions < samples]
+        angle = at_rate(angle, velocity_rate, rate, samples)
+    force = recording.force if recording.force is not None else recording.lateral
+    broken = _out_of_range(force, rate, recording.unit)
+    lateral, normal = _project(recording, angle)
+    lateral = np.where(broken, np.nan, lateral)
+    if np.isnan(lateral).all():
+        raise ValueError(f"{recording.name} has no sample that is neither missing nor saturated. Leave it out.")
+    if np.nanmin(force) == np.nanmax(force):
+        raise ValueError(f"{recording.name} has the same force in all samples: the sensor was dead. Leave it out.")
+    flipped = recording.force is not None and bool(np.nanmean(lateral) < 0)
+    lateral = -lateral if flipped else lateral
+    lateral, excluded = treat_turnarounds(lateral, positions, rate, turnarounds)
+    return Channels(lateral, normal, speed, positions, broken, excluded, flipped)
+
+
+def _out_of_range(force, rate, unit):
+    axes = force.T if force.ndim == 2 else [force]
+    broken = np.any([saturated(axis, rate) for axis in axes], axis=0)
+    return broken | over_range(force) if unit == "N" else broken
+
+
+def _project(recording, angle):
+    """Force along the sliding direction, (n,) float64, and normal force in N, (n,) or None."""
+    force = recording.force
+    if force is None:
+        return recording.lateral.astype(np.float64), None
+    if angle is None:
+        raise ValueError(
+            f"{recording.name} has 3-D `force` but no `velocity`: the sliding direction is unknown. "
+            "Store `velocity`, or the projected force as `lateral`."
+        )
+    # counts of different axes need not be alike: a limit in newtons, and a ratio, have no meaning for them
+    normal = np.abs(force[:, 2]) if recording.unit == "N" else None
+    return force[:, 0] * np.cos(angle) + force[:, 1] * np.sin(angle), normal
+
+
+def at_rate(values, rate_in, rate_out, samples):
+    """Linear interpolation of a channel that starts at the same instant: (samples,) float64.
+
+    The last value is held for one of its own samples; later, and beside a NaN, the result is NaN.
+    """
+    time = np.arange(samples) * (rate_in / rate_out)
+    return np.where(time < len(values), np.interp(time, np.arange(len(values)), values), np.nan)
+
+
+def sliding_direction(velocity, rate):
+    """Angle of the sliding direction, from low-passed velocity and held through speeds below 10 mm/s.
+
+    Args:
+        velocity (`np.ndarray`): (m, 2) mm/s; NaN is treated as standing still.
+        rate (`float`): Hz.
+
+    Returns:
+        `np.ndarray`: (m,) rad, unwrapped.
+    """
+    velocity = np.nan_to_num(np.asarray(velocity, dtype=np.float64))
+    if DIRECTION_BANDWIDTH < rate / 2:
+        sections = signal.butter(2, DIRECTION_BANDWIDTH, fs=rate, output="sos")
+        velocity = signal.sosfiltfilt(sections, velocity, axis=0)
+    moving = np.hypot(velocity[:, 0], velocity[:, 1]) >= SLOWEST_DIRECTION
+    if not moving.any():
+        moving[:] = True
+    last = np.maximum.accumulate(np.where(moving, np.arange(len(moving)), -1))
+    last[last < 0] = np.argmax(moving)
+    held = velocity[last]
+    return np.unwrap(np.arctan2(held[:, 1], held[:, 0]))
+
+
+def filtered_with_gaps(lateral, rate, band, order, passes):
+    """Band-passes a whole recording that may hold NaN.
+
+    Gaps are interpolated for the filter. Samples within two periods of the band's low edge of a gap, or of an end of
+    the recording, carry filter transients: they are not valid.
+
+    Args:
+        lateral (`np.ndarray`): (n,) N.
+        rate (`int`): Hz.
+        band, order, passes: of `signal.band_pass`.
+
+    Returns:
+        `tuple[np.ndarray, np.ndarray]`: filtered (n,) float32 and valid (n,) bool.
+    """
+    missing = np.isnan(lateral)
+    margin = int(np.ceil(2 * rate / band[0]))
+    valid = ~mask_of_runs(true_runs(missing) + [-margin, margin], len(lateral))
+    valid[:margin] = valid[max(0, len(valid) - margin) :] = False
+    filtered = band_pass(interpolated(lateral, missing), rate, band=band, order=order, passes=passes)
+    return filtered.astype(np.float32), valid
