@@ -1,4 +1,4 @@
-"""`ablate.py`: trains the rows of an ablation one after the other, measures them, and tells them."""
+"""`ablate.py`: trains the rows of an ablation one after the other, measures them, and reports them."""
 
 import json
 import signal
@@ -7,7 +7,15 @@ from pathlib import Path
 
 from tqdm.auto import tqdm
 
-from tactile_diffusers.cli.program import Parser, program, refuse
+from tactile_diffusers.cli.program import (
+    Parser,
+    add_output_argument,
+    count,
+    existing_file,
+    existing_folder,
+    program,
+    refuse,
+)
 from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.io.reading import read_json, reading
@@ -28,21 +36,16 @@ def parse_arguments(scripts, argv=None):
         "is kept under OUTPUT/ROW: the same command goes on where it was cut off. A row is done again when its file "
         "changes; after a change of the code delete its folder, or only its result.json to measure it again.",
     )
-    parser.add_argument("--data", type=Path, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
-    parser.add_argument("--rows", type=Path, default=scripts / ROWS, metavar="FOLDER", help="row files; default: ours")
-    parser.add_argument("--output", type=Path, required=True, metavar="FOLDER", help="trainings, results, report.md")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="rows to train and measure; default: all")
-    parser.add_argument("--threads", type=int, default=1, help="of training and measuring; default: 1")
-    parser.add_argument("--split", choices=SPLITS[1:], default="validation", help="default: validation")
-    parser.add_argument("--report-only", action="store_true", help="only tell what is done")
-    parser.add_argument("--quiet", action="store_true", help="no progress bars")
+    add = parser.add_argument
+    add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
+    add("--rows", type=existing_folder, default=scripts / ROWS, metavar="FOLDER", help="row files; default: ours")
+    add_output_argument(parser, "trainings, results, report.md")
+    add("--only", nargs="+", metavar="NAME", help="rows to train and measure; default: all")
+    add("--threads", type=count, default=1, help="of training and measuring; default: 1")
+    add("--split", choices=SPLITS[1:], default="validation", help="held-out surfaces; default: validation")
+    add("--report_only", action="store_true", help="only report what is done; default: train and measure first")
+    add("--quiet", action="store_true", help="no progress bars; default: show them")
     arguments = parser.parse_args(argv)
-    if not arguments.data.is_file():
-        parser.error(f"argument --data: {arguments.data} is not a file; write one with examples/prepare_data.py")
-    if not arguments.rows.is_dir():
-        parser.error(f"argument --rows: {arguments.rows} is not a folder; give one with row files NAME.json")
-    if arguments.threads < 1:
-        parser.error(f"argument --threads: must be at least 1, got {arguments.threads}")
     return arguments
 
 
@@ -54,7 +57,7 @@ def main(argv=None, scripts=Path(__file__).parents[1]):
         scripts (`Path`, *optional*): folder of the training scripts.
 
     Returns:
-        `int`: 0; 1 if a row failed or there is nothing to tell; 2 if rows or folders are not as they must be.
+        `int`: 0; 1 if a row failed or there is nothing to report; 2 if rows or folders are not as they must be.
     """
     arguments = parse_arguments(scripts, argv)
     import torch
@@ -83,8 +86,8 @@ def main(argv=None, scripts=Path(__file__).parents[1]):
             except (RuntimeError, ValueError, OSError) as error:
                 refuse("ablate.py", f"row {row.name}: {error}")
                 failed = True
-    told = _tell(rows, plans, arguments)
-    return int(failed or not told)
+    reported = _report(rows, plans, arguments)
+    return int(failed or not reported)
 
 
 def _chosen(rows, only):
@@ -147,11 +150,11 @@ def _run(row, plan, scripts, arguments, bench):
         write_text(folder / "result.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
-def _tell(rows, plans, arguments):
+def _report(rows, plans, arguments):
     """Writes ablation.json, report.md and the pictures of the rows that are done, and the README if asked to.
 
     Returns:
-        `bool`: whether there was a row to tell.
+        `bool`: whether there was a row to report.
     """
     from ablate_results import markdown, plot_rate_distortion, plot_rows
 

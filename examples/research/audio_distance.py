@@ -1,9 +1,9 @@
 """`python audio_distance.py`: the Fréchet audio distance of the paper (section 3.3), on an offline embedding.
 
-The paper does not say which embedding it used. The usual one, VGGish, does not fit textures: it hears 125 to 7500 Hz,
-so it misses the lower half of the octaves that a finger feels and mostly hears what should be empty; it needs a
-download, and its fixed offset in the logarithm makes the distance depend on the scaling of the input. The default here
-is another embedding, and its distances cannot be compared with those of VGGish.
+The paper does not say which embedding it used. The usual one, VGGish, does not fit textures: it covers 125 to 7500
+Hz, which misses the lower half of the octaves that a finger feels and is mostly empty; it needs a download, and its
+offset in the logarithm makes the distance depend on the scaling of the input. The embedding here is another one: its
+distances cannot be compared with those of VGGish.
 """
 
 import sys

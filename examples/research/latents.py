@@ -144,7 +144,7 @@ def _participation(latents):
 
 
 def time_shift(encode, textures, sampling_rate, frame_seconds, layers, surfaces):
-    """Whether a delayed texture has delayed latents, in the middle half of it: the ends are heard differently.
+    """Whether a delayed texture has delayed latents, in the middle half of it, because the ends differ.
 
     Args:
         encode (`Callable`): textures (n, samples) -> latents (n, channels, frames).

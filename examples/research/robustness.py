@@ -25,7 +25,7 @@ COUNT = 4
 RMS_N = 0.01
 #: A constant force, N, as a sensor's offset or a mean friction force; and the height of a click, N.
 CONSTANT_N, CLICK_N = 0.5, 0.1
-#: The least and largest level that is asked for, N.
+#: The least and largest level of an input, N.
 FAINT_N, LOUD_N = 1e-6, 10.0
 #: A level counts from here on, dB re 1 N; a band counts down to this below the strongest one, dB.
 LEAST_LEVEL_DB, WEAKEST_BAND_DB = -200.0, 40.0

@@ -226,7 +226,7 @@ def test_bad_requests_are_refused(gaussian):
     with pytest.raises(ValueError, match="`request` must be 3 ratings"):
         gaussian.mean("line", [1.0, 2.0, np.inf])
     with pytest.raises(ValueError, match="`width`"):
-        gaussian.weights(POPULATION, width=0)
+        log_kernel(gaussian.ratings, POPULATION, width=0)
 
 
 # virtual surfaces, tiny

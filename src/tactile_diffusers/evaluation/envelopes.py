@@ -105,15 +105,9 @@ def in_chunks(function, textures):
 
 
 def spectrum_db(textures, grid):
-    """Welch's density inside the band.
+    """Welch's density of textures (m, samples) N inside the band.
 
-    Args:
-        textures (`np.ndarray`): (m, samples), N.
-        grid (`Grid`): of these textures.
-
-    Returns:
-        `tuple[np.ndarray, np.ndarray]`: frequencies (points,) in Hz, 5 Hz apart, and density (m, points), dB re
-        1 N^2/Hz.
+    Frequencies (points,) in Hz, 5 Hz apart, and density (m, points), dB re 1 N^2/Hz.
     """
     rate = grid.sampling_rate
     frequencies = power_spectral_density(textures[:1], rate)[0]
@@ -129,17 +123,10 @@ def nine_band_levels_db(textures, grid):
 
 
 def fit_beta(textures, grid):
-    """Beta distribution with the mean and variance of each amplitude spectrum over linear frequency.
+    """Beta distribution with the mean and variance of each amplitude spectrum over linear frequency: (n, 2), a and b.
 
     With u = (f - low) / (high - low), mean m and variance v of u under the amplitude spectrum (the root of Welch's
-    density): kappa = m (1 - m) / v - 1, a = m kappa, b = (1 - m) kappa.
-
-    Args:
-        textures (`np.ndarray`): (n, samples), N.
-        grid (`Grid`): of these textures.
-
-    Returns:
-        `np.ndarray`: (n, 2), a and b. Silence has the flat spectrum of the floor: about (1, 1).
+    density): kappa = m (1 - m) / v - 1, a = m kappa, b = (1 - m) kappa. Silence gives about (1, 1).
     """
     frequencies, decibels = spectrum_db(textures, grid)
     amplitude = 10 ** (decibels / 20)
@@ -152,15 +139,7 @@ def fit_beta(textures, grid):
 
 
 def beta_density(parameters, grid):
-    """Power spectra whose amplitude is a beta density of linear frequency.
-
-    Args:
-        parameters (`np.ndarray`): (n, 2), a and b.
-        grid (`Grid`): bins.
-
-    Returns:
-        `np.ndarray`: (n, bins), relative power per Hz.
-    """
+    """Power spectra (n, bins), relative, whose amplitude is a beta density of linear frequency; parameters (n, 2)."""
     u = np.clip(_relative(grid.frequencies, grid), BETA_MARGIN, 1 - BETA_MARGIN)
     logarithm = stats.beta.logpdf(u, parameters[:, :1], parameters[:, 1:])
     # sharp densities overflow: relative to their largest value, which `Grid.noise` ignores
@@ -172,17 +151,10 @@ def _relative(frequencies, grid):
 
 
 def fit_slope(textures, grid):
-    """Asymmetric band-pass through each spectrum: corner frequency, high-pass and low-pass order.
+    """Asymmetric band-pass through each spectrum: (n, 3), corner frequency in Hz, high-pass and low-pass order.
 
     Least squares of decibels over logarithmic bands, so that each octave weighs the same. The gain is left to the
     level.
-
-    Args:
-        textures (`np.ndarray`): (n, samples), N.
-        grid (`Grid`): of these textures.
-
-    Returns:
-        `np.ndarray`: (n, 3), corner in Hz, high-pass order, low-pass order.
     """
     edges = band_edges(SLOPE_BANDS, grid.band)
     levels = in_chunks(lambda rows: band_levels_db(rows, grid.sampling_rate, edges), textures)
@@ -202,14 +174,9 @@ def fit_slope(textures, grid):
 
 
 def slope_density(parameters, grid):
-    """Power spectra of the asymmetric band-pass: `1 / ((1 + (fc/f)^(2 n_hp)) (1 + (f/fc)^(2 n_lp)))`.
+    """Power spectra (n, bins) of the band-pass: `1 / ((1 + (fc/f)^(2 n_hp)) (1 + (f/fc)^(2 n_lp)))`.
 
-    Args:
-        parameters (`np.ndarray`): (n, 3), corner fc in Hz, orders n_hp and n_lp.
-        grid (`Grid`): bins.
-
-    Returns:
-        `np.ndarray`: (n, bins), relative power per Hz.
+    Parameters (n, 3): corner fc in Hz, orders n_hp and n_lp.
     """
     return 10 ** (_slope_db(parameters.T[..., None], grid.frequencies) / 10)
 
@@ -223,17 +190,10 @@ def _slope_db(parameters, frequencies):
 
 
 def lpc_density(textures, grid, order=LPC_ORDER):
-    """Power spectra of autoregressive models (linear prediction, autocorrelation method, hence stable).
+    """Power spectra (n, bins) of autoregressive models: `1 / |1 - sum_k a_k exp(-2 pi i k f / rate)|^2`.
 
-    At `WORKING_RATE`: at 10 kHz four fifths of the spectrum would be empty and take the poles for themselves.
-
-    Args:
-        textures (`np.ndarray`): (n, samples), N.
-        grid (`Grid`): of these textures; its sampling rate is a whole number.
-        order (`int`): number of coefficients.
-
-    Returns:
-        `np.ndarray`: (n, bins), relative power per Hz: `1 / |1 - sum_k a_k exp(-2 pi i k f / rate)|^2`.
+    Linear prediction by the autocorrelation method, hence stable, at `WORKING_RATE`: at 10 kHz the poles would go to
+    the empty four fifths of the spectrum.
     """
     rate = min(grid.sampling_rate, WORKING_RATE)
     rows = in_chunks(lambda part: _autocorrelation(resample(part, grid.sampling_rate, rate), order + 1), textures)
@@ -251,18 +211,10 @@ def _autocorrelation(textures, lags):
 
 
 def nine_band_density(levels_db, grid, iterations=20):
-    """Smooth power spectra with given levels in the nine bands: linear in dB over log frequency between band centres.
+    """Smooth power spectra (n, bins), N^2/Hz, with given levels (n, 9), dB re 1 N^2, in the nine bands.
 
-    The levels at the centres are shifted until each band holds the power that is asked for; a straight line through
-    the band's mean density would miss it by a decibel or two where the spectrum bends.
-
-    Args:
-        levels_db (`np.ndarray`): (n, 9), dB re 1 N^2, as from `band_levels_db`.
-        grid (`Grid`): bins; each band must hold some.
-        iterations (`int`): of the shifting, which gains a factor of about two each time.
-
-    Returns:
-        `np.ndarray`: (n, bins), N^2/Hz.
+    Linear in dB over log frequency between band centres. The levels at the centres are shifted until each band holds
+    its power; each of the `iterations` halves what is missing, a decibel or two at first.
     """
     edges = band_edges(levels_db.shape[-1], grid.band)
     centres = np.sqrt(edges[:-1] * edges[1:])
@@ -276,15 +228,10 @@ def nine_band_density(levels_db, grid, iterations=20):
 
 
 def ridge_fit(inputs, targets, penalty):
-    """Ridge regression of one target; rows whose target is NaN are left out.
+    """Ridge regression of targets (surfaces,) on inputs (surfaces, 3): intercept and slopes (3,).
 
-    Args:
-        inputs (`np.ndarray`): (surfaces, 3).
-        targets (`np.ndarray`): (surfaces,).
-        penalty (`float`): added to the sums of squares of the centred inputs.
-
-    Returns:
-        `tuple[float, np.ndarray]`: intercept, and slopes (3,). The intercept is NaN where no target is known.
+    Rows whose target is NaN are left out; the intercept is NaN where no target is known. `penalty` is added to the sums
+    of squares of the centred inputs.
     """
     known = np.isfinite(targets)
     if not known.any():
@@ -296,24 +243,18 @@ def ridge_fit(inputs, targets, penalty):
 
 
 def draw_missing(values, mean, covariance, normal):
-    """Fills NaN by draws from a Gaussian, given the values of the same row that are known.
+    """Fills NaN in values (n, d) by draws from a Gaussian, given the known values of the same row.
 
-    Args:
-        values (`np.ndarray`): (n, d), NaN = to be drawn.
-        mean, covariance (`np.ndarray`): (d,) and (d, d), of the Gaussian; the covariance may be singular.
-        normal (`np.ndarray`): (n, d) standard normal numbers, used where a value is missing.
-
-    Returns:
-        `np.ndarray`: (n, d), finite.
+    The mean (d,) and covariance (d, d) are the Gaussian's; `normal` (n, d) holds standard normal numbers.
     """
     offsets = values - mean
     for pattern in np.unique(np.isnan(values), axis=0):
         rows = np.flatnonzero((np.isnan(values) == pattern).all(-1))
-        missing, given = np.flatnonzero(pattern), np.flatnonzero(~pattern)
-        cross = covariance[np.ix_(missing, given)]
-        gain = cross @ np.linalg.pinv(covariance[np.ix_(given, given)])
+        missing, known = np.flatnonzero(pattern), np.flatnonzero(~pattern)
+        cross = covariance[np.ix_(missing, known)]
+        gain = cross @ np.linalg.pinv(covariance[np.ix_(known, known)])
         left = covariance[np.ix_(missing, missing)] - gain @ cross.T
-        drawn = offsets[np.ix_(rows, given)] @ gain.T + normal[np.ix_(rows, missing)] @ covariance_root(left)
+        drawn = offsets[np.ix_(rows, known)] @ gain.T + normal[np.ix_(rows, missing)] @ covariance_root(left)
         offsets[np.ix_(rows, missing)] = drawn
     return mean + offsets
 

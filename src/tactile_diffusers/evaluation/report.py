@@ -45,7 +45,7 @@ def run_sections(context, names, checkpoint, training=()):
         training (`Sequence[Path]`): folders of the phases of its LCTG's training; by default what lies in `checkpoint`.
 
     Returns:
-        `dict`: the report. Sections that were not asked for, or have nothing to measure, are None; "anchors" holds the
+        `dict`: the report. Sections that are not in `names`, or have nothing to measure, are None; "anchors" holds the
         leaves and training facts of each of the context's anchors, or is None.
     """
     conditions = _conditions(context, checkpoint)

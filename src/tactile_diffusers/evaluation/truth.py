@@ -58,47 +58,45 @@ class RatedTextures:
             raise ValueError(f"`surface_ids` must name each of the {surfaces} surfaces at least once, and no other.")
         self._textures = np.bincount(self.surface_ids)
 
-    def surface_weights(self, request, width=KERNEL_WIDTH):
-        """How much each surface counts for a request: (S,), of sum 1.
+    def surface_weights(self, request):
+        """Weight of each surface for a request: (S,), of sum 1.
 
         Args:
             request (`Sequence[float]`): (3,) z-scores; NaN or None = not specified.
-            width (`float`): standard deviation of the kernel, z-scores.
 
         Raises:
-            ValueError: if `request` is not three ratings, `width` is not above zero, or no surface is rated on a
-                specified axis.
+            ValueError: if `request` is not three ratings, or no surface is rated on a specified axis.
         """
-        logs = log_kernel(self.ratings, request, width) + np.log(self.importance)
+        logs = log_kernel(self.ratings, request) + np.log(self.importance)
         weights = np.exp(logs - logs.max())
         return weights / weights.sum()
 
-    def weights(self, request, width=KERNEL_WIDTH):
-        """How much each texture counts for a request: (n,), of sum 1; a surface's textures share its weight."""
-        return (self.surface_weights(request, width) / self._textures)[self.surface_ids]
+    def weights(self, request):
+        """Weight of each texture for a request: (n,), of sum 1; a surface's textures share its weight."""
+        return (self.surface_weights(request) / self._textures)[self.surface_ids]
 
-    def effective_size(self, request, width=KERNEL_WIDTH):
+    def effective_size(self, request):
         """Number of equally weighted surfaces that would be as good: (sum w)^2 / sum w^2 (Kish 1965).
 
         Below `LEAST_EFFECTIVE_SIZE` the request is extrapolation.
         """
-        return float(1 / np.sum(self.surface_weights(request, width) ** 2))
+        return float(1 / np.sum(self.surface_weights(request) ** 2))
 
-    def mean_rating(self, request, width=KERNEL_WIDTH):
+    def mean_rating(self, request):
         """Mean ratings of the surfaces that count for a request: (3,).
 
         On specified axes they lie nearer to the middle than the request, because the kernel finds more surfaces on
         that side; on the others they say what comes along (bumpy surfaces are rougher). NaN where none is rated.
         """
-        weights = self.surface_weights(request, width)[:, None] * ~np.isnan(self.ratings)
+        weights = self.surface_weights(request)[:, None] * ~np.isnan(self.ratings)
         total = weights.sum(0)
         return np.where(total > 0, (weights * np.nan_to_num(self.ratings)).sum(0) / np.maximum(total, 1e-300), np.nan)
 
-    def draw_ratings(self, request, count, width=KERNEL_WIDTH):
-        """Ratings of the surfaces that count for a request: what to ask for, to be compared with them.
+    def draw_ratings(self, request, count):
+        """Ratings of the surfaces that count for a request: those to generate from, to be compared with them.
 
         Args:
-            request, width: as for `surface_weights`; one specified axis at most.
+            request: as for `surface_weights`; one specified axis at most.
             count (`int`): evenly spread over their distribution.
 
         Returns:
@@ -115,33 +113,33 @@ class RatedTextures:
         if len(specified):
             values = self.ratings[:, specified[0]]
             order = np.argsort(values)
-            shares = np.cumsum(np.nan_to_num(self.surface_weights(request, width))[order])
+            shares = np.cumsum(np.nan_to_num(self.surface_weights(request))[order])
             places = np.searchsorted(shares, (np.arange(count) + 0.5) / count * shares[-1])
             drawn[:, specified[0]] = values[order][np.minimum(places, len(order) - 1)]
         return drawn
 
-    def mean(self, name, request, width=KERNEL_WIDTH):
+    def mean(self, name, request):
         """Weighted mean of a measure over textures: (...,)."""
-        return np.tensordot(self.weights(request, width), self.measures[name], 1)
+        return np.tensordot(self.weights(request), self.measures[name], 1)
 
-    def spread(self, name, request, width=KERNEL_WIDTH):
+    def spread(self, name, request):
         """Weighted standard deviation of a measure over textures, of and within surfaces: (...,)."""
         values = self.measures[name]
-        squares = np.square(values - self.mean(name, request, width))
-        return np.sqrt(np.tensordot(self.weights(request, width), squares, 1))
+        squares = np.square(values - self.mean(name, request))
+        return np.sqrt(np.tensordot(self.weights(request), squares, 1))
 
-    def interval(self, name, request, width=KERNEL_WIDTH):
+    def interval(self, name, request):
         """95 % interval of `mean`, from a jackknife that leaves out one surface at a time.
 
         Returns:
             `tuple[np.ndarray, np.ndarray]`: low and high, (...,) each; NaN if fewer than two surfaces count.
         """
-        values, weights = self.measures[name], self.surface_weights(request, width)
+        values, weights = self.measures[name], self.surface_weights(request)
         sums = np.zeros((len(weights), *values.shape[1:]))
         np.add.at(sums, self.surface_ids, values)
         column = (slice(None), *[None] * (values.ndim - 1))
         shares = sums * (weights / self._textures)[column]
-        estimate, size = shares.sum(0), self.effective_size(request, width)
+        estimate, size = shares.sum(0), self.effective_size(request)
         if size < 2:
             return np.full_like(estimate, np.nan), np.full_like(estimate, np.nan)
         left_out = (estimate - shares) / (1 - weights)[column]

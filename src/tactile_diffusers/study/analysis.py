@@ -39,7 +39,7 @@ def analyse(key, answers, missing=0, seed=0):
         "abx": condition -> leaves "proportion_correct", "dprime" (of the mean proportion) and "difference" (of the
         proportion, to another take); "abx_participants": participant -> condition -> numbers; "similarity": condition
         -> leaves "similarity" and "difference"; "ratings": condition -> axis -> leaves "slope" (answer units per
-        z-score asked for), "difference" (of the slope, to the reference take), "correlation" and the number "spread";
+        requested z-score), "difference" (of the slope, to the reference take), "correlation" and the number "spread";
         "reliability": axis -> numbers. A task that nobody did is None.
 
     Raises:

@@ -1,6 +1,6 @@
-"""A transparent embedding of textures: 53 numbers, each of which can be named, for distances between sets.
+"""A transparent embedding of textures for distances between sets: 53 features with names.
 
-Embeddings of audio networks do not fit: VGGish, for one, hears 125 to 7500 Hz and so misses the lower half of the
+Embeddings of audio networks do not fit: VGGish, for example, covers 125 to 7500 Hz and so misses the lower half of the
 octaves that a finger feels.
 """
 

@@ -18,7 +18,7 @@ from ..sampling import noise_seeds
 from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
 from ..virtual_truth import truth_of
 
-# requests from which three slopes and an intercept can be told, also with one left out
+# fewest requests for three slopes and an intercept, also with one left out
 _FEWEST_REQUESTS = 6
 # baselines that work from ratings
 _STEERABLE = ("knn_blend", "ridge")
