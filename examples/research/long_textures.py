@@ -22,6 +22,7 @@ def main(argv=None):
     arguments = parser.parse_args(argv)
     pipe, ratings = load_pipeline(arguments.checkpoint), [[None] * 3] * arguments.textures
     found = long_texture_study(pipe, ratings, arguments.duration_s, arguments.seed)
+    found["overlap_bands_db"] = ", ".join(f"{value:.2f}" for value in found["overlap_bands_db"])
     labels = {
         "overlap_rms_db": "level where windows overlap against elsewhere, dB",
         "overlap_bands_db": "the same in the upper seven bands, dB",
