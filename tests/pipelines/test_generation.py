@@ -128,13 +128,8 @@ def test_a_list_of_generators_equals_single_calls(pipe, duration_s):
 
 
 def _on_step(model, record):
-    """`record(args)` of the model at each step; without a sample, it only prepares its conditions."""
-
-    def hook(module, args):
-        if args[0] is not None:
-            record(args)
-
-    return model.register_forward_pre_hook(hook)
+    """Calls `record(args)` at each step of a model."""
+    return model.register_forward_pre_hook(lambda module, args: record(args))
 
 
 def test_one_generator_draws_for_dale_and_then_for_lctg(pipe):
