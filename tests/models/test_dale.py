@@ -144,20 +144,6 @@ def test_friction_that_training_never_knew_stays_unknown(make_dale):
     assert state.isfinite().all() and friction.isnan().all() and level.isfinite().all()
 
 
-def test_scalar_channels_are_read_by_their_sum_only(dale):
-    sample = _normal(2, 6, 32)
-    ratings = torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])
-    shuffled = sample.clone()
-    shuffled[:, 4:] = sample[:, 4:, torch.randperm(32, generator=torch.Generator().manual_seed(1))]
-    expected = _velocity(dale, ratings, sample)
-    torch.testing.assert_close(_velocity(dale, ratings, shuffled), expected, rtol=0, atol=1e-5)  # order of a sum
-    moved = sample.clone()
-    moved[:, 4] += 0.2
-    assert not torch.allclose(_velocity(dale, ratings, moved), expected, atol=1e-3)
-    for channel in (4, 5):  # the velocity of a number is the same at every frame
-        assert torch.equal(expected[:, channel], expected[:, channel, :1].expand(-1, 32))
-
-
 def test_unpack_gives_positive_friction_and_float32(dale):
     latents, level, friction = dale.unpack(_normal(8, 6, 32) * 3)
     assert (friction > 0).all() and level.dtype == friction.dtype == torch.float32

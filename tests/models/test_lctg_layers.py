@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from tactile_diffusers import LCTGModel, VDDIMScheduler
+from tactile_diffusers import VDDIMScheduler
 from tactile_diffusers.features.low_band import sample_low_band, synthesize
 
 #: features: 2 band levels, the 24 of `tests/conftest.py`, 2 samples of the waveform's low end;
@@ -123,20 +123,6 @@ def test_the_decoder_denoises_what_is_left(layered):
 
 
 @torch.no_grad()
-def test_an_angle_is_the_schedulers(layered):
-    # the model adds the given waveform by an angle of its own
-    scheduler, times = VDDIMScheduler(), torch.tensor([-1.0, 0.0, 333.3, 999.0])
-    clean = synthesize(_serial(latents := _normal(4, 2, 32)), 8)
-    latents = torch.cat([torch.zeros(4, 4, 32), latents], dim=1)
-    heard = []
-    layered.decoder.register_forward_pre_hook(lambda module, args: heard.append(args[0]))
-    layered(scheduler.add_noise(clean, noise := _normal(4, 1, 512, seed=1), times), times, latents)
-    left = heard[0][:, :1]
-    expected = scheduler.angle(times).sin()[:, None, None].float() * noise
-    torch.testing.assert_close(left, expected, rtol=0, atol=1e-5)  # nothing but noise is left, float32
-
-
-@torch.no_grad()
 def test_the_detail_layer_follows_a_delay_of_whole_frames(layered, make_extractor, pink_noise):
     extractor = make_extractor(level_bands=1, detail_samples=2)
     waveform = pink_noise(1024, 2500, count=2, rms=1.0).astype(np.float32)
@@ -156,24 +142,6 @@ def test_band_levels_and_detail_of_the_extractor_come_back(layered, make_extract
     latents = layered.encode(torch.from_numpy(extractor.features(waveform)))
     assert torch.equal(layered.band_levels(latents), torch.from_numpy(extractor.band_levels(waveform)))
     np.testing.assert_array_equal(_serial(latents[:, 4:]).numpy(), sample_low_band(waveform, 8).astype(np.float32))
-
-
-@torch.no_grad()
-@pytest.mark.parametrize(
-    "config", [LAYERED, {"level_bands": 1}, {k: v for k, v in LAYERED.items() if k != "level_bands"}]
-)
-def test_saving_and_loading(make_lctg, tmp_path, config, recorded_warnings):
-    model = make_lctg(**config)
-    model.save_pretrained(tmp_path)
-    with recorded_warnings() as found:
-        again = LCTGModel.from_pretrained(tmp_path)
-    assert found == [] and {name: again.config[name] for name in config} == config
-    latents = model.encode(features := _normal(1, model.config.feature_channels, 16))
-    assert torch.equal(again.encode(features), latents)
-    levels = model.band_levels(latents)
-    assert (levels is None) == ("level_bands" not in config)
-    if levels is not None:
-        assert torch.equal(again.band_levels(latents), levels)
 
 
 @pytest.mark.parametrize("checkpointed", [False, True])

@@ -4,7 +4,6 @@ Every test randomises the parameters first (`make_lctg`, `make_dale`): a new mod
 """
 
 import copy
-import json
 import pickle
 
 import pytest
@@ -74,12 +73,6 @@ def test_dict_and_tuple_outputs_are_equal(make_model, kind):
         plain = model(*inputs, return_dict=False)
     assert isinstance(plain, tuple) and len(plain) == 1 and torch.equal(plain[0], out)
     assert out.shape == inputs[0].shape and out.std() > 0.1
-
-
-def test_same_input_same_output(make_model, kind):
-    model = make_model(kind)
-    inputs = _inputs(model)
-    assert torch.equal(_run(model, inputs), _run(model, inputs))
 
 
 def test_forms_of_the_timestep_are_equal(make_model, kind):
@@ -194,29 +187,6 @@ def test_half_precision_is_finite_and_near(make_model, kind, dtype):
     assert out.dtype == dtype and out.isfinite().all()
     error = (out.float() - expected).norm() / expected.norm()
     assert error < 0.1  # bfloat16 has 8 bits: 0.4 % each through some ten layers
-
-
-def test_loud_half_precision_stays_finite(make_model, kind):
-    # norms are computed in float32: the square of 300 is above the largest float16
-    model = make_model(kind).half()
-    sample, timestep, condition = _inputs(model)
-    assert _run(model, ((sample * 300).half(), timestep, condition)).isfinite().all()
-
-
-def test_config_survives_json(make_model, kind):
-    model = make_model(kind)
-    config = json.loads(model.to_json_string())
-    again = KINDS[kind].from_config(config)
-    assert json.loads(again.to_json_string()) == config
-    assert [p.shape for p in again.parameters()] == [p.shape for p in model.parameters()]
-
-
-def test_every_argument_is_in_the_config(kind):
-    import inspect
-
-    names = set(inspect.signature(KINDS[kind].__init__).parameters) - {"self"}
-    assert names <= set(KINDS[kind]().config)
-    assert all(p.kind is not p.VAR_KEYWORD for p in inspect.signature(KINDS[kind].__init__).parameters.values())
 
 
 def test_models_pickle_and_copy(make_model, kind):

@@ -156,6 +156,8 @@ def test_the_estimator_is_a_model_of_the_package_too(randomized, tmp_path, recor
         assert not found and not again.training
         with torch.no_grad():
             torch.testing.assert_close(again(numbers, known), model(numbers, known), rtol=0, atol=1e-6)
+    placed = RatingEstimator.from_pretrained(tmp_path / "plain", device_map="auto")
+    assert placed._no_split_modules and next(placed.parameters()).isfinite().all()
     half = RatingEstimator.from_pretrained(tmp_path / "plain", dtype=torch.bfloat16)
     assert half(numbers.bfloat16()).dtype == torch.bfloat16
 
