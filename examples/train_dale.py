@@ -40,7 +40,7 @@ def parse_args(argv=None):
     parser = training_parser(__doc__, train_batch_size=64)
     add = parser.add_argument
     add("--pretrained_model_name_or_path", required=True, help="pipeline folder with the trained LCTG")
-    add("--model_config_name_or_path", help="JSON with dale and dale_scheduler arguments")
+    add("--model_config_name_or_path", help="JSON: dale and dale_scheduler arguments, modules kept_at_zero")
     add("--max_train_surfaces", type=at_least_one, help="use only this many training surfaces, evenly spread")
     add(
         "--ratings",

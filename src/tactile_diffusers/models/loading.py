@@ -1,4 +1,4 @@
-"""Models from folders that may be damaged, or anyone's: nothing is unpickled, and a model is whole or refused."""
+"""Loading models from folders that may be damaged or untrusted: no pickles, and no model with parts missing."""
 
 import functools
 import inspect
@@ -13,14 +13,14 @@ from ..io.reading import read_json, reading
 WEIGHTS = "diffusion_pytorch_model"
 PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl", ".pickle")
 WHY_NO_PICKLES = (
-    "Such files are pickles, and reading a pickle runs whatever code its author put there, so they are never read. "
-    "Only safetensors are: if you trust the file, load it where it was made and save it again with `save_pretrained`."
+    "Such files are pickles, and reading a pickle runs the code in it, so only safetensors are read. If you trust the "
+    "file, load it where it was written and save it again with `save_pretrained`."
 )
 _AGAIN = "Copy the checkpoint again as a whole."
 
 
 class SafeLoadingMixin:
-    """`from_pretrained` of a model that takes no pickles, and refuses what does not fit before memory is spent."""
+    """`from_pretrained` that reads no pickles, and compares config and weights before it loads them."""
 
     @classmethod
     def from_pretrained(cls, pretrained_model_name_or_path, **kwargs):
@@ -42,11 +42,11 @@ class SafeLoadingMixin:
         with_info = kwargs.pop("output_loading_info", False)
         kwargs["use_safetensors"] = True  # the default, None, would fall back to pickles
         model, info = super().from_pretrained(pretrained_model_name_or_path, output_loading_info=True, **kwargs)
-        damaged = [*info["missing_keys"], *(name for name, part in model.named_parameters() if _holds_no_numbers(part))]
+        damaged = [*info["missing_keys"], *(name for name, part in model.named_parameters() if _is_not_finite(part))]
         if damaged:
             raise ValueError(
                 f"{WEIGHTS}.safetensors of {pretrained_model_name_or_path} lacks weights of {cls.__name__}, or they "
-                f"are no numbers: {damaged[:3]}. {_AGAIN}"
+                f"are not finite: {damaged[:3]}. {_AGAIN}"
             )
         return (model, info) if with_info else model
 
@@ -58,13 +58,13 @@ class SafeLoadingMixin:
         return super().save_pretrained(save_directory, *args, **kwargs)
 
 
-def _holds_no_numbers(parameter):
+def _is_not_finite(parameter):
     plain = parameter.dtype in (torch.float16, torch.bfloat16, torch.float32) and not parameter.is_meta
     return plain and not parameter.isfinite().all()
 
 
 def _check_model_folder(cls, folder, variant, changes):
-    """Raises unless config and weights of a local folder are there and fit each other; only headers are read."""
+    """Raises unless config and weights of a local folder exist and fit each other; reads only their headers."""
     if not (folder / "config.json").is_file():
         pipeline = (folder / "model_index.json").is_file()
         remedy = f"{folder} is a pipeline's: name the model's `subfolder`, too." if pipeline else _AGAIN
@@ -76,7 +76,7 @@ def _check_model_folder(cls, folder, variant, changes):
             for name in file.keys():
                 part = file.get_slice(name)
                 if not part.get_dtype().startswith(("F", "BF")):
-                    raise ValueError(f"{name} holds {part.get_dtype()}, no real numbers")
+                    raise ValueError(f"{name} holds {part.get_dtype()}, not real numbers")
                 found[name] = tuple(part.get_shape())
     with reading(folder / "config.json", f"the config of a {cls.__name__}", _AGAIN):
         config = read_json(folder / "config.json", "JSON")
