@@ -1,7 +1,6 @@
 """Which components make a pipeline: models that fit each other, and schedulers that can sample them."""
 
 import inspect
-import math
 
 import numpy as np
 import torch
@@ -9,6 +8,7 @@ import torch
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
 from ..schedulers import VDDIMScheduler
+from ..schedulers.angles import to_angle
 from ..schedulers.scheduling_v_ddim import SAME_SCHEDULE
 
 #: The class of every component that is not a scheduler; whether it may be missing.
@@ -88,7 +88,7 @@ def check_scheduler(name, scheduler):
             f"otherwise. Make it by `{kind}.from_config(pipe.{name}.config, use_exponential_sigmas=True)`."
         )
     angles = np.arccos(np.sqrt(np.clip(np.asarray(torch.as_tensor(alphas).cpu(), np.float64), 0, 1)))
-    ours = math.pi / 2 * np.arange(1, len(angles) + 1) / len(angles)
+    ours = to_angle(np.arange(len(angles)), len(angles))
     if not np.abs(angles - ours).max() < SAME_SCHEDULE:
         raise ValueError(
             f"`{name}` must have the noise schedule that the models were trained on (`beta_schedule` "
