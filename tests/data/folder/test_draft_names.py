@@ -9,51 +9,44 @@ from tactile_diffusers.data.folder.draft_names import assign_roles, group_names
 from tactile_diffusers.data.folder.patterns import Pattern
 from tactile_diffusers.data.folder.rating_tables import pair_names
 
-
-@pytest.mark.parametrize(
-    "names, patterns",
-    [
-        (
-            [f"sliding/texture_{t:02d}/P{p}_{k}.csv" for t in range(5) for p in (1, 2) for k in ("force", "position")],
-            ["sliding/{surface}/P{explorer}_force.csv", "sliding/{surface}/P{explorer}_position.csv"],
-        ),
-        (
-            [f"data/force/{t}_{d}_{v}_500_{r}.csv" for t in range(9) for d in (0, 45) for v in (20, 40) for r in "01"],
-            ["data/force/{surface}_{trial.1}_{trial.2}_500_{trial.3}.csv"],
-        ),
-        (
-            [f"{s}/explorer-0/0_force_10000Hz.npy" for s in ("0000-glass", "0001-felt")],
-            ["{surface}/{explorer}/0_force_10000Hz.npy"],
-        ),
-        (
-            [f"textures/{s}/S{p}_run{r}.mat" for s in "ABC" for p in (1, 2) for r in (1, 2)],
-            ["textures/{surface}/S{explorer}_run{trial}.mat"],
-        ),
-        (  # S before a texture: the subject
-            [f"S{p}/texture_{s}.csv" for s in range(3) for p in (1, 2)],
-            ["{explorer}/texture_{surface}.csv"],
-        ),
-        (
-            [f"data/texture_{t}/{k}" for k in ("force", "vel") for t in (1, 2)],
-            ["data/{surface}/force", "data/{surface}/vel"],
-        ),
-        ([f"{s}_{r}.wav" for s in ("felt", "cork", "Sandpaper80") for r in (1, 2)], ["{surface}_{trial}.wav"]),
-        ([f"mat{m}_v{v}mms.txt" for m in range(4) for v in (20, 40)], ["mat{surface}_v{trial}mms.txt"]),
-        ([f"{s}/P1.csv" for s in ("rough felt", "cork", "Sandpaper_P80")], ["{surface}/P{explorer}.csv"]),
-        (["ratings.csv", "forces.csv"], ["ratings.csv", "forces.csv"]),
-        (["a*b{1}/x1.csv", "a*b{1}/x2.csv"], ["a*b*1*/x{surface}.csv"]),
+NAMES = {
+    "sliding/{surface}/P{explorer}_force.csv": [
+        f"sliding/texture_{t:02d}/P{p}_force.csv" for t in range(5) for p in "12"
     ],
-)
-def test_names_become_patterns(names, patterns):
-    groups = group_names(names)
-    for group in groups:
-        assign_roles(group.fields)
-    assert [group.pattern for group in groups] == patterns
+    "data/force/{surface}_{trial.1}_{trial.2}_500_{trial.3}.csv": [
+        f"data/force/{t}_{d}_{v}_500_{r}.csv" for t in range(9) for d in (0, 45) for v in (20, 40) for r in "01"
+    ],
+    "{surface}/{explorer}/0_force_10000Hz.npy": [
+        f"{s}/explorer-0/0_force_10000Hz.npy" for s in ("00-glass", "01-felt")
+    ],
+    "textures/{surface}/S{explorer}_run{trial}.mat": [
+        f"textures/{s}/S{p}_run{r}.mat" for s in "ABC" for p in "12" for r in "12"
+    ],
+    "{explorer}/texture_{surface}.csv": [f"S{p}/texture_{s}.csv" for s in range(3) for p in (1, 2)],  # S: the subject
+    "{surface}/S{explorer}.csv": [f"{s}/S{p}.csv" for s in ("felt", "cork") for p in (1, 2)],
+    "{surface}_{trial}.wav": [f"{s}_{r}.wav" for s in ("felt", "cork", "Sandpaper80") for r in (1, 2)],
+    "mat{surface}_v{trial}mms.txt": [f"mat{m}_v{v}mms.txt" for m in range(4) for v in (20, 40)],
+    "{surface}/P{explorer}.csv": [f"{s}/P1.csv" for s in ("rough felt", "cork", "Sandpaper_P80")],
+    "{surface}/P{explorer}_run{trial}/a.csv": [f"{s}/P{p}_run{r}/a.csv" for s in "AB" for p in "12" for r in "12"],
+    "my_study_{surface}_{trial}.csv": [f"my_study_{s}_{r}.csv" for s in ("felt", "cork") for r in (1, 2)],
+    "a*b*1*/x{surface}.csv": ["a*b{1}/x1.csv", "a*b{1}/x2.csv"],
+}
 
 
-_WORDS = st.lists(
-    st.sampled_from(["felt", "cork", "glass", "suede", "Sandpaper", "wood grain"]), min_size=2, unique=True
-)
+@pytest.mark.parametrize("pattern", NAMES)
+def test_names_become_a_pattern(pattern):
+    (group,) = group_names(NAMES[pattern])
+    assign_roles(group.fields)
+    assert group.pattern == pattern
+
+
+def test_words_of_content_separate_kinds():
+    names = [f"data/texture_{number}/{kind}" for kind in ("force", "vel") for number in (1, 2)]
+    assert [group.pattern for group in group_names(names)] == ["data/*/force", "data/*/vel"]
+    assert len(group_names(["ratings.csv", "forces.csv"])) == 2
+
+
+_WORDS = st.lists(st.sampled_from(["felt", "cork", "glass", "Sandpaper", "wood grain"]), min_size=2, unique=True)
 _NUMBERS = st.lists(st.integers(0, 200), min_size=2, max_size=4, unique=True)
 
 

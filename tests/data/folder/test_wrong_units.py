@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 
 from tactile_diffusers.data import RecordingsFile
-from tactile_diffusers.data.folder import convert_folder
-from tactile_diffusers.data.folder.draft import draft_layout, inspect_folder
+from tactile_diffusers.data.folder import convert_folder, draft_layout, inspect_folder
 
 HEAD = 'format = "tactile-layout"\nversion = 1\nsource = "a rig"\nlicence = "CC0-1.0"\n'
 FILES = """

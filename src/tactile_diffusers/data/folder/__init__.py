@@ -2,7 +2,8 @@
 
 from .conversion_report import ConversionReport
 from .convert import convert_folder
-from .draft import draft_layout, inspect_folder
+from .draft import inspect_folder
+from .draft_text import draft_layout
 from .folder_export import export_folder
 from .layout import Layout, load_layout
 from .recording import read_recording

@@ -56,7 +56,7 @@ class Column:
     """One column: its name, the unit in it, what it measures along which axis, and its values.
 
     `measures` is a key of `NAMES`, "ratings", "sound", "text" or "number". `low`, `high` and `mean` are NaN for text;
-    `missing` counts empty cells, `distinct` different values, and `whole` says whether all are whole numbers.
+    `missing` counts empty cells, `distinct` different texts, and `whole` says whether all are whole numbers.
     """
 
     name: str
@@ -97,9 +97,7 @@ def split_unit(name):
     """The unit in the name of a column: `tuple[str, str | None]`, name without it and unit as in `UNITS`."""
     if name.lower() in ("f_n", "f_t"):  # normal and tangential
         return name, None
-    found = re.fullmatch(r"(.*?)[\s_]*[\[(<]\s*([^\])>]+?)\s*[\])>]\s*", name)
-    if not found:
-        found = _UNIT_AT_END.fullmatch(name)
+    found = re.fullmatch(r"(.*?)[\s_]*[\[(<]\s*([^\])>]+?)\s*[\])>]\s*", name) or _UNIT_AT_END.fullmatch(name)
     if not found:
         return name, None
     base, unit = found.groups()
@@ -147,36 +145,30 @@ def _look_at_values(column, table):
     column.missing = len(values) - len(known)
     if len(known):
         column.low, column.high, column.mean = known.min() + 0.0, known.max() + 0.0, known.mean() + 0.0  # -0 is 0
-        few = np.unique(known[:HEAD_ROWS])
-        column.distinct, column.whole = len(few), bool(np.all(few == np.round(few)))
+        column.whole = bool(np.all(known[:HEAD_ROWS] == np.round(known[:HEAD_ROWS])))
 
 
 def _name_bare(facts, content):
     """Columns that have only a letter or a number measure what the name of the file says; numbers become axes."""
     bare = [column for column in facts.columns if column.measures == "bare"]
-    numbered = [column for column in bare if column.axis.isdigit()]
-    if len(numbered) > 1 and len(numbered) == len(facts.columns) and _is_clock(facts.table, numbered[0].name):
-        numbered[0].measures, numbered[0].axis = "time", ""
-        bare.remove(numbered[0])
-        facts.doubts.append(f"column {numbered[0].name} taken as time: it rises steadily")
-    measures = content if content not in (None, "ratings", "sound") else "number"
+    if len(bare) > 1 and all(column.axis.isdigit() for column in facts.columns) and _is_clock(facts.table, bare[0]):
+        bare[0].measures, bare[0].axis = "time", ""
+        facts.doubts.append(f"column {bare.pop(0).name} taken as time: it rises steadily")
+    known = content not in (None, "ratings", "sound")
     for column in bare:
-        column.measures = measures
-    if bare and measures != "number":
+        column.measures = content if known else "number"
+    if bare and known:
         names = ", ".join(column.name for column in bare)
-        facts.doubts.append(f"columns {names} taken as {measures}: the name of the file or table says so")
+        facts.doubts.append(f"columns {names} taken as {content}: the name of the file or table says so")
     for measures in {column.measures for column in facts.columns}:
-        group = [column for column in facts.columns if column.measures == measures and column.axis.isdigit()]
-        for position, column in enumerate(sorted(group, key=lambda column: int(column.axis))):
-            column.axis = "xyz"[position] if position < 3 else ""
-            column.measures = measures if position < 3 or measures != "force" else "torque"
+        numbered = [column for column in facts.columns if column.measures == measures and column.axis.isdigit()]
+        for position, column in enumerate(sorted(numbered, key=lambda column: int(column.axis))):
+            column.axis = "xyz"[position : position + 1]
+            column.measures = measures if column.axis or measures != "force" else "torque"
 
 
-def _is_clock(table, name):
-    try:
-        steps = np.diff(table.numbers(name)[:HEAD_ROWS])
-    except ValueError:
-        return False
+def _is_clock(table, column):
+    steps = np.diff(table.numbers(column.name)[:HEAD_ROWS])
     return len(steps) > 1 and bool((steps > 0).all() and np.quantile(steps, 0.9) < 3 * np.median(steps))
 
 

@@ -2,14 +2,15 @@
 
 import os
 import re
+from collections import Counter
+from copy import copy
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 from tqdm import tqdm
 
 from .draft_columns import HEAD_ROWS, Column, TableFacts, describe_table
-from .draft_names import NameField, NameGroup, group_names
-from .sources import HIDDEN_PREFIXES
+from .draft_names import NameGroup, group_names
+from .sources import files_below
 from .tables import kind_of, list_tables
 from .trees import open_tree
 
@@ -82,9 +83,9 @@ class TableGroup:
 
     @property
     def surfaces(self):
-        """Names of the surfaces, without what is written beside them: `set[str]`."""
+        """Names of the surfaces: `list[str]`, each once."""
         surface = self.field_of("surface")
-        return set(surface.bare) if surface is not None else set()
+        return surface.distinct if surface is not None else []
 
     def field_of(self, role):
         """The `NameField` with a role, or `None`."""
@@ -106,49 +107,29 @@ class TableGroup:
 
 
 def list_files(root):
-    """Lists a folder and all below it, sorted, without following links to folders: `FileList`.
+    """Lists the files of a folder and all below it that are not hidden, without following links: `FileList`.
 
     Raises:
         FileNotFoundError: if there is no folder.
     """
-    if not root.is_dir():
-        raise FileNotFoundError(f"There is no folder {root}.")
-    found = FileList()
-
-    def refused(error):
-        found.skipped[Path(error.filename).relative_to(root).as_posix()] = error.strerror
-
-    for place, folders, names in os.walk(root, onerror=refused):
-        here = Path(place).relative_to(root)
-        for name in sorted(folders):
-            if name.startswith(HIDDEN_PREFIXES):
-                found.skipped[(here / name).as_posix()] = "hidden folder"
-            elif Path(place, name).is_symlink():
-                found.skipped[(here / name).as_posix()] = "link to a folder"
-        folders[:] = sorted(name for name in folders if (here / name).as_posix() not in found.skipped)
-        found.truncated |= len(names) > MOST_IN_FOLDER
-        for name in sorted(names)[:MOST_IN_FOLDER]:
-            if len(found.files) + len(found.others) + len(found.skipped) >= MOST_FILES:
-                found.truncated = True
-                return found
-            _sort_in(found, root, (here / name).as_posix())
+    found, listed = FileList(), Counter()
+    for path in files_below(root):
+        folder, _, name = path.rpartition("/")
+        if listed.total() >= MOST_FILES or listed[folder] >= MOST_IN_FOLDER:
+            found.truncated = True
+            continue
+        listed[folder] += 1
+        if (readable := path.encode(errors="replace").decode()) != path:
+            found.skipped[readable] = "its name is not valid UTF-8"
+        elif kind_of(name) is None or name.lower().startswith(TEXT_NAMES):
+            found.others.append(path)
+        elif not os.access(root / path, os.R_OK):
+            found.skipped[path] = "may not be read, or is a broken link"
+        elif not (size := (root / path).stat().st_size):
+            found.skipped[path] = "empty"
+        else:
+            found.files[path] = size
     return found
-
-
-def _sort_in(found, root, path):
-    name = path.rpartition("/")[2]
-    if (readable := path.encode(errors="replace").decode()) != path:
-        found.skipped[readable] = "its name is not valid UTF-8"
-    elif name.startswith(HIDDEN_PREFIXES):
-        found.skipped[path] = "hidden"
-    elif kind_of(name) is None or name.lower().startswith(TEXT_NAMES):
-        found.others.append(path)
-    elif not os.access(root / path, os.R_OK):
-        found.skipped[path] = "may not be read, or is a broken link"
-    elif not (size := (root / path).stat().st_size):
-        found.skipped[path] = "empty"
-    else:
-        found.files[path] = size
 
 
 def open_groups(root, sizes, skipped, quiet):
@@ -204,8 +185,8 @@ def _open(root, path, kind, size, words, skipped):
 def _varying_kind(names, found):
     """A field by whose values files with other columns differ, or `None`."""
     shapes = {frozenset(tuple(facts.table.names) for facts in tables.values()) for tables in found}
-    words = [item for item in names.fields if 1 < len(set(item.bare)) <= MOST_SPLIT and not item.bare[0].isdigit()]
-    return min(words, key=lambda item: len(set(item.bare))) if len(shapes) > 1 and words else None
+    words = [i for i in names.fields if 1 < len(set(i.values)) <= MOST_SPLIT and not i.values[0].isdigit()]
+    return min(words, key=lambda item: len(set(item.values))) if len(shapes) > 1 and words else None
 
 
 def _groups_inside(names, kind, size, found):
@@ -215,7 +196,7 @@ def _groups_inside(names, kind, size, found):
         first = places.names[0]
         tables = [tables[first] for tables in found if tables.get(first) and tables[first].columns]
         if tables:
-            files = replace(names, items=[replace(i) if isinstance(i, NameField) else i for i in names.items])
+            files = replace(names, items=list(map(copy, names.items)))
             is_whole = not first or (kind == "xlsx" and len(found[0]) == 1)
             groups.append(TableGroup(files, kind, size, None if is_whole else places, tables))
     return groups

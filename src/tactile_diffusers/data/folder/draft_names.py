@@ -1,11 +1,14 @@
 """From many names to few patterns: "sliding/texture_01/P1_force.csv", .. to "sliding/{surface}/P{explorer}_force.csv".
 
-Everything here is a guess from names alone (recipe), and is reported as one.
+A name is cut into numbers, words and single characters. Names that differ only in numbers and in words without a known
+meaning are of one kind, and each part that differs between them is a field. The word before a field, or the folder
+that it is in, says what it is. Everything here is a guess from names alone (recipe), and is reported as one.
 """
 
 import re
 from collections import defaultdict
 from dataclasses import dataclass, field
+from os.path import commonprefix
 
 #: What a varying part of a name probably is, by the word before it; plurals count too.
 FIELD_WORDS = {
@@ -33,47 +36,32 @@ OTHER_WORDS = (
 )
 _FIELD_OF_WORD = {word: role for role, words in FIELD_WORDS.items() for word in words}
 _CONTENT_OF_WORD = {word: content for content, words in CONTENT_WORDS.items() for word in words}
-_LITERAL_WORDS = {*_CONTENT_OF_WORD, *OTHER_WORDS, *(word for word in _FIELD_OF_WORD if len(word) > 1)}
-_JOINERS = "-_ +&,()"
+_FIXED_WORDS = {*_CONTENT_OF_WORD, *OTHER_WORDS, *(word for word in _FIELD_OF_WORD if len(word) > 1)}
 #: Numbers (with a decimal point), words (parts of camelCase apart), single other characters.
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]|.", re.DOTALL)
-#: In the classes of tokens: words that may vary with what joins them, and numbers that touch them.
-_WORD_RUN = re.compile(r"#?@([-_ +&,()]*@)*#?")
-_LAST_WORD = re.compile(r"([A-Za-z]+)[-_ ]*$")
+#: In the kinds of tokens: words that may vary with what joins them, and numbers that touch them, are one name.
+_NAME = re.compile(r"#?@([-_ +&,()]*@)*#?")
 _EXTENSION = re.compile(r"(.*?)(\.[A-Za-z]\w*)?", re.DOTALL)
 
 
-@dataclass
+@dataclass(eq=False)
 class NameField:
-    """A part of names that varies: `bare` is its value in each name.
+    """A part of names that varies: its value in each name, and the `word` before it.
 
-    The text `before` and `after` it is part of the value if `whole`. The words beside it give a `hint`, a key of
-    `FIELD_WORDS` or "condition"; `role` is its name in the pattern, "" = not decided.
+    `hint` is what the words beside it say, a key of `FIELD_WORDS` or "condition"; `role` is its name in the pattern,
+    "" = not decided.
     """
 
-    bare: list[str]
-    before: str = ""
-    after: str = ""
-    whole: bool = False
+    values: list[str]
+    word: str = ""
     hint: str | None = None
     role: str = ""
-
-    @property
-    def values(self):
-        """The value in each name."""
-        return [f"{self.before}{value}{self.after}" for value in self.bare] if self.whole else self.bare
 
     @property
     def distinct(self):
         """Values, each once, "9" before "10"."""
         parts = {value: re.split(r"(\d+)", value) for value in self.values}
         return sorted(parts, key=lambda value: [(p.isdigit(), int(p) if p.isdigit() else p) for p in parts[value]])
-
-    @property
-    def text(self):
-        """As it stands in the pattern."""
-        name = f"{{{self.role or 'part'}}}"
-        return name if self.whole else f"{_literal(self.before)}{name}{_literal(self.after)}"
 
     def __str__(self):
         distinct = self.distinct
@@ -93,7 +81,11 @@ class NameGroup:
 
     @property
     def pattern(self):
-        return "".join(_literal(item) if isinstance(item, str) else item.text for item in self.items)
+        """The text of a `Pattern`; "*" stands for fields without a role, and for characters that mean something."""
+        texts = (
+            re.sub(r"[{}\\]", "*", i) if isinstance(i, str) else f"{{{i.role}}}" if i.role else "*" for i in self.items
+        )
+        return "".join(texts)
 
     @property
     def words(self):
@@ -102,15 +94,7 @@ class NameGroup:
 
     def by_value(self, varying):
         """One group for each value of a field."""
-        parts = defaultdict(list)
-        for name, value in zip(self.names, varying.bare, strict=True):
-            parts[value].append(name)
-        return [_make_group(names) for names in parts.values()]
-
-
-def _literal(text):
-    """Text in a pattern: what has a meaning there becomes "*", which matches anything."""
-    return re.sub(r"[{}*\\]", "*", text)
+        return _grouped(zip(varying.values, self.names, strict=True))
 
 
 def words_of(text):
@@ -125,119 +109,94 @@ def content_of(words):
 
 def group_names(names):
     """Groups names (paths of files, or of places inside a file) of the same kind, in the order of the first."""
+    return _grouped((_kind_of_name(name), name) for name in names)
+
+
+def _grouped(keyed):
     groups = defaultdict(list)
-    for name in names:
-        groups[_skeleton(name)].append(name)
-    return [_make_group(members) for members in groups.values()]
+    for key, name in keyed:
+        groups[key].append(name)
+    return [_named_group(names) for names in groups.values()]
 
 
-def _components(name):
-    """Tokens of each component of a path, and the extension."""
+def _split(name):
+    """The components of a path, and the extension."""
     stem, extension = _EXTENSION.fullmatch(name).groups("")
-    return [_TOKEN.findall(component) for component in stem.split("/")], extension
+    return stem.split("/"), extension
 
 
-def _classes(tokens):
-    """One character a token: "#" a number, "@" a word that may vary, "w" one that does not, else itself."""
-    classes = ""
+def _pieces(text):
+    """Pieces of a text and their kinds: "#" a number, "@" a name that may vary, "w" a fixed word, else itself."""
+    tokens, kinds = _TOKEN.findall(text), ""
     for token, following in zip(tokens, [*tokens[1:], "."], strict=False):
+        word = token.lower()
         if token[0].isdigit():
-            classes += "#"
+            kinds += "#"
         elif not token[0].isalpha():
-            classes += token
-        elif token.lower() in _LITERAL_WORDS or (len(token) == 1 and following[0].isdigit()):
-            classes += "w"
+            kinds += token
+        elif word in _FIXED_WORDS or (len(token) == 1 and following[0].isdigit()):
+            kinds += "w"
         else:
-            classes += "w" if classes[-1:] == "#" and token.lower() in UNIT_WORDS else "@"  # 10000Hz
-    return classes
-
-
-def _chunks(tokens):
-    """Tokens, where words that may vary with what joins them, and numbers that touch them, are one; their classes."""
-    classes, chunks, end = _classes(tokens), [], 0
-    for run in _WORD_RUN.finditer(classes):
-        chunks += tokens[end : run.start()] + ["".join(tokens[run.start() : run.end()])]
+            kinds += "w" if kinds[-1:] == "#" and word in UNIT_WORDS else "@"  # 10000Hz
+    pieces, end = [], 0
+    for run in _NAME.finditer(kinds):
+        pieces += tokens[end : run.start()] + ["".join(tokens[run.start() : run.end()])]
         end = run.end()
-    return chunks + tokens[end:], _WORD_RUN.sub("@", classes)
+    return pieces + tokens[end:], _NAME.sub("@", kinds)
 
 
-def _skeleton(name):
+def _kind_of_name(name):
     """What names of one kind share. A folder whose name may vary matches any other."""
-    (*folders, stem), extension = _components(name)
-    shape = ["@" if set(_classes(tokens)) & set("#@") else "".join(tokens) for tokens in folders]
-    chunks, classes = _chunks(stem)
-    fixed = [chunk for chunk, kind in zip(chunks, classes, strict=True) if kind == "w"]
-    return tuple(shape), classes, tuple(fixed), extension
+    (*folders, stem), extension = _split(name)
+    pieces, kinds = _pieces(stem)
+    fixed = tuple(piece for piece, kind in zip(pieces, kinds, strict=True) if kind == "w")
+    return tuple("@" if set("#@") & set(_pieces(f)[1]) else f for f in folders), kinds, fixed, extension
 
 
-def _make_group(names):
-    rows = [_components(name) for name in names]
-    count = len(rows[0][0])
-    items, parent = [], ""
-    for place in range(count):
-        is_folder = place < count - 1
-        part = _component_items([components[place] for components, _ in rows], is_folder, parent)
-        parent = part[0] if len(part) == 1 and isinstance(part[0], str) else ""
-        items += [*part, "/" if is_folder else rows[0][1]]
+def _named_group(names):
+    rows, items, parent = [_split(name) for name in names], [], ""
+    columns = list(zip(*(components for components, _ in rows), strict=True))
+    for place, column in enumerate(columns):
+        is_folder = place < len(columns) - 1
+        items += [*_items(column, is_folder, parent), "/" if is_folder else rows[0][1]]
+        parent = column[0] if len(set(column)) == 1 else ""
     return NameGroup(names, items)
 
 
-def _component_items(rows, is_folder, parent):
-    """Items of one component of the paths; `parent` is the name of the folder it is in, "" where that varies."""
-    if len({_classes(row) for row in rows}) > 1:
-        rows = [_chunks(row)[0] for row in rows]
-    if len({len(row) for row in rows}) > 1:
-        rows = [["".join(row)] for row in rows]
-    items = []
-    for column in zip(*rows, strict=True):
-        known = column[0][0].isdigit() and items and isinstance(items[-1], str) and _field_word(items[-1])
-        if known or len(set(column)) > 1:
-            items = _appended(items, NameField(list(column)))
-        elif items and isinstance(items[-1], str):
+def _items(texts, is_folder, parent):
+    """Literal texts and fields of one component of the paths, in a folder called `parent` ("" if that varies)."""
+    inherited = next(
+        (_FIELD_OF_WORD.get(w) or _FIELD_OF_WORD.get(w.removesuffix("s")) for w in words_of(parent)[-1:]), None
+    )
+    rows, items = [_pieces(text) for text in texts], []
+    if len({kinds for _, kinds in rows}) > 1:
+        return [NameField(list(texts), hint=inherited)]
+    columns = list(zip(*(pieces for pieces, _ in rows), strict=True))
+    for column, kind, (following, *_) in zip(columns, rows[0][1], [*columns[1:], [""]], strict=False):
+        before = items[-1] if items and isinstance(items[-1], str) else ""
+        word = _field_word(before)
+        if len(set(column)) > 1 or (kind == "#" and word):
+            shared = re.match(r"(.*[-_ ])?", commonprefix(column)).group()  # such as "mystudy_" of "mystudy_felt"
+            if shared:
+                items[len(items) - bool(before) :] = [before + shared]
+                column = [text.removeprefix(shared) for text in column]
+            condition = "condition" if following.lower() in UNIT_WORDS else inherited
+            items.append(NameField(list(column), word, _FIELD_OF_WORD.get(word, condition)))
+        elif before:
             items[-1] += column[0]
         else:
             items.append(column[0])
-    fields = [i for i, item in enumerate(items) if isinstance(item, NameField)]
-    for i in fields:
-        _look_beside(items, i, parent)
-    if is_folder and len(fields) == 1:  # a folder's name is a name as a whole
-        (i,), varying = fields, items[fields[0]]
-        varying.before, varying.after = "".join(items[:i]) + varying.before, "".join(items[i + 1 :])
-        varying.whole = True
-        return [varying]
+    fields = [item for item in items if isinstance(item, NameField)]
+    main = max(fields, key=lambda item: len(set(item.values)), default=None)
+    if is_folder and main and len(set(texts)) == len(set(main.values)):  # one name, such as texture_01 or 0007-glass
+        return [NameField(list(texts), main.word, main.hint)]
     return items
 
 
 def _field_word(text):
-    """Match of the last word of a text if it is one of `FIELD_WORDS` (one letter only if it ends the text)."""
-    found = _LAST_WORD.search(text)
-    word = found.group(1).lower() if found else ""
-    known = word in _FIELD_OF_WORD and (len(word) > 1 or found.group(0) == found.group(1))
-    return found if known else None
-
-
-def _appended(items, new):
-    """Appends a field; joins it with the one before if they touch, or one follows from the other ("0007-glass")."""
-    between = items[-1] if items and isinstance(items[-1], str) else ""
-    rest = items[:-1] if between else items
-    if not rest or between.strip(_JOINERS):
-        return [*items, new]
-    pairs = list(zip(rest[-1].bare, new.bare, strict=True))
-    if between and len(set(pairs)) > max(len(set(rest[-1].bare)), len(set(new.bare))):
-        return [*items, new]
-    return _appended(rest[:-1], NameField([f"{first}{between}{second}" for first, second in pairs]))
-
-
-def _look_beside(items, i, parent):
-    """Sets the hint of a field from the words beside it."""
-    varying, after = items[i], items[i + 1] if i + 1 < len(items) else ""
-    if i and isinstance(items[i - 1], str) and (found := _field_word(items[i - 1])):
-        varying.hint, varying.before = _FIELD_OF_WORD[found.group(1).lower()], found.group(0)
-        items[i - 1] = items[i - 1][: found.start()]
-    elif isinstance(after, str) and after[:1].isalpha() and words_of(after)[0] in UNIT_WORDS:
-        varying.hint = "condition"
-    elif parent and (words := words_of(parent)):
-        varying.hint = _FIELD_OF_WORD.get(words[-1]) or _FIELD_OF_WORD.get(words[-1].removesuffix("s"))
+    """The last word of a text if it is one of `FIELD_WORDS` (a letter must end the text), else ""."""
+    word, joined = re.search(r"([A-Za-z]*)([-_ ]*)$", text).groups()
+    return word.lower() if word.lower() in _FIELD_OF_WORD and (len(word) > 1 or not joined) else ""
 
 
 def assign_roles(fields):
@@ -245,24 +204,26 @@ def assign_roles(fields):
 
     Sets the `role` of each; returns what was only guessed.
     """
-    doubts, roles = [], {}
-    for item in sorted(fields, key=lambda item: len((words_of(item.before) or [""])[-1]) == 1):  # whole words first
-        if item.hint in FIELD_WORDS and item.hint not in roles:
-            roles[item.hint] = item
-        elif item.hint == "surface" and item.before.lower() == "s":  # S1 beside a texture is a subject
-            roles.setdefault("explorer", item)
-    rest = [item for item in fields if not any(item is other for other in roles.values())]
-    free = [item for item in rest if item.hint is None]
-    if "surface" not in roles and free:
-        surface = max(free, key=lambda item: (not "".join(item.distinct).isdigit(), len(item.distinct)))
-        roles["surface"] = surface
-        rest = [item for item in rest if item is not surface]
-        doubts.append(f"{surface} taken as the surface: it has the most values, or words")
-    for role, item in roles.items():
-        item.role = role
-    parts = [item for item in fields if any(item is other for other in (*rest, roles.get("trial")))]
-    for number, item in enumerate(parts, 1):
-        item.role = "trial" if len(parts) == 1 else f"trial.{number}"
-    if rest:
-        doubts.append(f"{'; '.join(map(str, rest))} taken as the trial: no word says what it is")
+
+    def likeness(item):
+        free, worded = item.hint is None, not "".join(item.distinct).isdigit()
+        return item.hint == "surface" and item.word != "s", free and worded, item.word == "s", free, len(item.distinct)
+
+    doubts, rest = [], list(fields)
+    surface = max(rest, key=likeness, default=None)
+    if surface is not None and surface.hint in ("surface", None):
+        surface.role = "surface"
+        rest.remove(surface)
+        if surface.hint is None:
+            doubts.append(f"{surface} taken as the surface: it has the most values, or words")
+    persons = [item for item in rest if item.hint == "explorer" or item.word == "s"]  # S1 beside a texture is a subject
+    if persons:
+        explorer = max(persons, key=lambda item: len(item.word))
+        explorer.role = "explorer"
+        rest.remove(explorer)
+    for number, item in enumerate(rest, 1):
+        item.role = "trial" if len(rest) == 1 else f"trial.{number}"
+    unknown = [item for item in rest if item.hint != "trial"]
+    if unknown:
+        doubts.append(f"{'; '.join(map(str, unknown))} taken as the trial: no word says what it is")
     return doubts

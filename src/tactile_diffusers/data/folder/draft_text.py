@@ -1,6 +1,7 @@
 """What was found in a folder as text: a listing for a terminal, and the draft of a `layout.toml`."""
 
 from collections import Counter
+from pathlib import PurePath
 
 from .draft_columns import HEAD_ROWS
 from .layout import CHANNEL_UNITS, FORMAT, TODO, VERSION, VelocityLayout
@@ -16,19 +17,16 @@ WHOLE_RATE = 1e-3
 
 def listing(inventory):
     """The listing; see `draft.FolderInventory`."""
-    files = inventory.files
+    files, groups = inventory.files, inventory.groups
     total = len(files.files) + len(files.others) + len(files.skipped)
-    lines = [
-        f"{inventory.root}: {total} files, {len(inventory.groups)} kinds of tables" + " (and more)" * files.truncated
-    ]
-    shared = set()  # files of force and of motion share their names, and what was guessed from these
-    for group in inventory.groups[:MOST_GROUPS]:
-        lines += ["", *_listed_group(group, inventory.ratings, shared)]
-    if len(inventory.groups) > MOST_GROUPS:
-        lines += ["", f"and {len(inventory.groups) - MOST_GROUPS} more kinds of tables"]
+    lines = [f"{inventory.root}: {total} files, {len(groups)} kinds of tables" + " (and more)" * files.truncated]
+    for group in groups[:MOST_GROUPS]:
+        lines += ["", *_listed_group(group, inventory.ratings)]
+    if len(groups) > MOST_GROUPS:
+        lines += ["", f"and {len(groups) - MOST_GROUPS} more kinds of tables"]
     lines.append("")
     if files.others:
-        endings = Counter("." + path.rpartition(".")[2] if "." in path else path for path in files.others)
+        endings = Counter(PurePath(path).suffix or path for path in files.others)
         lines.append("no tables: " + ", ".join(f"{count} {ending}" for ending, count in endings.most_common()))
     lines += _first(f"not looked at: {path}: {reason}" for path, reason in files.skipped.items())
     pairs = inventory.surface_names.items()
@@ -41,60 +39,57 @@ def _first(lines):
     return lines[:MOST_LISTED] + [f"and {len(lines) - MOST_LISTED} more such lines"] * (len(lines) > MOST_LISTED)
 
 
-def _listed_group(group, ratings, shared):
-    count = len(group.files.names)
-    size = f"{group.bytes / 1e6:.1f} MB" if group.bytes >= 1e5 else f"{group.bytes / 1e3:.1f} kB"
-    lines = [f"{group.place}   {count} file{'s' * (count > 1)}, {size}, {group.kind}"]
+def _listed_group(group, ratings):
+    lines = [f"{group.place}   {len(group.files.names)} files, {group.bytes / 1e6:.2g} MB, {group.kind}"]
     lines += [f"    {item.role or 'varies'}: {item}" for item in group.fields]
     if not group.tables:
         return [*lines, "    not opened"]
-    facts = group.first
+    facts, (rate, rate_from) = group.first, group.rate
     rows = f"{facts.table.rows} rows" if facts.complete else f"{HEAD_ROWS} rows and more"
-    rate, rate_from = group.rate
     clock = f", {rate:.6g} Hz (from {rate_from})" if rate else ""
     seconds = f", {group.seconds:.1f} s" if group.seconds else ""
     lines.append(f"    {rows}{clock}{seconds}; {len(group.tables)} opened, ranges of all of them:")
     meaning, doubts = ", ".join(group.channels), group.doubts
-    rated = ratings is not None and ratings.group is group
-    if rated:
+    if ratings is not None and ratings.group is group:
         meaning, doubts = f"ratings ({ratings.keys['form']}) on {', '.join(ratings.axes)}", doubts + ratings.doubts
-    lines += _listed_columns(group, rated)
-    lines.append(f"    guess: {meaning or 'not used'}")
-    new = [doubt for doubt in doubts if doubt not in shared]
-    shared.update(doubt for doubt in new if " taken as the " in doubt)
-    return lines + [f"    check: {doubt}" for doubt in new]
-
-
-def _listed_columns(group, rated):
-    columns = group.first.columns[:MOST_COLUMNS]
-    used = {
-        column.name: f"{name} {axis}".strip() for name, axes in group.channels.items() for axis, column in axes.items()
-    }
-    width = max(len(column.name) for column in columns)
-    lines = []
-    for column in columns:
-        same = [other for facts in group.tables for other in facts.columns if other.name == column.name]
+    used = {column.name: f"{name} {axis}" for name, axes in group.channels.items() for axis, column in axes.items()}
+    width = max(len(column.name) for column in facts.columns)
+    for column in facts.columns[:MOST_COLUMNS]:
+        same = [other for table in group.tables for other in table.columns if other.name == column.name]
         span = f"{min(c.low for c in same):.4g} .. {max(c.high for c in same):.4g}"
-        if column.measures == "text":
-            span = f"text, {column.distinct} different"
-        missing = f", {column.missing} missing" if column.missing else ""
-        measures = "" if column.measures in ("text", "number") else f"({column.measures} {column.axis}".strip() + ")"
-        known = used.get(column.name) or ("" if rated else measures)
-        lines.append(f"      {column.name:<{width}}  {column.unit or '-':<5} {span + missing:<28} {known}".rstrip())
-    more = len(group.first.table.names) - len(columns)
-    return lines + [f"      and {more} more columns"] * (more > 0)
+        span = f"text, {column.distinct} different" if column.measures == "text" else span
+        span += f", {column.missing} missing" * bool(column.missing)
+        known = "" if column.measures in ("text", "number") else f"({column.measures} {column.axis}".strip() + ")"
+        known = used.get(column.name, known)
+        lines.append(f"      {column.name:<{width}}  {column.unit or '-':<5} {span:<28} {known}".rstrip())
+    more = len(facts.table.names) - MOST_COLUMNS
+    lines += [f"      and {more} more columns"] * (more > 0) + [f"    guess: {meaning or 'not used'}"]
+    return lines + [f"    check: {doubt}" for doubt in doubts]
 
 
-def layout_text(inventory):
-    """The whole draft; see `draft.draft_layout`."""
+def draft_layout(inventory):
+    """Drafts a `layout.toml`: what was inferred with the evidence, and "TODO: ..." where nothing decides.
+
+    Always to be filled in are the licence, the source, and which word the largest answer on each axis means.
+
+    Args:
+        inventory (`FolderInventory`): of `inspect_folder`.
+
+    Returns:
+        `str`: TOML. `load_layout` refuses it, naming the keys, until no TODO is left.
+    """
     recorded = inventory.recorded
     blocks = [_head(inventory), *map(_files, recorded)]
     held = {name for group in recorded for name in group.channels}
+    missing = {}
     if not held & {"force", "lateral"}:
-        blocks.append(_unknown_files(inventory))
+        missing["pattern"] = f"{TODO}: the files with force, such as {{surface}}/{{explorer}}_force.csv"
+        missing["force"] = f"{TODO}: {{ x, y, z = columns, unit, normal_sign }}, or remove this and give lateral"
     elif "force" in held and not held & {"position", "velocity"}:
         ask = "the files with position or velocity; or, if x is the sliding direction, give it as lateral above"
-        blocks.append(toml_table({"pattern": f"{TODO}: {ask}"}, header="[[files]]"))
+        missing["pattern"] = f"{TODO}: {ask}"
+    if missing:
+        blocks.append(toml_table(missing, header="[[files]]"))
     if inventory.unused:
         blocks.append("\n".join(["# Not used:", *(toml_comment(group.place) for group in inventory.unused)]))
     if "position" in held:
@@ -170,7 +165,8 @@ def _column(facts, column):
 def _channel(group, name, columns):
     """Inline table of a channel, and the evidence."""
     axes = {axis or "column": _column(group.first, column) for axis, column in columns.items()}
-    unit = next(iter(columns.values())).unit
+    units = {column.unit for column in columns.values()}
+    unit = " and ".join(map(str, sorted(units, key=str))) if len(units) > 1 else units.pop()
     largest = max(max(abs(column.low), abs(column.high)) for column in columns.values())
     channel, evidence = axes | {"unit": unit}, f"up to {largest:.3g}"
     if unit not in CHANNEL_UNITS[name]:
@@ -188,20 +184,6 @@ def _channel(group, name, columns):
         else:
             channel["normal_sign"] = f"{TODO}: 1 if pressing is positive in z, else -1"
     return channel, evidence
-
-
-def _unknown_files(inventory):
-    """A `[[files]]` to be filled in, with the largest kind of file that nothing is known about."""
-    lines = ["# no force was recognised"]
-    if inventory.unused:
-        group = max(inventory.unused, key=lambda g: g.bytes)
-        names = ", ".join(group.first.table.names[:12]) if group.tables else "unknown"
-        lines.append(toml_comment(f"the largest files are {group.place}, with columns {names}"))
-    keys = {
-        "pattern": f"{TODO}: the files with force, such as {{surface}}/{{explorer}}_force.csv",
-        "force": f"{TODO}: {{ x, y, z = columns, unit, normal_sign }}, or remove this and give lateral",
-    }
-    return "\n".join([*lines, toml_table(keys, header="[[files]]")])
 
 
 def _ratings(guess):
