@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from tactile_diffusers.signal import band_edges, band_levels_db, nine_band_error_db
+from tactile_diffusers.signal import nine_band_error_db
 
 RATE = 10_000
 KINDS = ("electroadhesion", "ultrasonic")
@@ -32,23 +32,6 @@ def test_the_finger_feels_the_texture(make_profile, feel, noise_texture, kind, s
     # and the waveform arrives, 0.1 ms (a held sample) and 0.13 ms (a quarter of the display's lag) later: 2.3 samples,
     # of which the 2 are undone; the 0.3 and the dispersion leave 0.99
     assert np.corrcoef(felt[2:], texture[:-2])[0, 1] > 0.98
-
-
-@pytest.mark.parametrize("cutoff", [50.0, 100.0, 150.0])
-def test_where_the_limit_leaves_too_little(make_profile, feel, noise_texture, cutoff):
-    """Corners so low that 12 dB do not reach 1000 Hz: within 1 dB below 3.9 corners, and `response` says the rest."""
-    texture = noise_texture(slope=2, rms=0.003)
-    profile = make_profile(cutoffs=[(SPEED, cutoff)])
-    drive, report = profile.drive(texture, SPEED)
-    assert report.clipped == 0
-    felt = _fluctuation(feel("electroadhesion", drive, cutoff))
-    edges = np.r_[band_edges()[band_edges() < 3.9 * cutoff], 3.9 * cutoff]
-    difference = band_levels_db(felt, RATE, edges) - band_levels_db(texture, RATE, edges)
-    assert np.abs(difference).max() < 1
-    # the level of a narrow band falls by what `response` says at its centre; 0.2 dB for the slope within
-    top = np.array([900.0, 1000.0])
-    [fall] = band_levels_db(felt, RATE, top) - band_levels_db(texture, RATE, top)
-    assert fall == pytest.approx(20 * np.log10(np.abs(profile.response(945.0, SPEED))), abs=0.2)
 
 
 @pytest.mark.parametrize("max_gain_db", [3.0, 12.0, 20.0])
@@ -115,24 +98,6 @@ def test_one_speed_for_a_block_is_reached_at_its_end(make_profile, noise_texture
     blocks = np.r_[stream.push(texture[:32], 30.0), stream.push(texture[32:], 62.0)]
     speed = np.r_[np.full(32, 30.0), np.arange(31, 63)]
     np.testing.assert_allclose(blocks, profile.drive(texture, speed)[0], rtol=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("block", [1, 32, 1000])
-@pytest.mark.filterwarnings("ignore:The display cannot make this force")
-def test_blocks_give_what_the_whole_gives(make_profile, noise_texture, kind, block):
-    profile = make_profile(kind, cutoffs=[(20.0, 100.0), (90.0, 400.0)])
-    texture = noise_texture(samples=3000, rms=0.02)
-    speed = np.linspace(0, 100, len(texture))
-    whole, report = profile.drive(texture, speed)
-    stream = profile.stream()
-    places = range(0, len(texture), block)
-    blocks = [stream.push(texture[at : at + block], speed[at : at + block]) for at in places]
-    np.testing.assert_array_equal(np.concatenate(blocks), whole)
-    assert stream.report == report and report.clipped > 0
-    stream.reset()
-    np.testing.assert_array_equal(stream.push(texture, speed), whole)
-    assert stream.report == report
 
 
 def test_the_drive_is_causal_and_at_once(make_profile):
@@ -215,15 +180,11 @@ def test_the_bias_is_the_mean_change_of_friction(make_profile, feel, noise_textu
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"force": np.r_[0.0, np.nan]}, "`force` must be finite, got nan at sample 1"),
         ({"force": np.zeros((80, 2))}, r"got \(80, 2\): a display has one drive.*stream.read_friction\(samples\)"),
         ({"force": [0.0, 350.0]}, "`force` must be in N, got 350.*probably in mN: divide by 1000"),
-        ({"speed": -1.0}, "`speed` must be a finite number of at least 0 in mm/s, got -1.0"),
         ({"speed": [80.0, 80.0, 80.0]}, "`speed` must be one number or one per sample of `force`, 2, got 3"),
-        ({"speed": [80.0, -3.0]}, "`speed` must be at least 0, got -3 at sample 1"),
         ({"sampling_rate": -10000}, "`sampling_rate` must be a finite number above 0 in Hz, got -10000"),
         ({"bias": -0.1}, "`bias` must be within 0 and 0.1944 N.*got -0.1.*Leave it out"),
-        ({"bias": float("inf")}, "`bias` must be a finite number"),
     ],
 )
 def test_bad_arguments(make_profile, change, message):

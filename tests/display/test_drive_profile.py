@@ -1,6 +1,5 @@
 """What a profile may hold, and that it survives its files."""
 
-import dataclasses
 import json
 
 import numpy as np
@@ -29,12 +28,6 @@ def test_round_trip(tmp_path, make_profile, noise_texture, kind):
 def test_corners_are_held_outside_of_what_was_measured(make_profile):
     profile = make_profile(cutoffs=[(20.0, 100.0), (60.0, 300.0)])
     np.testing.assert_allclose(profile.cutoff(np.array([0, 20, 40, 60, 200])), [100, 100, 200, 300, 300])
-
-
-def test_profiles_of_two_speeds_join(make_profile):
-    slow, fast = make_profile(cutoffs=[(20.0, 100.0)]), make_profile(cutoffs=[(80.0, 400.0)])
-    both = dataclasses.replace(slow, cutoffs=slow.cutoffs + fast.cutoffs)
-    assert both.cutoffs == ((20.0, 100.0), (80.0, 400.0))
 
 
 @pytest.mark.parametrize(

@@ -15,16 +15,6 @@ def _exact_gaussian(mean, covariance, count, rng):
     return mean + whitened @ np.linalg.cholesky(covariance).T
 
 
-def test_ftd_of_diagonal_gaussians_is_the_closed_form():
-    rng = np.random.default_rng(0)
-    deviations_a, deviations_b = rng.uniform(0.5, 2, size=(2, 53))
-    mean_a, mean_b = rng.normal(size=(2, 53))
-    a = _exact_gaussian(mean_a, np.diag(deviations_a**2), 200, rng)
-    b = _exact_gaussian(mean_b, np.diag(deviations_b**2), 300, rng)
-    expected = ((mean_a - mean_b) ** 2).sum() + ((deviations_a - deviations_b) ** 2).sum()
-    assert frechet_tactile_distance(a, b) == pytest.approx(expected, rel=1e-9)
-
-
 def test_ftd_of_general_gaussians_is_the_formula_with_a_matrix_root():
     rng = np.random.default_rng(1)
     roots = rng.normal(size=(2, 6, 6))
@@ -33,15 +23,6 @@ def test_ftd_of_general_gaussians_is_the_formula_with_a_matrix_root():
     b = _exact_gaussian(np.ones(6), covariance_b, 60, rng)
     expected = 6 + np.trace(covariance_a + covariance_b - 2 * sqrtm(covariance_a @ covariance_b).real)
     assert frechet_tactile_distance(a, b) == pytest.approx(expected, rel=1e-8)
-
-
-def test_ktd_is_unbiased():
-    rng = np.random.default_rng(3)
-    values = [
-        kernel_tactile_distance(rng.normal(size=(20, 5)), rng.normal(size=(30, 5)), width=3.0) for _ in range(300)
-    ]
-    standard_error = np.std(values, ddof=1) / np.sqrt(len(values))
-    assert abs(np.mean(values)) < 3 * standard_error
 
 
 def test_ktd_of_shifted_gaussians_is_the_closed_form():

@@ -45,11 +45,6 @@ def _feature(values, name):
     return values[:, FEATURE_NAMES.index(name)]
 
 
-def test_there_are_53_named_features(held_out):
-    assert len(FEATURE_NAMES) == len(set(FEATURE_NAMES)) == 53
-    assert tactile_features(held_out[:3]).shape == (3, 53)
-
-
 def test_band_level_and_shape_of_a_sine():
     # 100 Hz of amplitude a: power a^2 / 2 in the band that holds it, kurtosis 1.5, crest root 2
     sine = 0.01 * np.sin(2 * np.pi * 100 * SECONDS)[None]
@@ -78,13 +73,6 @@ def test_modulation_is_found_at_its_carrier_and_rate():
     assert _feature(features, "envelope_variation_3") == pytest.approx(0.5 / np.sqrt(2), abs=0.01)
     assert _feature(features, "modulation_3_20_60_db") < -30
     assert _feature(features, "modulation_3_2_6_db") < -30
-
-
-def test_envelopes_of_noise_are_rayleigh(held_out):
-    # the coefficient of variation of a Rayleigh variable is sqrt(4 / pi - 1) = 0.523; the narrowest envelope has
-    # about 28 independent values in a segment, which takes 2 % off a standard deviation, and as much again is chance
-    variations = tactile_features(held_out)[:, 44:50].mean(0)
-    np.testing.assert_allclose(variations, np.sqrt(4 / np.pi - 1), rtol=0.05)
 
 
 def test_silence_has_finite_features():
@@ -131,14 +119,6 @@ def test_state_survives_json(embedding, held_out):
     state["features"][0] = "other"
     with pytest.raises(ValueError, match="another version"):
         TactileEmbedding.from_dict(state)
-
-
-def test_distances_do_not_depend_on_order_or_dtype(distances, held_out):
-    ftd, ktd = distances(held_out)
-    for same in (held_out[::-1], held_out.astype(np.float32)):
-        other_ftd, other_ktd = distances(same)
-        assert other_ftd == pytest.approx(ftd, rel=1e-3)
-        assert other_ktd == pytest.approx(ktd, abs=0.05)
 
 
 def test_held_out_textures_are_near(distances, held_out):

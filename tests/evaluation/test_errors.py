@@ -7,12 +7,11 @@ from tactile_diffusers.evaluation import (
     goodness_of_fit,
     level_error_db,
     log_spectral_distance_db,
-    out_of_band_ratio_db,
     rmse,
     signed_band_error_db,
     snr_db,
 )
-from tactile_diffusers.signal import DEVICE_RATE, band_pass, rms
+from tactile_diffusers.signal import DEVICE_RATE, rms
 
 BANDS = ((20, 60), (60, 150), (400, 650), (650, 1000), (1000, 1200))
 
@@ -23,13 +22,6 @@ def test_silence_has_zero_snr_and_the_rms_of_the_reference_as_error(held_out):
     np.testing.assert_allclose(rmse(silence, held_out), rms(held_out))
     assert (goodness_of_fit(silence, held_out, DEVICE_RATE) == 0).all()
     assert (log_spectral_distance_db(silence, held_out, DEVICE_RATE) > 100).all()
-
-
-def test_another_take_has_an_snr_of_minus_three_decibels(noise_textures):
-    # two independent signals of equal power; the mean over 100 pairs scatters by about 0.1 dB
-    first, second = noise_textures(100, seed=3), noise_textures(100, seed=4)
-    snr = snr_db(first / rms(first)[:, None], second / rms(second)[:, None])
-    assert snr.mean() == pytest.approx(-10 * np.log10(2), abs=0.3)
 
 
 def test_snr_and_rmse_of_noise_at_a_tenth(held_out):
@@ -48,25 +40,6 @@ def test_goodness_of_fit_is_its_formula(held_out):
     )
     expected = abs(first @ second) / np.sqrt((first @ first) * (second @ second))
     assert goodness_of_fit(held_out[0], held_out[1], DEVICE_RATE) == pytest.approx(expected)
-
-
-def test_lost_lows_show_in_their_band_alone(held_out):
-    weak = held_out - 0.5 * band_pass(held_out, DEVICE_RATE, (2.0, 60.0), order=8)
-    errors = signed_band_error_db(weak, held_out, DEVICE_RATE, BANDS).mean(0)
-    assert errors[0] == pytest.approx(-6, abs=0.7)  # the filter's slope reaches below 60 Hz
-    np.testing.assert_allclose(errors[2:], 0, atol=0.01)
-
-
-def test_noise_above_the_band_shows_as_out_of_band_ratio(held_out):
-    noise = band_pass(np.random.default_rng(6).normal(size=held_out.shape), DEVICE_RATE, (2000.0, 4500.0))
-    noisy = held_out + noise * (rms(held_out) / rms(noise) * 10 ** (-30 / 20))[:, None]
-    clean_ratio = out_of_band_ratio_db(held_out, DEVICE_RATE, low=1800.0)
-    ratio = out_of_band_ratio_db(noisy, DEVICE_RATE, low=1800.0)
-    assert (clean_ratio < -50).all()
-    # the window weights the stretches of a texture differently: 0.5 dB on single textures of uneven power
-    np.testing.assert_allclose(ratio.mean(), -30, atol=0.5)
-    assert (out_of_band_ratio_db(held_out, DEVICE_RATE, low=6000.0) == -120).all()
-    assert out_of_band_ratio_db(np.zeros(1000), DEVICE_RATE) == -120
 
 
 def test_batches_and_single_textures_agree(held_out):

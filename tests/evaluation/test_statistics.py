@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.evaluation.metrics.reference import Reference
-from tactile_diffusers.evaluation.metrics.statistics import is_leaf, jackknife, leaf, number
+from tactile_diffusers.evaluation.metrics.statistics import is_leaf, leaf, number
 from tactile_diffusers.signal import DEVICE_RATE
 
 
@@ -45,12 +45,6 @@ def test_missing_values_and_nothing():
     assert number(np.inf)["mean"] is None
 
 
-def test_jackknife_of_arrays_keeps_their_shape():
-    rows = np.random.default_rng(3).normal(size=(30, 4))
-    value, interval = jackknife(lambda mask: rows[mask].mean(0), np.arange(30))
-    assert value.shape == (4,) and interval.shape == (2, 4) and (interval[0] < interval[1]).all()
-
-
 def test_reference_distances_are_those_of_the_functions(reference, held_out):
     from tactile_diffusers.evaluation import frechet_tactile_distance, kernel_tactile_distance
 
@@ -68,20 +62,3 @@ def test_reference_distances_are_those_of_the_functions(reference, held_out):
     # one left-out surface, computed directly, must lie where the jackknife puts it
     few = frozen.distances(points[:40], groups[:40])
     assert few["ftd"]["mean"] is None and few["ktd"]["mean"] is not None  # 40 members have no covariance of 53
-
-
-@pytest.mark.parametrize(("gain", "most"), [(1.41, 2.0), (1.0, 3.0)])
-def test_interval_of_ktd_fits_repeats(noise_textures, reference, gain, most):
-    """The interval's width against the spread of KTD over independent draws.
-
-    Where sets differ they agree; eight draws know their own spread to about 25 %. Where they do not, the first-order
-    term of the estimator vanishes, and the jackknife is known to be too wide (Efron and Stein 1981): on the safe side.
-    """
-    frozen = Reference(reference, DEVICE_RATE)
-    values, widths = [], []
-    for seed in range(10, 18):
-        points = frozen.embed(gain * noise_textures(60, seed))
-        ktd = frozen.distances(points, np.arange(60))["ktd"]
-        values.append(ktd["mean"])
-        widths.append((ktd["interval"][1] - ktd["interval"][0]) / (2 * 1.96))
-    assert 0.5 < np.mean(widths) / np.std(values, ddof=1) < most

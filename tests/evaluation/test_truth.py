@@ -55,29 +55,6 @@ def test_truth_is_the_closed_form(gaussian, request_):
     assert gaussian.spread("line", request_) == pytest.approx(spread, rel=0.2)
 
 
-def test_drawing_agrees_with_exploring_everything():
-    rng = np.random.default_rng(2)
-    candidates = SPREAD * rng.standard_normal((3000, 3))
-    surface_ids, measures = planted(candidates, rng)
-    everything = RatedTextures(measures, surface_ids, candidates, np.ones(3000))
-    estimates, totals = [], []
-    for seed in range(200):
-        drawn, importance = draw_surfaces(candidates, REQUESTS, 500, seed)
-        # both textures of each drawn surface
-        few = {
-            name: values.reshape(3000, 2, -1)[drawn].reshape(2 * len(drawn), -1) for name, values in measures.items()
-        }
-        some = RatedTextures(few, np.repeat(np.arange(len(drawn)), 2), candidates[drawn], importance)
-        estimates.append([some.mean("line", request)[0] for request in REQUESTS])
-        totals.append(importance.sum() / 500)
-    error = np.std(estimates, axis=0, ddof=1) / np.sqrt(200)
-    expected = [everything.mean("line", request) for request in REQUESTS]
-    # a ratio of estimates is biased by about 1 / effective size of a spread, here less than a standard error
-    assert (np.abs(np.mean(estimates, axis=0) - expected) < 4 * error).all()
-    # draws over probability count the candidates without bias
-    assert np.mean(totals) == pytest.approx(3000, abs=4 * np.std(totals) / np.sqrt(200))
-
-
 def test_each_request_gets_its_share_of_the_draws():
     candidates = SPREAD * np.random.default_rng(3).standard_normal((20_000, 3))
     ends = [[2.0, FREE, FREE], [-2.0, FREE, FREE]]
@@ -86,16 +63,6 @@ def test_each_request_gets_its_share_of_the_draws():
     aimed = RatedTextures({}, np.arange(len(drawn)), candidates[drawn], importance)
     for request in ends:
         assert aimed.effective_size(request) > 5 * plain.effective_size(request)
-
-
-def test_effective_size_counts_surfaces_not_textures():
-    ratings, importance = np.zeros((3, 3)), np.array([1.0, 1.0, 2.0])
-    few = RatedTextures({}, [0, 1, 2], ratings, importance)
-    many = RatedTextures({}, [0, 0, 0, 0, 1, 2, 2], ratings, importance)
-    for textures in (few, many):
-        assert textures.effective_size(POPULATION) == pytest.approx(4**2 / (1 + 1 + 4))
-    np.testing.assert_allclose(many.weights(POPULATION), [0.0625] * 4 + [0.25] + [0.25] * 2)
-    assert RatedTextures({}, np.arange(7), np.zeros((7, 3)), np.ones(7)).effective_size(POPULATION) == pytest.approx(7)
 
 
 def test_kernel_is_a_gaussian_over_specified_axes_only():
@@ -142,21 +109,6 @@ def test_interval_equals_leaving_out_each_surface_by_hand():
     assert (high - low) / 2 == pytest.approx(expected)
 
 
-def test_intervals_cover():
-    rng = np.random.default_rng(6)
-    request = [1.0, FREE, FREE]
-    mean = SPREAD[0] ** 2 / (SPREAD[0] ** 2 + KERNEL_WIDTH**2)
-    covered = []
-    for seed in range(300):
-        candidates = SPREAD * rng.standard_normal((2000, 3))
-        drawn, importance = draw_surfaces(candidates, REQUESTS, 150, seed)
-        surface_ids, measures = planted(candidates[drawn], rng)
-        low, high = RatedTextures(measures, surface_ids, candidates[drawn], importance).interval("line", request)
-        covered.append(low < 2 * mean < high)
-    # 95 %: 300 repetitions scatter by 1.3 %, and some 40 surfaces that count leave the jackknife a little short
-    assert 0.89 < np.mean(covered) < 0.99
-
-
 @pytest.mark.parametrize("axis", [0, 2])
 @pytest.mark.parametrize("value", [-1.5, 0.4])
 def test_drawn_ratings_are_distributed_as_those_that_count(gaussian, axis, value):
@@ -173,15 +125,6 @@ def test_drawn_ratings_are_distributed_as_those_that_count(gaussian, axis, value
     assert drawn.mean() == pytest.approx(gaussian.mean_rating(request)[axis], abs=0.01)
     spread = np.sqrt(weights @ np.square(gaussian.ratings[:, axis] - gaussian.mean_rating(request)[axis]))
     assert drawn.std() == pytest.approx(spread, rel=0.05)
-
-
-def test_drawn_ratings_lie_where_surfaces_do_not_where_they_were_asked_for():
-    ratings = np.stack([np.linspace(-1, 1, 101), *np.zeros((2, 101))], axis=1)
-    textures = RatedTextures({}, np.arange(101), ratings, np.ones(101))
-    drawn = textures.draw_ratings([2.0, FREE, FREE], 50)[:, 0]
-    # the kernel at a distance of four widths decays like exp(-x / 0.0625): most of it within 0.2 of the last surface
-    assert drawn.max() == 1.0 and 0.85 < np.median(drawn) < 1.0
-    assert textures.draw_ratings([0.0, FREE, FREE], 1)[0, 0] == pytest.approx(0.0, abs=0.021)  # the median
 
 
 def test_importance_counts_in_what_is_drawn():
@@ -264,19 +207,6 @@ def test_virtual_truth_explores_what_it_drew(prepared, monkeypatch):
     again = virtual_truth(data, REQUESTS, describe, surfaces=8, candidates=40, seconds=8.0, seed=2, workers=2)
     np.testing.assert_array_equal(again.measures["textures"], rated.measures["textures"])
     assert np.isfinite(rated.mean("levels", POPULATION))
-
-
-def test_file_s_own_ratings_are_reproduced(prepared):
-    """The raters, their scales and the recipe are the file's: its held-out surfaces get its ratings, bit for bit."""
-    data = PreparedDataset(prepared, "all", "full")
-    training = np.unique(PreparedDataset(prepared, "train", "full").surface_ids)
-    assert len(training) == 4
-    facts = data.attributes
-    for number in np.setdiff1d(np.arange(6), training):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("tactile_diffusers.virtual.fresh.FIRST_FRESH", number)
-            again = fresh_ratings(1, facts["seed"], facts["agreement"], training)
-        np.testing.assert_array_equal(again[0], data.ratings.mean[number])
 
 
 def test_what_is_held_out_takes_no_part(tmp_path, monkeypatch):

@@ -42,19 +42,11 @@ def test_no_two_formats_share_a_suffix():
     assert {form.kind for form in FORMATS.values()} == {"lossless", "lossy", "preview"}
 
 
-@pytest.mark.parametrize("name", FORMATS)
-def test_all_that_belongs_to_a_texture_comes_back(tmp_path, texture, name):
-    read, metadata = FORMATS[name].read(_write(tmp_path, name, texture))
-    assert read.shape == texture.shape and read.dtype == np.float32
-    for key, value in COMMON.items():
-        if isinstance(value, int | str):
-            assert metadata[key] == value and type(metadata[key]) is type(value)
-        else:
-            np.testing.assert_allclose(metadata[key], value, rtol=1e-6)  # npz holds float32
-    if not FORMATS[name].spatial:
-        _, metadata = FORMATS[name].read(_write(tmp_path, name, texture, {**UNKNOWN, "seed": 2**64 - 1}))
-        assert math.isnan(metadata["friction_coefficient"]) and math.isnan(metadata["reference_speed"])
-        assert metadata["checkpoint"] is None and metadata["seed"] == 2**64 - 1
+@pytest.mark.parametrize("name", [name for name, form in FORMATS.items() if not form.spatial])
+def test_unknown_metadata_come_back_as_unknown(tmp_path, texture, name):
+    _, metadata = FORMATS[name].read(_write(tmp_path, name, texture, {**UNKNOWN, "seed": 2**64 - 1}))
+    assert math.isnan(metadata["friction_coefficient"]) and math.isnan(metadata["reference_speed"])
+    assert metadata["checkpoint"] is None and metadata["seed"] == 2**64 - 1
 
 
 @pytest.mark.parametrize(
@@ -73,12 +65,6 @@ def test_all_that_belongs_to_a_texture_comes_back(tmp_path, texture, name):
 def test_newtons_come_back(tmp_path, texture, name, snr_db, band_db):
     row = round_trip(_write(tmp_path, name, texture), name, texture, DEVICE_RATE)
     assert row["snr_db"] >= snr_db and row["nine_band_error_db"] <= band_db and row["bands"] == 9
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_silence_and_other_rates_survive(tmp_path, name):
-    read, _ = FORMATS[name].read(_write(tmp_path, name, np.zeros(4801), {**COMMON, "sampling_rate": 48000}))
-    assert read.shape == (4801,) and np.abs(read).max() < 1e-6
 
 
 @pytest.mark.parametrize("name", FORMATS)

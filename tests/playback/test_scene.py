@@ -99,14 +99,6 @@ def test_the_cache_is_bounded_and_what_was_dropped_comes_back_the_same(counted):
     assert counted.calls["dale"] == [5] and len(counted.calls["lctg"]) == 5
 
 
-def test_the_order_of_touching_does_not_matter(pipe):
-    one, other = TextureScene(SURFACES, pipe), TextureScene(SURFACES, pipe)
-    forward = {name: _samples(one.profile(name)) for name in one.names}
-    backward = {name: _samples(other.profile(name)) for name in reversed(other.names)}
-    for name, samples in forward.items():
-        np.testing.assert_array_equal(samples, backward[name])
-
-
 def test_a_surface_is_itself_among_others(pipe):
     alone, among = TextureScene({"film": SURFACES["film"]}, pipe), TextureScene(SURFACES, pipe)
     wanted = _samples(among.profile("film"))
@@ -195,16 +187,6 @@ def test_the_later_surface_lies_above(scene):
     assert TextureScene(SURFACES, scene._pipe, upside_down).at((6, 6)) == "denim"  # the order is that of `surfaces`
 
 
-def test_near_is_in_the_order_of_being_reached(scene):
-    assert scene.near((60, 4), margin=0) == []
-    assert scene.near((60, 4), velocity=(150, 0), margin=0, seconds=0.3) == ["film"]
-    assert scene.near((60, 4), velocity=(150, 0), margin=0, seconds=0.2) == []
-    assert scene.near((60, 6), velocity=(-250, 0), margin=0) == ["table", "denim"]
-    assert scene.near((60, 12), velocity=(-250, 0), margin=0) == ["table", "button", "denim"]
-    assert scene.near((97, 4), margin=5) == ["film"]
-    assert scene.near((30, 4), margin=100) == ["table", "button", "denim", "film"]  # by distance
-
-
 def test_near_equals_a_search_along_the_way():
     """The formula again, as many small steps."""
     from tactile_diffusers.playback.patches import Patches
@@ -274,15 +256,6 @@ def test_a_scene_costs_kilobytes(tmp_path):
         a, b = (profile.read(position, np.full(12_500, 80.0)) for profile in (scene.profile(name), wanted))
         assert np.std(a - b) < 1e-3 * np.std(b)  # -60 dB; measured: -70 at worst of 40
         assert nine_band_error_db(a[None], b[None], 10_000)[0] < 0.01
-
-
-def test_another_precision_is_the_same_checkpoint(scene, make_pipeline, tmp_path):
-    import torch
-
-    scene.save(tmp_path / "s.safetensors")
-    coarse = make_pipeline()
-    coarse.to(torch.bfloat16)
-    assert TextureScene.load(tmp_path / "s.safetensors", coarse).names == scene.names
 
 
 def test_another_checkpoint_is_refused(scene, make_pipeline, tmp_path):

@@ -34,15 +34,6 @@ def test_a_rated_surface_needs_no_profile():
     np.testing.assert_array_equal(surface._tables, tables)
 
 
-def test_ratings_are_those_of_the_surfaces():
-    raters = draw_raters(SEED)
-    surfaces = [VirtualSurface(SEED, FIRST_FRESH + number) for number in range(30)]
-    answers = np.stack([surface.answers(raters, 2.0) for surface in surfaces], axis=1).astype(np.float64)
-    z = (answers - answers.mean(1, keepdims=True)) / answers.std(1, keepdims=True)
-    # float32
-    np.testing.assert_allclose(fresh_ratings(30, SEED, 2.0), z.mean(0), atol=1e-6)
-
-
 def test_ratings_in_the_units_of_a_data_set(virtual_prepared):
     data = PreparedDataset(virtual_prepared, "all", "full")
     training = np.unique(PreparedDataset(virtual_prepared, "train", "full").surface_ids)
@@ -79,13 +70,6 @@ def test_textures_of_chosen_explorers():
     assert 0 < len(first) < len(both) and 0 < len(second) < len(both)
     with pytest.raises(ValueError, match="`explorers`"):
         fresh_textures(FIRST_FRESH, SEED, [], 12.0, limits)
-
-
-def test_many_fresh_surfaces_are_the_population():
-    ratings = fresh_ratings(400, SEED)
-    np.testing.assert_allclose(ratings.mean(0), 0, atol=1e-6)  # raters' z-scores over the candidates themselves
-    # raters disagree, so pooled ratings spread by less than 1: 0.81, 0.70, 0.67 over 20,000; standard error 0.03
-    np.testing.assert_allclose(ratings.std(0), [0.81, 0.70, 0.67], atol=0.1)
 
 
 @pytest.mark.parametrize("turnarounds", ["keep", "mask"])

@@ -164,15 +164,6 @@ def test_turnarounds_are_shorter_than_a_tenth_of_a_second():
     assert len(edges) > 10 and np.diff(edges).max() <= 0.1 * VELOCITY_RATE
 
 
-def test_both_explorers_wander_in_and_out_of_the_limits():
-    for number in range(4):
-        who = explorer(number, 0)
-        exploration = free_exploration(np.random.default_rng(number), who, 120)
-        for values, low, high in ((exploration.speed, 66, 99), (exploration.normal_force, 0.4, 0.6)):
-            share = np.mean((values >= low) & (values <= high))
-            assert 0.3 < share < 0.99
-
-
 def test_exploration_adapts_to_roughness():
     runs = [free_exploration(np.random.default_rng(4), explorer(0, 0), 60, z) for z in (-1.0, 0.0, 1.0, 2.0, 9.0)]
     speeds = [run.speed.max() for run in runs]
@@ -234,20 +225,6 @@ def test_a_rater_is_the_same_among_more():
     surface = VirtualSurface(0, 3)
     few, many = (surface.answers(draw_raters(0, count), axis_correlation=0.3) for count in (12, 20))
     np.testing.assert_array_equal(few, many[:12])
-
-
-def test_agreement_scales_disagreement():
-    raters = draw_raters(0)
-    surfaces = [VirtualSurface(0, index) for index in range(80)]
-    mean_correlation = []
-    for agreement in (0.3, 1.0, 10.0):
-        answers = np.stack([surface.answers(raters, agreement) for surface in surfaces])
-        correlation = np.corrcoef(answers[:, :, 0].T)
-        mean_correlation.append(correlation[np.triu_indices(12, 1)].mean())
-    assert mean_correlation == sorted(mean_correlation)
-    # the recipe's 0.63; 80 surfaces leave a standard error of about 0.04
-    assert mean_correlation[1] == pytest.approx(0.63, abs=0.12)
-    assert set(np.unique(answers)) <= set(range(9))
 
 
 def test_percepts_are_standardised_over_the_population():

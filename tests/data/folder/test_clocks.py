@@ -144,13 +144,6 @@ def test_velocity_of_a_known_movement():
     assert np.nanmax(error) < 0.03 * 40 * np.pi  # the ends are extrapolated parabolas
 
 
-def test_noise_gain_of_the_velocity():
-    """rate * sqrt(12 / n^3) for n = 25 samples: 13.9 (mm/s)/mm; 5 % for 20,000 samples and an odd n."""
-    noise = 0.01 * np.random.default_rng(0).standard_normal((20_000, 1))
-    measured = velocity_from_position(noise, 500.0)[50:-50].std() / 0.01
-    assert measured == pytest.approx(500 * np.sqrt(12 / 25**3), rel=0.05)
-
-
 def test_too_few_positions():
     with pytest.raises(Unusable, match="10 positions are less than one window of 25"):
         velocity_from_position(np.zeros((10, 2)), 500.0)

@@ -298,20 +298,6 @@ def test_faults_of_the_clock_are_named(rig):
     rig.refuses("felt.0_force.csv: the rate of the force is 122.399 Hz; it must be a whole number, and above 40 Hz")
 
 
-def test_repeated_stamps_are_dropped(rig):
-    rig.edit(rig.force(), lambda table: pd.concat([table[:100], table[99:]]))
-    report = rig.convert()
-    np.testing.assert_array_equal(recorded(rig.path / "r.h5").force, explore(seed=1)[0])
-    assert report.notes["samples with a repeated time stamp, dropped"] == [1, f"{rig.force()}, line 102"]
-
-
-def test_counts_have_no_newtons(rig):
-    rig.edit(rig.force(), lambda table: table.assign(fx=table["fx"] * 1e4, fy=table["fy"] * 1e4, fz=table["fz"] * 1e4))
-    rig.layout = rig.layout.replace('unit = "N"', 'unit = "1"')
-    assert rig.convert().recordings == 2
-    assert recorded(rig.path / "r.h5").unit == "1"
-
-
 def test_suspicious_units_and_rates_are_noted(rig):
     """Velocity in m/s that is called mm/s; and recordings at two rates, which no prepared data set can hold."""
     rig.edit(rig.motion(), lambda table: table.assign(vx=table["vx"] / 1000, vy=table["vy"] / 1000))

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from scipy import io
 
 from tactile_diffusers.data.folder.tables import list_tables, paths_inside, read_table
-from tactile_diffusers.data.folder.text_tables import find_header
 
 VALUES = np.random.default_rng(0).standard_normal((120, 3)).astype(np.float32)
 NAMES = ["Fx", "Fy", "Fz"]
@@ -199,12 +198,6 @@ def test_parquet_without_pyarrow(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     with pytest.raises(ValueError, match=r'pip install "tactile-diffusers\[parquet\]"'):
         read_table(tmp_path / "a.parquet")
-
-
-def test_header_of_words_is_one_line():
-    rows = [["surface", "1", "2"], ["wood", "5", "4"], ["metal", "3", ""]]
-    assert find_header(rows) == (1, ["surface", "1", "2"])
-    assert find_header(rows, 0) == (0, ["0", "1", "2"])
 
 
 @settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
