@@ -298,16 +298,14 @@ def test_surfaces_without_ratings_or_friction_are_left_out(baseline, planted):
     ratings[strange, 2], textures[strange] = nan, 1e3 * textures[strange]
     names = ("textures", "ratings", "friction_coefficients", "surface_ids")
     known = {name: getattr(planted, name)[~strange] for name in names}
-    request = BaselineRequest(planted.ratings[:5])
+    request = BaselineRequest(np.array([[0, 0, -1], [0, 0, 1], [nan, nan, nan]]))
     expected = baseline.fit(replace(planted, **known)).sample(request, seeded())
     made = baseline.fit(replace(planted, textures=textures, ratings=ratings)).sample(request, seeded())
     np.testing.assert_array_equal(made, expected)
 
     half = np.where(planted.surface_ids % 2, planted.friction_coefficients, nan)
-    request = BaselineRequest(np.array([[0, 0, -1], [0, 0, 1], [nan, nan, nan]]))
     some = baseline.fit(replace(planted, friction_coefficients=half)).friction_coefficients(request, seeded())
-    if isinstance(baseline, Ridge):
-        # a law without scatter: half of the surfaces show it as well; the penalty takes 3 % of it
+    if isinstance(baseline, Ridge):  # half of the surfaces show a law without scatter as well
         np.testing.assert_allclose(np.log(some[:2]), [-0.1, -0.9], atol=0.05)
     none = baseline.fit(replace(planted, friction_coefficients=np.full(240, nan)))
     assert np.isnan(none.friction_coefficients(request, seeded())).all()
@@ -331,23 +329,22 @@ def test_another_rate_and_band():
             assert made.shape == textures.shape and np.isfinite(made).all(), slug
 
 
-def test_misuse_is_refused(training, request_):
-    for slug, baseline in default_baselines(500, 2.0).items():
-        with pytest.raises(ValueError, match=f"'{slug}' is not fitted. Call `fit"):
-            baseline.sample(request_, seeded())
-        baseline.fit(training)
-        with pytest.raises(ValueError, match=r"`request.ratings` must have the shape \(n, 3\)"):
-            baseline.sample(BaselineRequest(np.zeros(3)), seeded())
-        if baseline.knows == "recording":
-            name = "other_takes" if slug == "other_take" else "textures"
-            with pytest.raises(ValueError, match=f"'{slug}' needs `request.{name}`, got None"):
-                baseline.sample(BaselineRequest(request_.ratings), seeded())
-            with pytest.raises(ValueError, match=f"`request.{name}` must have the shape"):
-                baseline.sample(replace(request_, **{name: request_.textures[:, :-1]}), seeded())
-            with pytest.raises(ValueError, match=f"`request.{name}` must be finite"):
-                baseline.sample(replace(request_, **{name: np.full((12, SEGMENT_SAMPLES), inf)}), seeded())
-    with pytest.raises(ValueError, match="not fitted"):
-        KnnBlend().friction_coefficients(request_, seeded())
+@pytest.mark.parametrize("slug", SLUGS)
+def test_misuse_is_refused(slug, training, request_):
+    baseline, name = default_baselines(500, 2.0)[slug], "other_takes" if slug == "other_take" else "textures"
+    cases = [(BaselineRequest(np.zeros(3)), r"`request.ratings` must have the shape \(n, 3\)")]
+    if baseline.knows == "recording":
+        cases += [
+            (BaselineRequest(request_.ratings), f"'{slug}' needs `request.{name}`, got None"),
+            (replace(request_, **{name: request_.textures[:, :-1]}), f"`request.{name}` must have the shape"),
+            (replace(request_, **{name: np.full((12, SEGMENT_SAMPLES), inf)}), f"`request.{name}` must be finite"),
+        ]
+    with pytest.raises(ValueError, match=f"'{slug}' is not fitted. Call `fit"):
+        baseline.sample(request_, seeded())
+    baseline.fit(training)
+    for bad, message in cases:
+        with pytest.raises(ValueError, match=message):
+            baseline.sample(bad, seeded())
 
 
 @pytest.mark.parametrize(

@@ -75,11 +75,6 @@ def test_modulation_is_found_at_its_carrier_and_rate():
     assert _feature(features, "modulation_3_2_6_db") < -30
 
 
-def test_silence_has_finite_features():
-    features = tactile_features(np.zeros((2, SEGMENT_SAMPLES)))
-    assert np.isfinite(features).all()
-
-
 def test_features_do_not_depend_on_order_chunks_or_dtype(held_out):
     # BLAS is not involved, but sums may run in another order: rounding only
     whole = tactile_features(held_out)
@@ -163,17 +158,14 @@ def test_planted_failures_are_caught(distances, held_out, failure, least_ftd, le
 
 
 def test_bad_input_is_refused(embedding, held_out):
-    bad = held_out[:2].copy()
-    bad[1, 7] = np.inf
-    with pytest.raises(ValueError, match=r"`textures` must be finite, got inf at index \[1, 7\]"):
-        tactile_features(bad)
-    with pytest.raises(ValueError, match="must have the shape 2 axes"):
-        tactile_features(held_out[0])
-    with pytest.raises(ValueError, match="too short for modulations"):
-        tactile_features(held_out[:, :4000])
-    with pytest.raises(ValueError, match="`sampling_rate` must be above 2000"):
-        tactile_features(held_out, 2000)
-    with pytest.raises(ValueError, match="must be that of the reference, 10000 Hz, got 2500"):
-        embedding(held_out, WORKING_RATE)
-    with pytest.raises(ValueError, match="at least 2 textures"):
-        TactileEmbedding.fit(held_out[:1])
+    bad = np.where(held_out == held_out[1, 7], np.inf, held_out)
+    for refused, message in (
+        (lambda: tactile_features(bad), r"`textures` must be finite, got inf at index \[1, 7\]"),
+        (lambda: tactile_features(held_out[0]), "must have the shape 2 axes"),
+        (lambda: tactile_features(held_out[:, :4000]), "too short for modulations"),
+        (lambda: tactile_features(held_out, 2000), "`sampling_rate` must be above 2000"),
+        (lambda: embedding(held_out, WORKING_RATE), "must be that of the reference, 10000 Hz, got 2500"),
+        (lambda: TactileEmbedding.fit(held_out[:1]), "at least 2 textures"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            refused()

@@ -27,17 +27,6 @@ def test_interval_counts_surfaces_not_segments():
     assert copied["n"] == 80
 
 
-def test_intervals_cover_the_truth_as_often_as_they_say():
-    """Of 300 intervals at 95 %, the count that covers is binomial: 285 expected, standard deviation 3.8."""
-    rng, covered = np.random.default_rng(2), 0
-    for _ in range(300):
-        surfaces = rng.normal(size=40)
-        values = np.repeat(surfaces, 3) + 0.3 * rng.normal(size=120)
-        low, high = leaf(values, np.repeat(np.arange(40), 3))["interval"]
-        covered += low < 0 < high
-    assert 270 <= covered <= 297
-
-
 def test_missing_values_and_nothing():
     assert leaf([1.0, np.nan, 3.0])["mean"] == 2.0 and leaf([1.0, np.nan, 3.0])["n"] == 2
     assert leaf([])["mean"] is None and leaf(None)["n"] is None and leaf([np.nan])["interval"] is None

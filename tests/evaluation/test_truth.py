@@ -8,7 +8,7 @@ from scipy import stats
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation import truth
 from tactile_diffusers.evaluation import virtual_truth as virtual
-from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, RatedTextures, log_kernel, recorded_truth
+from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, RatedTextures, recorded_truth
 from tactile_diffusers.evaluation.virtual_truth import draw_surfaces, truth_of, virtual_truth
 from tactile_diffusers.signal import level
 from tactile_diffusers.virtual import FIRST_FRESH, VirtualSurface, fresh_ratings, fresh_textures, generate_recordings
@@ -63,14 +63,6 @@ def test_each_request_gets_its_share_of_the_draws():
     aimed = RatedTextures({}, np.arange(len(drawn)), candidates[drawn], importance)
     for request in ends:
         assert aimed.effective_size(request) > 5 * plain.effective_size(request)
-
-
-def test_kernel_is_a_gaussian_over_specified_axes_only():
-    ratings = np.array([[0.0, 0.0, 0.0], [0.25, 5.0, -5.0], [0.5, 0.0, 9.0]])
-    weights = RatedTextures({}, np.arange(3), ratings, np.ones(3)).weights([0, None, FREE])
-    np.testing.assert_allclose(weights / weights[0], np.exp([0, -0.5, -2.0]))
-    two_axes = log_kernel(ratings, [0.0, 4.0, FREE], width=2.0)
-    np.testing.assert_allclose(two_axes, [-2.0, -0.5 * (0.125**2 + 0.5**2), -0.5 * (0.25**2 + 4)])
 
 
 def test_request_far_outside_says_so():
@@ -132,12 +124,6 @@ def test_importance_counts_in_what_is_drawn():
     textures = RatedTextures({}, np.arange(3), ratings, np.array([6.0, 1.0, 1.0]))
     drawn = textures.draw_ratings([0.0, None, FREE], 40)[:, 0]
     assert (drawn == -0.1).sum() == 30 and (drawn == 0.1).sum() == 10
-
-
-def test_surfaces_that_are_not_rated_are_not_drawn():
-    ratings = np.array([[FREE, 1.0, 0.0], [0.3, FREE, 0.0], [FREE] * 3, [0.5, 0.0, 0.0]])
-    textures = RatedTextures({}, np.arange(4), ratings, np.ones(4))
-    assert set(textures.draw_ratings([0.4, FREE, FREE], 10)[:, 0]) == {0.3, 0.5}
 
 
 def test_nothing_is_drawn_where_nothing_is_specified(gaussian):

@@ -129,14 +129,11 @@ def test_jitter_rests_and_a_rate_within_the_factor_are_not(path):
 @pytest.mark.parametrize(
     ("dimensions", "time", "position", "message"),
     [
-        (1, 0.1, np.nan, "finite"),
-        (1, np.inf, 1.0, "finite"),
         (1, [0.1, 0.2], [1.0], "equal number"),
         (1, [0.2, 0.1], [1.0, 1.0], "ascend"),
         (1, 0.1, (1.0, 2.0), r"for x and y make it with `dimensions=2`. Got \(1,\) and \(2,\)"),
         (1, [0.1, 0.2], np.ones((2, 2)), "make it with `dimensions=2`"),
         (2, 0.1, 1.0, r"\(n, 2\), x and y in mm; for a line leave `dimensions=2` out. Got \(1,\) and \(\)"),
-        (2, 0.1, (1.0, 2.0, 3.0), "x and y in mm"),
         (2, [0.1, 0.2], [1.0, 2.0, 3.0, 4.0], "x and y in mm"),
     ],
 )

@@ -26,11 +26,6 @@ def test_drawn_observers_are_right_as_often(dprime):
     assert np.mean(says_b == x_is_b) == pytest.approx(abx_proportion_correct(dprime), abs=0.005)
 
 
-def test_there_and_back():
-    dprime = np.linspace(0.05, 6, 40)
-    np.testing.assert_allclose(abx_dprime(abx_proportion_correct(dprime)), dprime, atol=1e-6)  # root finder
-
-
 def test_below_chance_is_negative_and_certainty_is_finite_where_trials_are_known():
     assert abx_dprime(0.5) == 0
     assert abx_dprime(0.4) == pytest.approx(-abx_dprime(0.6))

@@ -106,12 +106,6 @@ def test_compliance_is_drawn_apart():
     other = [draw_surface(stream(3, Stream.SURFACE, k), stream(99, Stream.COMPLIANCE, k)) for k in range(60)]
     for k, surface in enumerate(other):
         assert replace(surface, compliance=0.0) == replace(VirtualSurface(3, k).parameters, compliance=0.0)
-    rng = np.random.default_rng(np.random.SeedSequence(3, spawn_key=(0, 0)))
-    counts = np.array([5, 6, 8, 7, 5, 9, 5, 5])
-    assert (
-        other[0].material
-        == ("glass metal plastic wood paper fabric abrasive rubber".split())[rng.choice(8, p=counts / 50)]
-    )
 
 
 def test_stiffness_and_stick_slip_rate():
@@ -166,14 +160,10 @@ def test_turnarounds_are_shorter_than_a_tenth_of_a_second():
 
 def test_exploration_adapts_to_roughness():
     runs = [free_exploration(np.random.default_rng(4), explorer(0, 0), 60, z) for z in (-1.0, 0.0, 1.0, 2.0, 9.0)]
-    speeds = [run.speed.max() for run in runs]
-    forces = [np.log(run.normal_force) for run in runs]
-    assert speeds[2] / speeds[1] == pytest.approx(np.exp(-0.02)) and speeds[0] / speeds[1] == pytest.approx(
-        np.exp(0.02)
-    )
-    assert forces[0].std() / forces[1].std() == pytest.approx(np.exp(0.1))
-    middle = [np.median(force - force.std() / forces[1].std() * (forces[1] - np.log(0.52))) for force in forces]
-    np.testing.assert_allclose(middle[:3], np.log(0.52) - 0.02 * np.array([-1, 0, 1]), atol=1e-9)
+    slow, plain, fast = (run.speed.max() for run in runs[:3])
+    assert fast / plain == pytest.approx(np.exp(-0.02)) and slow / plain == pytest.approx(np.exp(0.02))
+    light, normal = (np.log(run.normal_force) for run in runs[:2])
+    assert light.std() / normal.std() == pytest.approx(np.exp(0.1))
     np.testing.assert_array_equal(runs[3].speed, runs[4].speed)  # beyond two standard deviations nothing changes
     rough = max((VirtualSurface(0, index) for index in range(40)), key=lambda surface: surface.percepts[0])
     velocity = rough.explore(0, 4.0)[1]

@@ -171,8 +171,3 @@ def test_position_instead_of_velocity(source, direct, tmp_path):
     name = "segments/filtered/friction_coefficient"
     np.testing.assert_allclose(ours[name], theirs[name], atol=5e-4)
     np.testing.assert_array_equal(ours["ratings/mean"], theirs["ratings/mean"])
-    offsets, starts = theirs["offset/10000"], theirs["segments/filtered/start"]
-    for recording, start in zip(theirs["segments/filtered/recording"], starts, strict=True):
-        segment = slice(offsets[recording] + start, offsets[recording] + start + 2**14)
-        texture, other = theirs["lateral/10000"][segment], ours["lateral/10000"][segment]
-        assert np.std(other - texture) < 0.005 * np.std(texture)
