@@ -172,7 +172,6 @@ def test_the_bias_is_the_mean_change_of_friction(make_profile, feel, noise_textu
     texture = noise_texture(rms=0.002)
     drive, report = profile.drive(texture, SPEED, bias=bias)
     assert report.clipped == 0
-    # 0.1 mN for the lookup between its points
     assert feel(kind, drive, 300.0).mean() == pytest.approx(profile.offset + bias, abs=1e-4)
     assert profile.stream().bias == pytest.approx(sum(profile.force_range) / 2)
 

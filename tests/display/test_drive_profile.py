@@ -125,7 +125,6 @@ def test_a_lookup_from_a_spreadsheet_or_none(tmp_path, make_profile):
     profile.save(tmp_path / "display.json")
     table = tmp_path / "display.lookup.csv"
     text = table.read_text(encoding="utf-8")
-    # byte-order mark, other line ends, blank last line
     table.write_bytes(text.replace("\n", "\r\n").encode("utf-8-sig") + b"\r\n")
     assert DriveProfile.load(tmp_path / "display.json") == profile
     table.write_bytes(b"\xff\xfe\x00\xd8")

@@ -219,7 +219,6 @@ def test_noise_of_decimation_matches_the_bits_and_has_the_mean_colour(bits, trai
 
 def test_latent_rate_is_its_formula():
     latents = seeded().normal(size=(40, 2, 500)) * np.array([np.sqrt(3), np.sqrt(15)])[:, None] * 0.1
-    # 1/2 log2(4) and 1/2 log2(16), from 20,000 numbers each
     assert latent_rate(latents, 0.1) == pytest.approx(1.5, abs=0.02)
     assert latent_rate(np.full((2, 3, 4), 7.0), 0.1) == 0
     for sigma in (0.0, nan, -1.0):
@@ -246,9 +245,7 @@ def test_knn_without_any_rating_draws_surfaces_at_random(three_surfaces):
     levels = levels_db(knn.sample(request, seeded()))
     nearest = np.abs(levels[:, None] - [-50, -30, -20]).argmin(-1)
     assert (np.bincount(nearest, minlength=3) > 15).all()  # 30 expected, standard deviation 4.5
-    # the same state of the generator gives friction of the surface that was drawn
     np.testing.assert_allclose(knn.friction_coefficients(request, seeded()), np.array([0.2, 0.8, 5.0])[nearest])
-    # more neighbours than there are surfaces: all weigh the same
     every = KnnBlend(9).fit(three_surfaces).friction_coefficients(request, seeded())
     np.testing.assert_allclose(every, np.exp(np.log([0.2, 0.8, 5.0]).mean()))
 

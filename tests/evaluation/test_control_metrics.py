@@ -71,7 +71,6 @@ def test_batches_and_order_do_not_change_what_is_generated(pipe):
     whole = generate(pipe, ratings, seeds, 10_000, 2000, steps=2)
     assert whole.textures.shape == (3, 2000) and whole.latents.shape[0] == 3
     single = generate(pipe, ratings[::-1], seeds[::-1], 10_000, 2000, steps=2, batch=1)
-    # float32 convolutions of another batch size: 1e-4 of the level, as for the pipeline itself
     assert np.abs(whole.textures - single.textures[::-1]).max() < 1e-4 * np.abs(whole.textures).max()
     latents = generate(pipe, ratings, seeds, 10_000, 2000, steps=2, decode=False)
     assert latents.textures.shape == (3, 0) and np.allclose(latents.latents, whole.latents)

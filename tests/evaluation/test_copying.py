@@ -27,7 +27,6 @@ def _shifted(segment, other, samples):
 
 @pytest.mark.parametrize("scale", [1.0, -0.5, 1e4])
 def test_copies_correlate_fully(waveforms, reference, scale):
-    # single precision, and the ringing of the band's edges at the ends of a segment
     np.testing.assert_allclose(waveforms.nearest_correlation(scale * reference[:6]), 1, atol=2e-3)
 
 
@@ -56,11 +55,9 @@ def test_chunks_order_dtype_and_scale_do_not_matter(waveforms, reference, held_o
     chunks = (rows.astype(np.float32) for rows in np.array_split(reference[::-1], 7))
     other = TrainingWaveforms(chunks, DEVICE_RATE)
     assert len(other) == len(waveforms) == 150
-    # single precision throughout
     np.testing.assert_allclose(other.nearest_correlation(held_out[:8].astype(np.float32)), expected, atol=1e-5)
     single = [other.nearest_correlation(-3 * texture[None])[0] for texture in held_out[:8]]
     np.testing.assert_allclose(single, expected, atol=1e-5)
-    # training segments count alike, whatever their level
     loud = TrainingWaveforms([reference * np.geomspace(0.01, 100, 150)[:, None]], DEVICE_RATE)
     np.testing.assert_allclose(loud.nearest_correlation(held_out[:8]), expected, atol=1e-5)
 
@@ -156,7 +153,6 @@ def test_nearest_distance_is_the_smallest_distance(monkeypatch):
     np.testing.assert_allclose(nearest_distance(points, reference), expected, rtol=1e-12)
     monkeypatch.setattr(copying, "in_blocks", lambda rows: in_blocks(rows, 9))
     np.testing.assert_allclose(nearest_distance(points[::-1], reference[::-1])[::-1], expected, rtol=1e-12)
-    # float32 holds the points to 6e-8
     single = nearest_distance(points.astype(np.float32), reference.astype(np.float32))
     assert single.dtype == np.float64
     np.testing.assert_allclose(single, expected, rtol=1e-5)
@@ -203,7 +199,6 @@ def test_take_spread_of_known_takes():
     # pooled: (0.5 * 2^2 + 0.5 * 4^2) / 2 degrees of freedom
     levels = np.array([[0.0], [2.0], [100.0], [104.0]])
     assert take_spread_db(levels, [1, 1, 0, 0]) == pytest.approx(np.sqrt(5))
-    # independent of order and of the groups' means
     assert take_spread_db(levels[[2, 1, 3, 0]] + 7, [0, 1, 0, 1]) == pytest.approx(np.sqrt(5))
 
 
@@ -273,7 +268,6 @@ def test_surfaces_count_alike_however_many_textures_they_have():
     often = np.repeat(np.arange(len(levels)), np.where(np.arange(len(levels)) % 10 == 0, 30, 1))
     again = rating_diversity(*made, CENTRES, levels[often], ratings[often], surfaces[often])
     assert again == pytest.approx(expected, rel=1e-9)
-    # if each texture were a surface of its own, a tenth of the surfaces would rule
     apart = rating_diversity(*made, CENTRES, levels[often], ratings[often], np.arange(len(often)))
     assert abs(apart - expected) > 1e-3
 
@@ -303,6 +297,5 @@ def test_ratings_with_few_surfaces_near_and_single_takes_are_left_out():
     assert rating_diversity(levels, groups, lonely, *real) == pytest.approx(expected, rel=1e-9)
     assert rating_diversity(levels[:151], groups[:151], CENTRES, *real) == pytest.approx(expected, rel=1e-9)
     assert np.isnan(rating_diversity(levels[:150], groups[:150], lonely[[1]], *real))
-    # 10 surfaces with two textures each are no 20
     few = [part[(real[2] % 40) < 10] for part in real]
     assert np.isnan(rating_diversity(levels, groups, CENTRES, *few))

@@ -55,7 +55,6 @@ def test_batches_and_single_textures_agree(held_out):
         batch = metric(textures, references)
         assert batch.shape[:2] == (2, 2)
         np.testing.assert_allclose(batch[1, 0], metric(textures[1, 0], references[1, 0]))
-        # float32 holds newtons to 6e-8 of themselves
         np.testing.assert_allclose(metric(textures.astype(np.float32), references), batch, rtol=1e-4, atol=1e-4)
 
 

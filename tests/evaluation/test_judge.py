@@ -48,7 +48,6 @@ def test_linear_law_is_recovered():
     predicted = judge.predict(points, friction)
     assert predicted.shape == (len(points), 3)
     np.testing.assert_allclose(r2, 1 - ((predicted - ratings) ** 2).sum(0) / ((ratings - ratings.mean(0)) ** 2).sum(0))
-    # and what it carries on is a request: diagonal near one, nothing beside it
     np.testing.assert_allclose(response_matrix(predicted, ratings), np.diag(r2), atol=0.15)
 
 
@@ -62,7 +61,6 @@ def test_curved_law_needs_the_kernel():
     assert [choice["width"] for choice in ridge.choices] == [None] * 3
     # a parabola is uncorrelated with its argument: plain ridge explains nothing of it
     assert judge.r2(*held_out[:3])[0] > 0.6 and ridge.r2(*held_out[:3])[0] < 0.1
-    # the axis with a straight law loses nothing by the choice
     assert judge.r2(*held_out[:3])[1] > ridge.r2(*held_out[:3])[1] - 0.02
 
 
@@ -125,7 +123,6 @@ def test_scarce_features_do_not_count_by_being_scarce():
     judge = Judge.fit(points, friction, ratings, ids)
     moved = points.copy()
     moved[:, -1] += 0.1
-    # 0.1 z-scores of one of twelve features that carries nothing
     np.testing.assert_allclose(judge.predict(moved, friction), judge.predict(points, friction), atol=0.05)
 
 
@@ -153,7 +150,6 @@ def test_intervals_equal_leaving_out_by_hand():
 def requests(count=60, takes=5, seed=0):
     rng = np.random.default_rng(seed)
     ids = np.repeat(np.arange(count), takes)
-    # correlated, as roughness and bumpiness are
     return (rng.standard_normal((count, 3)) @ [[0.8, 0.3, 0], [0, 0.6, 0], [0, 0, 0.7]])[ids], ids
 
 
@@ -162,7 +158,6 @@ def test_response_of_ignored_conditioning_is_zero():
     recovered = np.random.default_rng(1).standard_normal(requested.shape)
     low, high = response_interval(recovered, requested, ids)
     assert np.mean((low < 0) & (high > 0)) >= 8 / 9  # 95 % each
-    # 300 textures: standard error of a slope at most 0.1
     np.testing.assert_allclose(response_matrix(recovered, requested), 0, atol=0.3)
 
 

@@ -85,7 +85,6 @@ def test_distances_of_sets(drawn, gain):
     a, b, rng = drawn
     turn = np.linalg.qr(rng.standard_normal((a.shape[1], a.shape[1])))[0]
     far = frechet_tactile_distance(a, b)
-    # a root of eigenvalues rounds at 1e-8 of their size
     close = {"rel": 1e-4, "abs": 1e-5}
     assert far == pytest.approx(frechet_tactile_distance(b, a), **close) and far > -1e-5
     assert frechet_tactile_distance(a, a) == pytest.approx(0, abs=1e-5)

@@ -88,9 +88,6 @@ def test_other_values_than_those_compared_are_left_out():
     assert len(rows) == 2 * 3 * len(QUANTITIES)
 
 
-# --- the response matrix
-
-
 def _matrix(values):
     return [[number(value, 100) for value in row] for row in values]
 
@@ -108,9 +105,6 @@ def test_difference_of_unknown_matrices_is_unknown():
     known, unknown = _matrix(np.eye(3)), _matrix(np.eye(3))
     unknown[1][2] = number()
     assert matrix_difference(known, unknown) is None is matrix_difference(unknown, known)
-
-
-# --- a report
 
 
 def _report():

@@ -112,7 +112,6 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path):
     for matrix in (control["response_real"], control["1.0"]["response"], permuted["response"]):
         assert np.array([[leaf["mean"] for leaf in row] for row in matrix]).shape == (3, 3)
     for axis in control["judge_r2"]:
-        # the permuted textures are the same ones under other labels
         for value, other in (("-2.0", "1.0"), ("-1.0", "2.0"), ("1.0", "-2.0"), ("2.0", "-1.0")):
             entry, wrong = axes[axis][value], permuted["axes"][axis][value]
             for name in "level_db shape_db log_friction".split():
@@ -149,11 +148,9 @@ def test_done_sections_are_read_not_run_again(evaluable_pipe, prepared, tmp_path
     assert _report(pipe, prepared, tmp_path, ["speed"]) == first
     monkeypatch.setitem(SECTIONS, "speed", lambda context: {"speed": "measured anew"})
     assert _report(pipe, prepared, tmp_path, ["speed"], seed=1)["speed"] == "measured anew"
-    # what was cut off while it was written counts as not done
     path = tmp_path / "out" / "sections" / "speed.json"
     path.write_text(path.read_text()[:-20])
     assert _report(pipe, prepared, tmp_path, ["speed"], seed=1)["speed"] == "measured anew"
-    # other weights under the same name are another checkpoint
     monkeypatch.setitem(SECTIONS, "speed", lambda context: {"speed": "other weights"})
     with torch.no_grad():
         next(pipe.lctg.parameters()).add_(1.0)

@@ -40,7 +40,6 @@ def test_reference_distances_are_those_of_the_functions(reference, held_out):
     frozen = Reference(reference, DEVICE_RATE)
     points, groups = frozen.embed(held_out), np.repeat(np.arange(25), 4)
     found = frozen.distances(points, groups)
-    # the same numbers in another order of summation: 1e-9 of KTD's 1000
     assert found["ktd"]["mean"] == pytest.approx(
         kernel_tactile_distance(points, frozen.points, frozen.embedding.width, groups)
     )
@@ -48,6 +47,5 @@ def test_reference_distances_are_those_of_the_functions(reference, held_out):
     for name in ("ftd", "ktd"):
         low, high = found[name]["interval"]
         assert low < found[name]["mean"] < high
-    # one left-out surface, computed directly, must lie where the jackknife puts it
     few = frozen.distances(points[:40], groups[:40])
     assert few["ftd"]["mean"] is None and few["ktd"]["mean"] is not None  # 40 members have no covariance of 53

@@ -69,7 +69,6 @@ def test_request_far_outside_says_so():
     ratings = SPREAD * np.random.default_rng(4).standard_normal((100, 3))
     textures = RatedTextures({"x": ratings[:, 0]}, np.arange(100), ratings, np.ones(100))
     far = [60.0, FREE, FREE]
-    # the roughest surface is all that counts, nearly
     assert 1 <= textures.effective_size(far) < 1.1
     assert textures.mean("x", far) == pytest.approx(ratings[:, 0].max(), rel=0.01)
     assert np.isnan(textures.interval("x", far)).all()
@@ -156,9 +155,6 @@ def test_bad_requests_are_refused(gaussian):
         gaussian.mean("line", [1.0, 2.0, np.inf])
     with pytest.raises(ValueError, match="`width`"):
         log_kernel(gaussian.ratings, POPULATION, width=0)
-
-
-# virtual surfaces, tiny
 
 
 @pytest.fixture(scope="module")

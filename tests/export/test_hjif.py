@@ -64,7 +64,6 @@ def test_gain_times_key_frames_is_newtons(tmp_path, modality, timescale, step):
     places = np.array([frame["relative_position"] for frame in frames])
     assert (np.diff(places) == step).all() and places[-1] / timescale < 0.4 <= (places[-1] + step) / timescale
     newtons = channel["gain"] * np.array([frame["amplitude_modulation"] for frame in frames])
-    # 5 decimals, and the cubic
     np.testing.assert_allclose(newtons, 0.03 * np.cos(2 * np.pi * 100 * places / timescale), atol=1e-5)
     assert (perception["unit_exponent"] == -6) == (modality in SPATIAL)
 

@@ -37,7 +37,6 @@ def test_grey_is_friction_over_position(tmp_path):
     assert (rows == rows[0]).all() and rows.min() == 0 and rows.max() == 255
     friction = chunk["friction_at_zero"] + rows[0] * chunk["friction_per_count"]
     expected = 0.6 + 0.05 / 0.25 * np.cos(2 * np.pi * np.arange(800) * 0.1 / 2)
-    # half a count; the ends ring
     np.testing.assert_allclose(friction[10:-10], expected[10:-10], atol=0.6 * chunk["friction_per_count"])
 
 

@@ -25,7 +25,6 @@ def test_numbers_times_scale_are_newtons(tmp_path, texture, subtype, tolerance):
     read, metadata = read_wav(tmp_path / "a.wav")
     scale = metadata["newtons_per_full_scale"]
     np.testing.assert_allclose(read, texture, rtol=0, atol=tolerance * scale)
-    # any other reader arrives at the same
     samples, rate = soundfile.read(tmp_path / "a.wav")
     assert rate == 10000 and soundfile.info(tmp_path / "a.wav").subtype == subtype
     assert 0.9999 < np.abs(samples).max() <= 1

@@ -44,7 +44,6 @@ class TestProfile:
         first, second = make_profile(), make_profile()
         first.generate(0, 1, 2, 3)
         second.generate(3)
-        # batches of other sizes round differently
         np.testing.assert_allclose(_read(first, 3.3, 3.9), _read(second, 3.3, 3.9), atol=1e-4 * 0.01)
 
     def test_no_two_windows_are_alike(self, make_profile):
@@ -62,7 +61,6 @@ class TestProfile:
         assert steps.max() < 2 * inside
 
     def test_all_takes_share_level_and_mean_spectrum(self, make_pipeline):
-        # one learned channel beside three levels of bands
         profile = EndlessProfile(make_pipeline(), RATINGS)
         profile.generate(0, 5)
         levels = profile.pipe.lctg.level_channels

@@ -60,7 +60,6 @@ def test_a_place_feels_the_same_from_both_sides_and_again_after_the_length(profi
     forward, back = profile.read(position, speed), profile.read(position[::-1], -speed)[::-1]
     np.testing.assert_array_equal(forward, back)
     for far in (1, -3):
-        # positions are float64; the interpolation's place in a period is rounded anew
         np.testing.assert_allclose(profile.read(position + far * profile.length, speed), forward, atol=1e-9)
 
 

@@ -19,9 +19,6 @@ def _state(path):
     return path.time, path._times.tolist(), path._places.tolist()
 
 
-# the clock
-
-
 @pytest.mark.parametrize("origin", [1.7e9, 5.0, -5.0])
 def test_stamps_of_another_clock_are_refused_and_can_be_converted(path, origin):
     path.advance(800)
@@ -97,9 +94,6 @@ def test_late_reports_are_taken(path):
     path.report(1.5, 2.0)
 
 
-# the rate
-
-
 @pytest.mark.parametrize("observed", [20.0, 1000.0])
 def test_another_rate_is_warned_of_once(observed):
     path = FingerPath(RATE, SENSOR)
@@ -121,9 +115,6 @@ def test_jitter_rests_and_a_rate_within_the_factor_are_not(path):
         for time in times[times < 5]:
             path.report(time, 40 * time)
             path.advance(max(1, round((time - path.time) * RATE)))
-
-
-# shapes
 
 
 @pytest.mark.parametrize(

@@ -49,9 +49,6 @@ def scene(pipe):
     return TextureScene(SURFACES, pipe, PATCHES)
 
 
-# what is made, and when
-
-
 def test_only_what_is_touched_is_made(counted):
     scene = TextureScene(SURFACES, counted)
     assert counted.calls == {"dale": [], "lctg": []} and scene.decoded == ()
@@ -83,9 +80,6 @@ def test_a_scene_decodes_what_the_finger_nears(counted):
     assert small.prepare((8, 8), margin=200) == ["table", "denim"] == list(small.decoded)  # no more than it keeps
 
 
-# the same whatever happens
-
-
 def test_the_cache_is_bounded_and_what_was_dropped_comes_back_the_same(counted):
     scene = TextureScene(SURFACES, counted, cache_size=2)
     first = _samples(scene.profile("table"))
@@ -102,7 +96,6 @@ def test_the_cache_is_bounded_and_what_was_dropped_comes_back_the_same(counted):
 def test_a_surface_is_itself_among_others(pipe):
     alone, among = TextureScene({"film": SURFACES["film"]}, pipe), TextureScene(SURFACES, pipe)
     wanted = _samples(among.profile("film"))
-    # a batch of another size is rounded otherwise, and that to half precision
     np.testing.assert_allclose(_samples(alone.profile("film")), wanted, atol=1e-3 * wanted.std())
     assert alone.friction_coefficient("film") == pytest.approx(among.friction_coefficient("film"), rel=1e-4)
 
@@ -176,9 +169,6 @@ def test_ratings_of_any_scale_are_the_same_scene(make_pipeline, tmp_path):
     np.testing.assert_array_equal(_samples(loaded.profile("denim")), _samples(z.profile("denim")))
 
 
-# where surfaces lie
-
-
 def test_the_later_surface_lies_above(scene):
     assert scene.at((1, 1)) == "table" and scene.at((6, 6)) == "denim" and scene.at((22, 12)) == "button"
     assert scene.at((60, 1)) is None and scene.at((-0.1, 1)) is None
@@ -210,9 +200,6 @@ def test_a_line_of_surfaces(pipe):
     assert scene.dimensions == 1 and scene.at(10) == "a" and scene.at([55.0]) == "b" and scene.at(40) is None
     assert scene.near(35.0) == ["a"] and scene.near(35.0, velocity=100.0) == ["a", "b"]
     assert scene.profile("a").length >= 30 - 0.02
-
-
-# files
 
 
 def test_a_scene_from_a_file_is_the_same_and_needs_no_dale(counted, make_pipeline, tmp_path):

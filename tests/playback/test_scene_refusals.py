@@ -65,9 +65,6 @@ def test_impossible_questions_are_refused(pipe):
         bare.at((0, 0))
 
 
-# files
-
-
 @pytest.fixture
 def path(pipe, tmp_path):
     TextureScene(GOOD, pipe, {"denim": (0, 0, 5, 5)}).save(tmp_path / "s.safetensors")

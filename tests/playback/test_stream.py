@@ -52,7 +52,6 @@ def test_friction_opposes_motion_and_turns_smoothly(make_stream):
 
 
 def test_a_resting_finger_feels_nothing(make_stream):
-    # the filter settles to 1e-11 mm, which over 0.1 ms is a speed
     np.testing.assert_allclose(_play(make_stream(friction=0.5), lambda t: 12.0), 0, atol=1e-4)
 
 

@@ -87,7 +87,6 @@ def test_blocks_do_not_matter(profiles, data, dimensions, friction, seed):
     shape = (sum(samples for _, samples, _, _ in chunks),) + ((2,) if dimensions == 2 else ())
     assert whole.shape == blocks.shape == shape and whole.dtype == np.float32
     assert np.isfinite(whole).all()
-    # rounding of positions of a kilometre, over wavelengths from 20 um on
     far = max((np.abs(place).max() for reports, *_ in chunks for _, place in reports), default=0.0)
     np.testing.assert_allclose(blocks, whole, atol=1e-6 + 1e-9 * far)
 

@@ -52,7 +52,6 @@ def test_known_sensitivity_lies_in_the_interval(make_key):
             assert _inside(report["abx"][condition]["proportion_correct"], abx_proportion_correct(dprime)) == hits[-1]
     # 80 draws of 0.95, four of them correlated, are below 0.85 less than once in a thousand
     assert np.mean(hits) >= 0.85
-    # standard error of d' in one study is about 0.2, of the mean of 80 0.02
     assert abs(np.mean(errors)) < 0.08
 
 

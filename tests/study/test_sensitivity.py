@@ -22,7 +22,6 @@ def test_drawn_observers_are_right_as_often(dprime):
     x_is_b = rng.random(trials) < 0.5
     x = dprime * x_is_b + rng.standard_normal(trials)
     says_b = (x > (felt_a + felt_b) / 2) == (felt_b > felt_a)
-    # standard error of a proportion of 200 000 is at most 0.0011
     assert np.mean(says_b == x_is_b) == pytest.approx(abx_proportion_correct(dprime), abs=0.005)
 
 

@@ -124,7 +124,6 @@ def test_ids_do_not_follow_conditions(stimuli):
 def test_files_hold_what_the_key_says(study):
     for row in study.key.itertuples():
         texture, facts = read_wav(study.folder / "stimuli" / f"{row.id}.wav")
-        # 16 bits of the common full scale: half a count, 2^-16 of it
         assert np.abs(texture).max() == pytest.approx(row.peak_n, abs=2**-15 * study.settings["full_scale"])
         stored = np.load(study.folder / "stimuli" / f"{row.id}.npz")["texture"]
         assert rms(stored) == pytest.approx(row.rms_n, rel=1e-6)  # float32

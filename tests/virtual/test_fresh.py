@@ -50,7 +50,6 @@ def test_ratings_of_a_file_with_other_raters():
     settings = rater_settings(attributes)
     assert settings == {name: attributes[name] for name in ("raters", "agreement", "axis_correlation")}
     assert rater_settings({"agreement": 2.0})["raters"] == 12  # a file without the others
-    # as an HDF5 file gives them
     stored = rater_settings({"raters": np.int64(3), "agreement": np.float64(2.0)})
     np.testing.assert_array_equal(fresh_ratings(20, 3, **stored), fresh_ratings(20, 3, agreement=2.0, raters=3))
     surfaces = [VirtualSurface(SEED, FIRST_FRESH + number) for number in range(20)]

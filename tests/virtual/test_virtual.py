@@ -112,7 +112,6 @@ def test_stiffness_and_stick_slip_rate():
     surface = replace(SURFACE, stick=0.6)
     assert contact_stiffness(surface, 80.0) == 0.75
     assert contact_stiffness(surface, 100.0) == pytest.approx(0.75 + 20 * 4.04e-3)
-    # k v / (stick mu Fn)
     assert stick_slip_rate(surface, 0.3, 100.0) == pytest.approx((0.75 + 20 * 4.04e-3) * 100 / (0.6 * 0.3))
 
 

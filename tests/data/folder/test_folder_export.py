@@ -66,7 +66,6 @@ def test_ratings_with_gaps_and_further_axes(tmp_path, recording_maker):
     assert ratings.raters == tuple(names[0]) and ratings.surfaces == ("a", "b")
     order = [names[2].index(axis) for axis in ratings.axes]
     assert sorted(order) == [0, 1, 2, 3]
-    # the way through the scale of the layout costs at most one rounding
     np.testing.assert_allclose(ratings.values, values[:, :, order], rtol=2**-23)
 
 
