@@ -34,13 +34,3 @@ def test_evaluate_refuses_before_any_work(extra, prepared, tmp_path):
     with pytest.raises(SystemExit) as stop:
         evaluate.main(f"--data {prepared} --output {tmp_path / 'report'} {extra}".split())
     assert stop.value.code == 2 and not (tmp_path / "report").exists()
-
-
-@pytest.mark.parametrize(
-    ("extra", "message"),
-    [("--embedding nowhere:f", "'nowhere' cannot be imported"), ("--seed 1 --embedding json:dumps2", "has no")],
-)
-def test_evaluate_says_what_does_not_fit(checkpoint, prepared, tmp_path, capsys, extra, message):
-    arguments = f"--checkpoint {checkpoint} --data {prepared} --output {tmp_path / 'r'} --quick --quiet {extra}"
-    assert evaluate.main([*arguments.split(), "--sections", "reconstruction"]) == 2
-    assert message in capsys.readouterr().err

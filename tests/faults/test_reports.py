@@ -23,13 +23,16 @@ CONDITIONS = {"digest": "abc", "split": "test"}
 
 def _published_report(path):
     digest = json.loads((EXAMPLES / "results/results/report.json").read_text())["checkpoint"]["sha256"]
+    (path.parent / "out").mkdir(exist_ok=True)
     return publish._report(path.parent, {digest}, path.parent / "out", [])
 
 
 def _published_card(path):
     recordings = json.loads((EXAMPLES / "results/data/card.json").read_text())["recordings"]
     surfaces = [None] * recordings["surfaces"]
-    return publish._warnings(path.parent, SimpleNamespace(source=recordings["attributes"]["source"], surfaces=surfaces))
+    return publish._data_warnings(
+        path.parent, SimpleNamespace(source=recordings["attributes"]["source"], surfaces=surfaces)
+    )
 
 
 def _row(path):
