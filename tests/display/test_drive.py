@@ -100,15 +100,6 @@ def test_one_speed_for_a_block_is_reached_at_its_end(make_profile, noise_texture
     np.testing.assert_allclose(blocks, profile.drive(texture, speed)[0], rtol=1e-12)
 
 
-def test_the_drive_is_causal_and_at_once(make_profile):
-    profile = make_profile()
-    force = np.zeros(100)
-    force[50] = 0.005
-    drive, _ = profile.drive(force, SPEED)
-    quiet = profile.steady_drive(profile.stream().bias)
-    assert (drive[:50] == quiet).all() and drive[50] > quiet
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.filterwarnings("ignore:The display cannot make this force")
 def test_clipping_is_counted_and_the_scale_that_fits_fits(make_profile, noise_texture, kind):

@@ -153,14 +153,6 @@ def requests(count=60, takes=5, seed=0):
     return (rng.standard_normal((count, 3)) @ [[0.8, 0.3, 0], [0, 0.6, 0], [0, 0, 0.7]])[ids], ids
 
 
-def test_response_of_ignored_conditioning_is_zero():
-    requested, ids = requests()
-    recovered = np.random.default_rng(1).standard_normal(requested.shape)
-    low, high = response_interval(recovered, requested, ids)
-    assert np.mean((low < 0) & (high > 0)) >= 8 / 9  # 95 % each
-    np.testing.assert_allclose(response_matrix(recovered, requested), 0, atol=0.3)
-
-
 def test_leakage_is_found_where_it_is():
     requested, ids = requests()
     planted_slopes = np.array([[0.8, 0.4, 0.0], [0.0, 0.5, 0.0], [-0.3, 0.0, 0.6]])  # [recovered, requested]

@@ -16,11 +16,7 @@ def _make_key(surfaces=6, conditions=CONDITIONS, seed=0):
     columns = [f"asked_{axis}" for axis in RATING_AXES]
     asked = rng.uniform(-1.5, 1.5, (surfaces, 3))
     rows = [
-        {
-            "surface": f"surface{s}",
-            "condition": c,
-            **dict(zip(columns, asked[s], strict=True)),
-        }
+        {"surface": f"surface{s}", "condition": c, **dict(zip(columns, asked[s], strict=True))}
         for c in conditions
         for s in range(surfaces)
     ]

@@ -110,22 +110,16 @@ def test_nothing_is_left_behind_by_a_failed_write(tmp_path, filled):
     assert not list(tmp_path.iterdir())
 
 
-class TestSpreadsheets:
-    """What spreadsheets and their file systems add to a list that is filled in."""
-
-    def _read(self, folder, trials, text):
-        (folder / "p001.csv").write_text(text, encoding="utf-8")
-        return check_responses(trials, read_tables(folder))
-
-    def test_empty_rows_below_the_last_one(self, trials, filled, tmp_path):
-        text = filled.to_csv(index=False) + 2 * ("," * (filled.shape[1] - 1) + "\n")
-        assert len(self._read(tmp_path, trials, text)[0]) == len(trials)
-
-    def test_a_comma_after_each_row(self, trials, filled, tmp_path):
-        names, *rows = filled.to_csv(index=False).splitlines()
-        answers, _ = self._read(tmp_path, trials, "\n".join([names, *(f"{row}," for row in rows)]))
-        assert set(answers["participant"]) == {"p001"}
-
-    def test_what_a_mac_puts_beside_a_file(self, trials, filled, tmp_path):
+@pytest.mark.parametrize("what", ["empty rows below the last one", "a comma after each row", "a Mac's file beside it"])
+def test_what_spreadsheets_and_file_systems_add_does_not_matter(trials, filled, tmp_path, what):
+    text = filled.to_csv(index=False)
+    if what.startswith("empty"):
+        text += 2 * ("," * (filled.shape[1] - 1) + "\n")
+    elif what.startswith("a comma"):
+        names, *rows = text.splitlines()
+        text = "\n".join([names, *(f"{row}," for row in rows)])
+    else:
         (tmp_path / "._p001.csv").write_bytes(b"\0\5\26\7\0\2\0\0Mac OS X")
-        assert len(self._read(tmp_path, trials, filled.to_csv(index=False))[0]) == len(trials)
+    (tmp_path / "p001.csv").write_text(text, encoding="utf-8")
+    answers, _ = check_responses(trials, read_tables(tmp_path))
+    assert len(answers) == len(trials) and set(answers["participant"]) == {"p001"}

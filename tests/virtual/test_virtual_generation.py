@@ -120,8 +120,7 @@ def test_attributes_give_the_collection_back(tmp_path):
         np.testing.assert_array_equal(file.ratings.values, collection.answers(surfaces))
         assert file.ratings.values.shape == (14, 4, 3)
         np.testing.assert_array_equal(
-            file.ratings.values[3, 2],
-            surfaces[2].answers(draw_raters(5, 4), 2.0, axis_correlation=0.5)[3],
+            file.ratings.values[3, 2], surfaces[2].answers(draw_raters(5, 4), 2.0, axis_correlation=0.5)[3]
         )
         for index, recording in enumerate(file):
             np.testing.assert_array_equal(recording.force, surfaces[index].explore(0, collection.seconds)[0])

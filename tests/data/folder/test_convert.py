@@ -192,14 +192,6 @@ def test_position_units_signs_and_offset(rig):
     np.testing.assert_allclose(recording.velocity[4:-4], velocity[4:-4], atol=0.8)
 
 
-def test_one_axis_stage(rig):
-    rig.layout = rig.layout.replace('{ x = "vx", y = "vy", ', '{ x = "vx", ')
-    report = rig.convert()
-    recording = recorded(rig.path / "r.h5")
-    assert not recording.velocity[:, 1].any() and recording.velocity[:, 0].any()
-    assert all(abs(lag.seconds) < 0.002 for lag in report.lags.values())
-
-
 def test_the_lag_is_reported_and_nothing_is_shifted(rig):
     for surface in ("felt", "wood"):
         rig.edit(rig.motion(surface), lambda table: table.assign(t=table["t"] - 0.06))

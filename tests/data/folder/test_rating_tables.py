@@ -123,12 +123,7 @@ def test_wide_with_numbers_as_names(tmp_path, read):
 
 
 @settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    low=st.integers(-5, 5),
-    points=st.integers(2, 101),
-    turned=st.booleans(),
-    data=st.data(),
-)
+@given(low=st.integers(-5, 5), points=st.integers(2, 101), turned=st.booleans(), data=st.data())
 def test_scale_and_direction(tmp_path, read, low, points, turned, data):
     """The scale goes linearly to 0-8, and an axis whose largest number means our low word is turned round."""
     answers = data.draw(st.lists(st.integers(low, low + points - 1), min_size=3, max_size=3))
