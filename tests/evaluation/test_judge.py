@@ -64,19 +64,6 @@ def test_curved_law_needs_the_kernel():
     assert judge.r2(*held_out[:3])[1] > ridge.r2(*held_out[:3])[1] - 0.02
 
 
-def test_linear_kernel_is_ridge_regression():
-    points, friction, ratings, ids = planted(linear)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tactile_diffusers.evaluation.judge.KERNEL_WIDTHS", (None,))
-        judge = Judge.fit(points, np.full(len(points), np.nan), ratings, ids)
-    for axis, choice in enumerate(judge.choices):
-        centred = points - points.mean(0)
-        gram = centred.T @ centred + choice["regularisation"] * FEATURES * np.eye(FEATURES)
-        slopes = np.linalg.solve(gram, centred.T @ (ratings[:, axis] - ratings[:, axis].mean()))
-        expected = ratings[:, axis].mean() + centred @ slopes
-        np.testing.assert_allclose(judge.predict(points, friction)[:, axis], expected, atol=1e-8)  # float64 solves
-
-
 def test_noise_is_not_explained():
     training = planted(noise_only)
     judge = Judge.fit(*training)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.export import read_ahap, read_haptic, write_ahap, write_haptic
-from tactile_diffusers.export.previews import envelopes
 from tactile_diffusers.signal import DEVICE_RATE, rms
 
 COMMON = {
@@ -20,16 +19,6 @@ COMMON = {
 
 def _sine(frequency, amplitude, seconds):
     return amplitude * np.sin(2 * np.pi * frequency * np.arange(round(seconds * DEVICE_RATE)) / DEVICE_RATE)
-
-
-def test_envelopes_of_a_sine_that_grows_and_rises():
-    texture = np.concatenate([_sine(50, 0.01, 1), _sine(200, 0.03, 1)])
-    times, amplitude, frequency = envelopes(texture, DEVICE_RATE)
-    assert times[0] == 0 and times[-1] == 2
-    # windows of 40 ms, and the mirror image at the ends
-    for part, expected in ((slice(2, 48), (0.01, 50)), (slice(53, 99), (0.03, 200))):
-        np.testing.assert_allclose(amplitude[part], expected[0], rtol=0.02)
-        np.testing.assert_allclose(frequency[part], expected[1], rtol=0.02)
 
 
 @pytest.mark.parametrize(("write", "read"), [(write_haptic, read_haptic), (write_ahap, read_ahap)])

@@ -55,14 +55,6 @@ def test_known_sensitivity_lies_in_the_interval(make_key):
     assert abs(np.mean(errors)) < 0.08
 
 
-def test_guessing_is_found_to_be_guessing(make_key):
-    population = _population(dprime=dict.fromkeys(DPRIME, 0.0))
-    report, _ = _report(make_key(), participants=20, population=population, tasks=("abx",))
-    for entry in report["abx"].values():
-        # 480 trials: standard error 0.023
-        assert entry["proportion_correct"]["mean"] == pytest.approx(0.5, abs=0.08)
-
-
 @pytest.mark.slow
 def test_known_slopes_lie_in_the_interval(make_key):
     key, hits = make_key(), []
