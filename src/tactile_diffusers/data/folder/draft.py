@@ -81,7 +81,7 @@ def inspect_folder(root, quiet=False):
     """
     root = Path(root)
     inventory = FolderInventory(root, list_files(root))
-    inventory.groups = open_groups(root, inventory.files.files, inventory.files.skipped, quiet)
+    inventory.groups = open_groups(root, inventory.files, quiet)
     rated = []
     for group in inventory.groups:
         if group.tables and guess_ratings(group, set()) is not None:

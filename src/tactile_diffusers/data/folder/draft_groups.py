@@ -20,9 +20,7 @@ MOST_FILES = 5000
 MOST_IN_FOLDER = 1000
 #: Text files that are no tables.
 TEXT_NAMES = ("readme", "license", "licence", "changelog", "requirements")
-#: Files of a kind that are opened: the first, the one in the middle, the last.
-FILES_OPENED = 3
-#: Files that are opened in all.
+#: Files that are opened in all; of each kind the first, the one in the middle and the last.
 MOST_OPENED = 90
 #: Files of kinds that are read as a whole are opened up to this size (bytes).
 LARGEST_OPENED = 500_000_000
@@ -34,12 +32,12 @@ _HERTZ = re.compile(r"(\d+(?:\.\d+)?)[ _]?(k?)Hz", re.IGNORECASE)
 
 @dataclass
 class FileList:
-    """Files of a folder: those that can be read with their bytes, others, and those `skipped` with the reason.
+    """Files of a folder: those that can be read, `others`, and those `skipped` with the reason.
 
     Paths are relative and written with "/". `truncated` = there are more files.
     """
 
-    files: dict = field(default_factory=dict)
+    files: list = field(default_factory=list)
     others: list = field(default_factory=list)
     skipped: dict = field(default_factory=dict)
     truncated: bool = False
@@ -56,7 +54,6 @@ class TableGroup:
 
     files: NameGroup
     kind: str
-    bytes: int = 0
     inside: NameGroup | None = None
     tables: list[TableFacts] = field(default_factory=list)
     channels: dict[str, dict[str, Column]] = field(default_factory=dict)
@@ -125,41 +122,40 @@ def list_files(root):
             found.others.append(path)
         elif not os.access(root / path, os.R_OK):
             found.skipped[path] = "may not be read, or is a broken link"
-        elif not (size := (root / path).stat().st_size):
+        elif not (root / path).stat().st_size:
             found.skipped[path] = "empty"
         else:
-            found.files[path] = size
+            found.files.append(path)
     return found
 
 
-def open_groups(root, sizes, skipped, quiet):
-    """Groups files (relative path -> bytes) by their names, and opens a few of each kind: `list[TableGroup]`.
+def open_groups(root, files, quiet):
+    """Groups the files of a `FileList` by their names, and opens a few of each kind: `list[TableGroup]`.
 
-    Files that cannot be read are added to `skipped` with the reason.
+    Files that cannot be read are added to those that are skipped, with the reason.
     """
-    groups, waiting, opened = [], group_names(list(sizes)), {}
+    groups, waiting, opened = [], group_names(files.files), {}
     bar = tqdm(desc="looking at files", unit="file", disable=quiet)
     while waiting:
         names = waiting.pop(0)
-        kind, found, last = kind_of(names.names[0]), [], len(names.names) - 1
-        for path in dict.fromkeys(names.names[i * last // (FILES_OPENED - 1)] for i in range(FILES_OPENED)):
+        count = len(names.names)
+        for path in {names.names[0]: 0, names.names[(count - 1) // 2]: 0, names.names[-1]: 0}:
             if path not in opened and len(opened) < MOST_OPENED:
-                opened[path] = _open(root, path, kind, sizes[path], names.words, skipped)
+                opened[path] = _open(root, path, names.words, files.skipped)
                 bar.update()
-            if opened.get(path):
-                found.append(opened[path])
+        found = [opened[path] for path in names.names if opened.get(path)]
         varying = _varying_kind(names, found)
         if varying is not None:
             waiting = names.by_value(varying) + waiting
-            continue
-        size = sum(sizes[name] for name in names.names)
-        groups += _groups_inside(names, kind, size, found) or [TableGroup(names, kind, size)]
+        else:
+            groups += _groups_inside(names, found)
     bar.close()
     return groups
 
 
-def _open(root, path, kind, size, words, skipped):
+def _open(root, path, words, skipped):
     """Tables of a file that were looked at: place inside -> `TableFacts`; {} if it cannot be read."""
+    kind, size = kind_of(path), (root / path).stat().st_size
     if kind in READ_WHOLE and size > LARGEST_OPENED:
         skipped[path] = f"{size / 1e6:.0f} MB of a kind that is read as a whole: not opened"
         return {}
@@ -189,14 +185,14 @@ def _varying_kind(names, found):
     return min(words, key=lambda item: len(set(item.values))) if len(shapes) > 1 and words else None
 
 
-def _groups_inside(names, kind, size, found):
-    """One `TableGroup` for each kind of place inside the files."""
-    groups = []
+def _groups_inside(names, found):
+    """One `TableGroup` for each kind of place inside the files; one without tables if none was opened."""
+    groups, kind = [], kind_of(names.names[0])
     for places in group_names(list(found[0])) if found else ():
         first = places.names[0]
         tables = [tables[first] for tables in found if tables.get(first) and tables[first].columns]
         if tables:
             files = replace(names, items=list(map(copy, names.items)))
             is_whole = not first or (kind == "xlsx" and len(found[0]) == 1)
-            groups.append(TableGroup(files, kind, size, None if is_whole else places, tables))
-    return groups
+            groups.append(TableGroup(files, kind, None if is_whole else places, tables))
+    return groups or [TableGroup(names, kind)]

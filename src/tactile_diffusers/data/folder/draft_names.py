@@ -63,6 +63,11 @@ class NameField:
         parts = {value: re.split(r"(\d+)", value) for value in self.values}
         return sorted(parts, key=lambda value: [(p.isdigit(), int(p) if p.isdigit() else p) for p in parts[value]])
 
+    @property
+    def text(self):
+        """As it stands in the pattern; "*" without a role."""
+        return f"{{{self.role}}}" if self.role else "*"
+
     def __str__(self):
         distinct = self.distinct
         return f"{', '.join(distinct[:3])}{', ..' * (len(distinct) > 3)} ({len(distinct)} values)"
@@ -81,11 +86,8 @@ class NameGroup:
 
     @property
     def pattern(self):
-        """The text of a `Pattern`; "*" stands for fields without a role, and for characters that mean something."""
-        texts = (
-            re.sub(r"[{}\\]", "*", i) if isinstance(i, str) else f"{{{i.role}}}" if i.role else "*" for i in self.items
-        )
-        return "".join(texts)
+        """The text of a `Pattern`; "*" stands for characters that have a meaning there."""
+        return "".join(re.sub(r"[{}\\]", "*", item) if isinstance(item, str) else item.text for item in self.items)
 
     @property
     def words(self):

@@ -40,7 +40,7 @@ def _first(lines):
 
 
 def _listed_group(group, ratings):
-    lines = [f"{group.place}   {len(group.files.names)} files, {group.bytes / 1e6:.2g} MB, {group.kind}"]
+    lines = [f"{group.place}   {len(group.files.names)} files, {group.kind}"]
     lines += [f"    {item.role or 'varies'}: {item}" for item in group.fields]
     if not group.tables:
         return [*lines, "    not opened"]
