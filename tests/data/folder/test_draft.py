@@ -1,5 +1,6 @@
 """Other people's folders: columns to channels, tables to ratings, and what the draft asks for."""
 
+import json
 import re
 import tomllib
 
@@ -19,13 +20,12 @@ from tactile_diffusers.data.folder.layout import load_layout
 SECONDS = 2
 UNITS, SIGN = "N, mN, gf, 1 for counts", "1 if pressing is positive in z, else -1"
 AXES = {"rough-smooth": "rough", "flat-bumpy": "bumpy", "sticky-slippery": "slippery"}
+#: Step of time stamps, the unit that it can only have, and the rate.
+RATES = [(1e-4, "s", 10_000), (0.1, "ms", 10_000), (2, "ms", 500), (100, "us", 10_000), (0.01, "s", 100)]
 #: Answers to TODOs by key, where they do not differ between the tests.
 ANSWERS = {
-    "source": "a test",
-    "licence": "CC0-1.0",
-    "roughness": "rough",
-    "bumpiness": "flat",
-    "slipperiness": "sticky",
+    **{"source": "a test", "licence": "CC0-1.0"},
+    **{"roughness": "rough", "bumpiness": "flat", "slipperiness": "sticky"},
 }
 
 
@@ -62,37 +62,28 @@ def drafted(root):
 
 def filled(root, path, **more):
     """Writes the draft with every TODO answered by the key of its line; returns its path."""
-    known = ANSWERS | more
-
-    def answer(line):
-        key = line.partition(" = ")[0]
-        value = known.get(key)
-        text = value if isinstance(value, int | float) else f'"{value}"'
-        return re.sub(r'"TODO[^"]*"', str(text), line)
-
-    lines = draft_layout(inspect_folder(root, quiet=True)).splitlines()
-    path.write_text("\n".join(answer(line) for line in lines))
+    known, lines = ANSWERS | more, draft_layout(inspect_folder(root, quiet=True)).splitlines()
+    answers = [json.dumps(known.get(line.partition(" = ")[0])) for line in lines]
+    pairs = zip(answers, lines, strict=True)
+    path.write_text("\n".join(re.sub(r'"TODO[^"]*"', answer, line) for answer, line in pairs))
     return path
 
 
 @pytest.mark.parametrize(
-    "step, unit, rate",
-    [(1e-4, "s", 10_000), (0.1, "ms", 10_000), (2, "ms", 500), (100, "us", 10_000), (0.01, "s", 100)],
+    "name, stamps, unit, rate",
+    [
+        *[("t", np.arange(2000) * step, unit, rate) for step, unit, rate in RATES],
+        ("t_ms", np.arange(2000) // 10, None, 10_000),  # coarser than the samples
+        ("t", np.arange(2000) * 0.02, "TODO: s, ms or us", None),  # 50 Hz or 50 kHz
+    ],
 )
-def test_unit_and_rate_of_time_stamps(tmp_path, step, unit, rate):
-    table(tmp_path / "felt_force.csv", {"t": np.arange(2000) * step} | force_columns())
-    (group,) = inspect_folder(tmp_path, quiet=True).groups
-    assert group.first.time_unit == unit and group.rate[0] == pytest.approx(rate, rel=1e-9)
-    assert any(f"time taken as {unit}" in doubt for doubt in group.doubts)
-
-
-def test_ambiguous_and_coarse_time_stamps(tmp_path):
-    # A step of 0.02 is 50 Hz or 50 kHz; stamps in whole milliseconds are coarser than samples at 10 kHz.
-    table(tmp_path / "a/felt_force.csv", {"t": np.arange(2000) * 0.02} | force_columns())
-    table(tmp_path / "b/felt_force.csv", {"t_ms": np.arange(2000) // 10} | force_columns())
-    ambiguous, coarse = drafted(tmp_path / "a")["files"][0], drafted(tmp_path / "b")["files"][0]
-    assert ambiguous["time"]["unit"].startswith("TODO") and "rate" not in ambiguous
-    assert coarse["rate"] == 10_000 and "time" not in coarse
+def test_time_stamps(tmp_path, name, stamps, unit, rate):
+    table(tmp_path / "felt_force.csv", {name: stamps} | force_columns())
+    inventory = inspect_folder(tmp_path, quiet=True)
+    (group,), (entry, _) = inventory.groups, tomllib.loads(draft_layout(inventory))["files"]
+    assert group.rate[0] == (rate and pytest.approx(rate, rel=1e-9))
+    assert ("rate" in entry) is (unit is None) and (unit is None or entry["time"] == {"column": name, "unit": unit})
+    assert any(f"time taken as {unit}" in doubt for doubt in group.doubts) is (unit in ("s", "ms", "us"))
 
 
 @pytest.mark.parametrize(
@@ -237,7 +228,7 @@ def test_sound_files_hold_lateral_force(tmp_path):
 
 
 def test_numbers_without_names(tmp_path):
-    # A table without a header: the first column rises steadily, the name of the file tells the others.
+    # A table without a header: the first column rises steadily, the name of the file says what the others are.
     for surface in ("felt", "cork"):
         values = np.column_stack([np.arange(2000) / 1000, force()])
         np.savetxt(tmp_path / f"{surface}_ft.txt", values, fmt="%.6g")
@@ -300,12 +291,14 @@ def test_a_file_a_rater_or_a_surface(tmp_path, files, columns, pattern, keys):
     assert ratings == {"pattern": f"ratings/{pattern}.csv", "form": "long"} | keys
 
 
-def test_surfaces_named_like_axes_are_surfaces(tmp_path):
-    counts = {"Fx": [1, 2, 3], "Fy": [1, 1, 2], "Fz": [5, 6, 7]}
-    for surface in ("rough", "smooth"):
-        table(tmp_path / f"{surface}_force.csv", counts)
-    inventory = inspect_folder(tmp_path, quiet=True)
-    assert inventory.ratings is None and inventory.recorded[0].field_of("surface").distinct == ["rough", "smooth"]
+def test_forces_and_ratings_are_not_confused(tmp_path):
+    for surface in ("rough", "smooth"):  # surfaces called like axes
+        table(tmp_path / f"a/{surface}_force.csv", {"Fx": [1, 2, 3], "Fy": [1, 1, 2], "Fz": [5, 6, 7]})
+    columns = {"id": range(60), "texture": range(60), "roughness": answers(), "friction": answers(1)}
+    table(tmp_path / "b/answers.csv", columns)
+    forces, ratings = (inspect_folder(tmp_path / name, quiet=True) for name in "ab")
+    assert forces.ratings is None and forces.surfaces == ["rough", "smooth"]
+    assert ratings.ratings is not None and not ratings.recorded
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -330,13 +323,6 @@ def test_a_sheet_an_axis(tmp_path, turned):
         np.testing.assert_allclose(file.ratings.values[:, 0, 0], (rough - 1) / 6 * 8, rtol=1e-6)
 
 
-def test_friction_beside_ratings_is_no_force(tmp_path):
-    columns = {"id": range(60), "texture": range(60), "roughness": answers(), "friction": answers(1)}
-    table(tmp_path / "answers.csv", columns)
-    inventory = inspect_folder(tmp_path, quiet=True)
-    assert inventory.ratings is not None and not inventory.recorded
-
-
 def test_what_is_not_looked_at_is_listed(foreign):
     contents = {".DS_Store": b"x", "empty.csv": b"", "broken.h5": b"nonsense", "README.md": b"x", "photo.png": b"x"}
     for name, content in (contents | {"pickled.npy": b"\x93NUMPY\x01\x00nonsense"}).items():
@@ -358,36 +344,29 @@ def test_what_is_not_looked_at_is_listed(foreign):
     assert len(tomllib.loads(draft_layout(inventory))["files"]) == 2
 
 
-@given(st.binary(max_size=300), st.sampled_from([".csv", ".xlsx", ".mat", ".h5", ".npy", ".npz", ".wav", ".parquet"]))
-@settings(max_examples=150, deadline=None)
-def test_no_file_stops_the_inspection(tmp_path_factory, content, ending):
-    root = tmp_path_factory.mktemp("junk")
-    (root / f"felt_force{ending}").write_bytes(content)
-    inventory = inspect_folder(root, quiet=True)
-    assert str(inventory) and tomllib.loads(draft_layout(inventory))["format"] == "tactile-layout"
-
-
 _NAMES = "ratings answers force texture_1 texture_2 P1 P2 felt 0_1 rough-smooth subject x{1} a\nb session_3 é data"
 _COLUMNS = "t|Fx [N]|fy|fz|x|y|vx mm/s|rater|texture|rough-smooth|bumpy|attribute|0|"
 _VALUES = [[1, 2, 3], [0.5, 0.25, 1], ["rough-smooth", "flat-bumpy", "x"], ["felt", "", "2"], [5, 5, 5]]
 _name, _column = st.sampled_from(_NAMES.split(" ")), st.sampled_from(_COLUMNS.split("|"))
-_table = st.dictionaries(_column, st.sampled_from(_VALUES), min_size=1)
+_table = st.tuples(st.just("csv"), st.dictionaries(_column, st.sampled_from(_VALUES), min_size=1))
+_nonsense = st.tuples(st.sampled_from("csv xlsx mat h5 npy npz wav parquet".split()), st.binary(max_size=300))
 
 
-@given(st.dictionaries(st.tuples(_name, _name), _table, min_size=1, max_size=5))
-@settings(max_examples=100, deadline=None)
+@given(st.dictionaries(st.tuples(_name, _name), _table | _nonsense, min_size=1, max_size=5))
+@settings(max_examples=150, deadline=None)
 def test_no_folder_stops_the_inspection(tmp_path_factory, files):
     root = tmp_path_factory.mktemp("folder")
-    for (folder, name), columns in files.items():
-        table(root / folder / f"{name}.csv", columns)
+    for (folder, name), (ending, content) in files.items():
+        (root / folder).mkdir(exist_ok=True)
+        path = root / folder / f"{name}.{ending}"
+        path.write_bytes(content) if isinstance(content, bytes) else table(path, content)
     inventory = inspect_folder(root, quiet=True)
     assert str(inventory) and tomllib.loads(draft_layout(inventory))["files"]
 
 
 def test_few_files_are_opened(tmp_path, monkeypatch):
-    for surface in range(40):
-        for kind in ("force", "position"):
-            table(tmp_path / f"texture_{surface}/P1_{kind}.csv", {"x": [1.0, 2.0], "y": [3.0, 4.0]})
+    for name in (f"texture_{surface}/P1_{kind}.csv" for surface in range(40) for kind in ("force", "position")):
+        table(tmp_path / name, {"x": [1.0, 2.0], "y": [3.0, 4.0]})
     opened, real = [], draft_groups.list_tables
     monkeypatch.setattr(draft_groups, "list_tables", lambda path, *a, **k: opened.append(path) or real(path, *a, **k))
     inspect_folder(tmp_path, quiet=True)

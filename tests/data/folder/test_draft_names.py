@@ -1,8 +1,6 @@
 """Names of files as patterns, and units in names of columns: pure text."""
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tactile_diffusers.data.folder.draft_columns import split_unit
 from tactile_diffusers.data.folder.draft_names import assign_roles, group_names
@@ -29,6 +27,9 @@ NAMES = {
     "{surface}/P{explorer}.csv": [f"{s}/P1.csv" for s in ("rough felt", "cork", "Sandpaper_P80")],
     "{surface}/P{explorer}_run{trial}/a.csv": [f"{s}/P{p}_run{r}/a.csv" for s in "AB" for p in "12" for r in "12"],
     "my_study_{surface}_{trial}.csv": [f"my_study_{s}_{r}.csv" for s in ("felt", "cork") for r in (1, 2)],
+    "{trial}/{surface}/subject {explorer}.mat": [
+        f"trial{t}/{s}/subject {p}.mat" for t in (1, 2) for s in ("Sandpaper", "wood grain") for p in (3, 15)
+    ],
     "a*b*1*/x{surface}.csv": ["a*b{1}/x1.csv", "a*b{1}/x2.csv"],
 }
 
@@ -38,6 +39,8 @@ def test_names_become_a_pattern(pattern):
     (group,) = group_names(NAMES[pattern])
     assign_roles(group.fields)
     assert group.pattern == pattern
+    surface = next(item for item in group.fields if item.role == "surface")
+    assert [Pattern(pattern).match(name)["surface"] for name in group.names] == surface.values
 
 
 def test_words_of_content_separate_kinds():
@@ -46,52 +49,31 @@ def test_words_of_content_separate_kinds():
     assert len(group_names(["ratings.csv", "forces.csv"])) == 2
 
 
-_WORDS = st.lists(st.sampled_from(["felt", "cork", "glass", "Sandpaper", "wood grain"]), min_size=2, unique=True)
-_NUMBERS = st.lists(st.integers(0, 200), min_size=2, max_size=4, unique=True)
-
-
-@given(
-    _WORDS | _NUMBERS.map(lambda numbers: [f"texture_{number:03d}" for number in numbers]),
-    _NUMBERS,
-    _NUMBERS,
-    st.sampled_from(["{0}/P{1}_trial{2}_force.csv", "{0}/participant-{1}/rep{2}.h5", "trial{2}/{0}/subject {1}.mat"]),
-)
-@settings(max_examples=200, deadline=None)
-def test_patterns_read_the_names_back(surfaces, explorers, trials, form):
-    # Whatever the order of the folders, each name gives back who explored what: the pattern is read by `Pattern`.
-    truth = {form.format(s, e, t): (s, e, t) for s in surfaces for e in explorers for t in trials}
-    (group,) = group_names(list(truth))
-    assign_roles(group.fields)
-    pattern = Pattern(group.pattern)
-    for name, (surface, explorer, trial) in truth.items():
-        fields = pattern.match(name)
-        assert fields["surface"] == surface
-        assert fields["explorer"].endswith(str(explorer)) and fields["trial"].endswith(str(trial))
-
-
 def test_names_that_differ_are_paired():
     assert pair_names(["1", "2"], ["texture_01", "texture_02"]) == {"1": "texture_01", "2": "texture_02"}
     assert pair_names(["Fine Felt"], ["fine_felt", "cork"]) == {"Fine Felt": "fine_felt"}
     assert pair_names(["Sandpaper P80", "x"], ["12", "13"]) == {"Sandpaper P80": "", "x": ""}
 
 
-@pytest.mark.parametrize(
-    "name, base, unit",
-    [
-        ("Fx [N]", "Fx", "N"),
-        ("fz (mN)", "fz", "mN"),
-        ("time_ms", "time", "ms"),
-        ("vx_mm_s", "vx", "mm/s"),
-        ("pos_x_mm", "pos_x", "mm"),
-        ("Normal force / N", "Normal force", "N"),
-        ("position x in µm", "position x", "um"),
-        ("speed mm/s", "speed", "mm/s"),
-        ("T [°C]", "T", "°C"),
-        ("fx_counts", "fx", "1"),
-        ("F_N", "F_N", None),  # the normal force, not newtons
-        ("rough-smooth", "rough-smooth", None),
-        ("x", "x", None),
-    ],
-)
-def test_units_in_names(name, base, unit):
-    assert split_unit(name) == (base, unit)
+#: Name of a column, the name without its unit, and the unit; "F_N" is the normal force, not newtons.
+COLUMNS = """\
+Fx [N] | Fx | N
+fz (mN) | fz | mN
+time_ms | time | ms
+vx_mm_s | vx | mm/s
+pos_x_mm | pos_x | mm
+Normal force / N | Normal force | N
+position x in µm | position x | um
+speed mm/s | speed | mm/s
+T [°C] | T | °C
+fx_counts | fx | 1
+F_N | F_N |
+rough-smooth | rough-smooth |
+x | x |
+"""
+
+
+@pytest.mark.parametrize("row", COLUMNS.splitlines())
+def test_units_in_names(row):
+    name, base, unit = map(str.strip, row.split("|"))
+    assert split_unit(name) == (base, unit or None)

@@ -5,12 +5,13 @@ from names, units and numbers. Every guess is reported; what cannot be guessed i
 with a TODO is refused.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from .clocks import SHORTEST_SHARE
-from .draft_groups import MOST_OPENED, FileList, TableGroup, list_files, open_groups
-from .draft_names import assign_roles
+from .draft_groups import FileList, TableGroup, list_files, open_groups
+from .draft_names import assign_roles, content_of
 from .draft_ratings import RatingsGuess, guess_ratings
 from .draft_text import listing
 from .layout import TODO
@@ -93,8 +94,7 @@ def inspect_folder(root, quiet=False):
     _choose_channels(inventory.recorded)
     for group in inventory.recorded:
         group.doubts += [*_doubts_on_names(group), *_doubts_on_numbers(group, inventory.recorded)]
-        if group.kind == "csv":
-            group.doubts += _doubts_on_headers(root, group)
+        group.doubts += _doubts_on_headers(root, group)
     _find_ratings(inventory, rated)
     inventory.doubts += _doubts_on_folder(inventory)
     return inventory
@@ -107,7 +107,7 @@ def _find_channels(group):
     along = lateral.get("") or force.get("x") or force.get("")
     if {"x", "y", "z"} <= force.keys():
         channels["force"] = {axis: force[axis] for axis in "xyz"}
-    elif group.kind == "wav" and "sound" not in group.words:
+    elif group.kind == "wav" and content_of(group.files.words) != "sound":
         channels["lateral"] = {"": facts.columns[0]}
     elif along is not None:
         channels["lateral"] = {"": along}
@@ -138,9 +138,6 @@ def _find_ratings(inventory, groups):
     if not guesses:
         return
     ratings = inventory.ratings = max(guesses, key=lambda guess: (len(guess.axes), len(guess.surfaces)))
-    others = [guess.group.place for guess in guesses if guess is not ratings]
-    if others:
-        ratings.doubts.append(f"more tables look like ratings and are not used: {', '.join(others)}")
     rated = [name for name in ratings.surfaces if name not in inventory.surfaces]
     recorded = [name for name in inventory.surfaces if name not in ratings.surfaces]
     if rated and recorded:
@@ -149,16 +146,13 @@ def _find_ratings(inventory, groups):
 
 
 def _doubts_on_names(group):
-    """Yields a doubt if no part of the names is the surface, or the pattern would read another name than was meant."""
+    """Yields a doubt if the pattern reads another name of a surface than was meant."""
     surface, pattern = group.field_of("surface"), Pattern(group.files.pattern)
-    if surface is None:
-        yield "no part of the names is the surface"
-    elif surface in group.files.fields:
-        for name, meant in zip(group.files.names, surface.values, strict=True):
-            read = (pattern.match(name) or {}).get("surface", "")
-            if read != meant:
-                yield f"the pattern reads the surface of {name} as {read!r}: rename the files so that names are clear"
-                return
+    for name, meant in zip(group.files.names, surface.values if surface in group.files.fields else (), strict=False):
+        read = (pattern.match(name) or {}).get("surface", "")
+        if read != meant:
+            yield f"the pattern reads the surface of {name} as {read!r}: rename the files so that names are clear"
+            return
 
 
 def _doubts_on_numbers(group, groups):
@@ -170,8 +164,6 @@ def _doubts_on_numbers(group, groups):
             name = group.channels["force"][largest].name
             values = f"({mean[largest]:.3g}), not in z ({mean['z']:.3g})"
             yield f"the mean force is largest in {name} {values}: is z the normal force?"
-    if len({tuple(table.table.names) for table in group.tables}) > 1 and group.kind != "csv":
-        yield "columns differ between the files that were opened"
     rates = [table.rate for table in group.tables if table.rate]
     if rates and max(rates) > 1.01 * min(rates):
         remedy = ": preparation will refuse this; resample to one rate (`resample` = Hz)"
@@ -183,35 +175,28 @@ def _doubts_on_numbers(group, groups):
 
 
 def _doubts_on_headers(root, group):
-    """A doubt if some csv files have other columns than the first: opening three would find an odd batch by chance."""
-    known = {facts.table.path: facts.table.names for facts in group.tables}
-    usual, odd = group.first.table.names, {}
-    for name in group.files.names:
-        try:
-            names = known.get(root / name) or read_table(root / name, "csv", max_rows=HEADER_ROWS).names
-        except (ValueError, OSError):  # the conversion says why
-            continue
-        if names and names != usual:
-            odd[name] = names
-    if not odd:
-        return []
-    more = f" and {len(odd) - 3} more" if len(odd) > 3 else ""
-    return [
-        f"{len(odd)} of {len(group.files.names)} files have other columns: {', '.join(list(odd)[:3])}{more}; the "
-        f"first of them has {', '.join(next(iter(odd.values())))}. Give them a [[files]] of their own, with `where`"
-    ]
+    """Yields a doubt if some files have other columns than the first. All csv files are read, as a batch may be odd."""
+    columns = {facts.table.path: facts.table.names for facts in group.tables}
+    for path in (root / name for name in group.files.names if group.kind == "csv"):
+        with suppress(ValueError, OSError):  # the conversion says why
+            columns[path] = columns.get(path) or read_table(path, "csv", max_rows=HEADER_ROWS).names
+    usual = group.first.table.names
+    odd = {path.relative_to(root).as_posix(): names for path, names in columns.items() if names and names != usual}
+    if odd:
+        more = f" and {len(odd) - 3} more" if len(odd) > 3 else ""
+        yield (
+            f"{len(odd)} of {len(group.files.names)} files have other columns: {', '.join(sorted(odd)[:3])}{more}; the "
+            f"first of them has {', '.join(odd[min(odd)])}. Give them a [[files]] of their own, with `where`"
+        )
 
 
 def _doubts_on_folder(inventory):
-    held, skipped = {name for group in inventory.recorded for name in group.channels}, inventory.files.skipped
+    held = {name for group in inventory.recorded for name in group.channels}
     if not held & {"force", "lateral"}:
         yield "no force was recognised"
     if "force" in held and not held & {"position", "velocity"}:
         yield "no position or velocity was recognised: the sliding direction is unknown"
     if inventory.ratings is None:
         yield "no ratings were recognised"
-    unopened = [group for group in inventory.groups if not group.tables and not set(group.files.names) & set(skipped)]
-    if unopened:
-        yield f"{len(unopened)} kinds of tables were not opened: {MOST_OPENED} files are at most"
     if inventory.files.truncated:
         yield "the folder has more files than are listed; what does not vary in the names of these may in the others"

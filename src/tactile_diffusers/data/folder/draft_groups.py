@@ -65,10 +65,6 @@ class TableGroup:
         return self.files.fields + (self.inside.fields if self.inside else [])
 
     @property
-    def words(self):
-        return self.files.words + (self.inside.words if self.inside else [])
-
-    @property
     def first(self):
         """Facts of the first table."""
         return self.tables[0]
