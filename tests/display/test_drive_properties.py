@@ -54,8 +54,9 @@ def test_blocks_do_not_matter_and_the_drive_stays_in_range(profile, force, seed,
     assert stream.report == report or np.isnan(report.largest_force)
     assert (whole >= 0).all() and (whole <= profile.max_drive).all() and report.samples == len(force)
     low, high = profile.force_range
-    assert low <= stream.bias <= high and 0 <= report.clipped <= len(force)
-    str(report)
+    assert low <= stream.bias <= high and 0 <= report.clipped <= len(force) and str(report)
+    stream.reset()
+    np.testing.assert_array_equal(stream.push(force, speed), whole)
 
 
 @settings.get_profile("few")

@@ -189,6 +189,12 @@ def test_nine_band_noise_has_the_nine_levels(training, held_out):
     assert nine_band_error_db(made, held_out, DEVICE_RATE).mean() < 0.7
 
 
+def test_decimation_with_room_for_everything_returns_the_texture(training, request_):
+    made = Decimated(2200, inf).fit(training).sample(request_, seeded())
+    # what is lost lies below 20 Hz, in the slope of the filter: up to a tenth of the power of steep textures
+    assert (snr_db(made, request_.textures) > 10).all()
+
+
 def test_decimation_keeps_as_many_numbers_as_it_may(training, request_):
     for numbers_per_second in (200, 400):
         made = Decimated(numbers_per_second, inf).fit(training).sample(request_, seeded())
@@ -270,6 +276,12 @@ def test_ratings_move_level_tilt_and_friction_as_planted(baseline, tolerance, pl
     assert slope_on_rating(0, lambda t, _: levels_db(t), baseline) == pytest.approx(6, rel=tolerance)
     assert slope_on_rating(1, tilt, baseline) == pytest.approx(-2, rel=tolerance)
     assert slope_on_rating(2, lambda _, mu: np.log(mu), baseline) == pytest.approx(-0.4, rel=tolerance)
+
+
+def test_ridge_scatters_as_segments_of_a_surface_do(planted):
+    levels = levels_db(Ridge().fit(planted).sample(BaselineRequest(np.zeros((200, 3))), seeded()))
+    # 1 dB planted; 200 draws give it to 5 %, the 160 degrees of freedom of the fit to 6 %
+    assert levels.std() == pytest.approx(1.0, abs=0.2)
 
 
 def test_ridge_draws_what_is_not_specified_given_the_rest(planted):

@@ -49,6 +49,14 @@ def test_fresh_noise_correlates_little(waveforms, reference, held_out):
     assert waveforms.nearest_correlation(beyond[None]) < 0.3
 
 
+def test_half_a_copy_correlates_by_half(waveforms, reference, held_out):
+    unit = [rows[:10] / rows[:10].std(-1, keepdims=True) for rows in (reference, held_out)]
+    whitened = [waveforms._spectra(rows, "rows") * waveforms._whitening for rows in unit]
+    power = [(rows.abs() ** 2).sum(-1).numpy() for rows in whitened]
+    # powers add, because the two are independent: their correlation of about 1/30 moves this by as much
+    np.testing.assert_allclose(waveforms.nearest_correlation(sum(unit)), np.sqrt(power[0] / sum(power)), atol=0.06)
+
+
 def test_chunks_order_dtype_and_scale_do_not_matter(waveforms, reference, held_out, monkeypatch):
     expected = waveforms.nearest_correlation(held_out[:8])
     monkeypatch.setattr(copying, "_SEGMENTS", 7)

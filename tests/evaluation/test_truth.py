@@ -65,6 +65,12 @@ def test_each_request_gets_its_share_of_the_draws():
         assert aimed.effective_size(request) > 5 * plain.effective_size(request)
 
 
+@pytest.mark.parametrize("surface_ids", [[0, 1, 2], [0, 0, 0, 0, 1, 2, 2]])
+def test_effective_size_counts_surfaces_not_textures(surface_ids):
+    textures = RatedTextures({}, surface_ids, np.zeros((3, 3)), np.array([1.0, 1.0, 2.0]))
+    assert textures.effective_size(POPULATION) == pytest.approx(4**2 / (1 + 1 + 4))
+
+
 def test_request_far_outside_says_so():
     ratings = SPREAD * np.random.default_rng(4).standard_normal((100, 3))
     textures = RatedTextures({"x": ratings[:, 0]}, np.arange(100), ratings, np.ones(100))

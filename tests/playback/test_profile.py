@@ -107,6 +107,14 @@ def test_silence_stays_silent():
     assert not _read(TextureProfile(np.zeros(16_384), RATE, SPEED), 40.0).any()
 
 
+def test_a_change_of_speed_makes_no_step(profile):
+    speed = np.geomspace(10, 1000, 20_000)
+    position = 20 + np.cumsum(speed) / RATE
+    steps = np.abs(np.diff(profile.read(position, speed)))
+    steady = max(np.abs(np.diff(_read(profile, speed))).max() for speed in (160.0, 400.0, 1000.0))
+    assert steps.max() < 1.2 * steady  # other places are passed
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

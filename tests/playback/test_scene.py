@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 import pytest
+import torch
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.playback import TextureProfile, TextureScene
@@ -245,7 +246,10 @@ def test_a_scene_costs_kilobytes(tmp_path):
         assert nine_band_error_db(a[None], b[None], 10_000)[0] < 0.01
 
 
-def test_another_checkpoint_is_refused(scene, make_pipeline, tmp_path):
+def test_another_checkpoint_is_refused_and_another_precision_is_not(scene, make_pipeline, tmp_path):
     scene.save(tmp_path / "s.safetensors")
     with pytest.raises(ValueError, match="s.safetensors was made with another checkpoint: .*weights"):
         TextureScene.load(tmp_path / "s.safetensors", make_pipeline(seed=5))
+    coarse = make_pipeline()
+    coarse.to(torch.bfloat16)
+    assert TextureScene.load(tmp_path / "s.safetensors", coarse).names == scene.names
