@@ -35,27 +35,17 @@ def test_corners_are_held_outside_of_what_was_measured(make_profile):
     [
         ("electroadhesion", {"gain": 0.0}, r"`gain` must be a finite number above 0 in N/V\^2, got 0.0"),
         ("electroadhesion", {"max_gain_db": 1.0}, r"`max_gain_db` must be 0 \(no inverse\) or at least 3 dB, got 1"),
-        ("electroadhesion", {"cutoffs": []}, r"`cutoffs` must be rows of \(speed, cutoff\), got the shape \(0,\)"),
         ("electroadhesion", {"cutoffs": [(80.0, -300.0)]}, "`cutoffs` must hold speeds and corners above zero"),
         ("electroadhesion", {"cutoffs": [(80, 300), (20, 90)]}, r"`cutoffs`.*increasing.*speed, got \[80.0, 20.0\]"),
         ("electroadhesion", {"lookup": [(0, 0), (0.5, 0.1), (1, 0.2)]}, "`lookup` must be None for electroadhesion"),
         ("ultrasonic", {"lookup": None}, "`lookup` is missing: measure"),
         ("ultrasonic", {"lookup": [(0, 0), (0.5, 0.2), (1, 0.1)]}, "friction_reduction, got 0.2 and 0.1 in rows 1 and"),
-        (
-            "ultrasonic",
-            {"lookup": [(0, 0), (0.5, 0.1), (0.5, 0.2)]},
-            r"values of amplitude, got \[0.5, 0.5\] in rows 1",
-        ),
+        ("ultrasonic", {"lookup": [(0, 0), (0.5, 0.1), (0.5, 0.2)]}, r"of amplitude, got \[0.5, 0.5\] in rows 1"),
         ("ultrasonic", {"lookup": [(0, 0), (0.5, np.nan), (1, 0.2)]}, "`lookup` must be finite.*row 1"),
         ("ultrasonic", {"lookup": [(0, 0), (60, 0.1), (120, 0.2)]}, "amplitudes from 0 to 1, got 120. Divide them"),
         ("ultrasonic", {"lookup": [(0.1, 0), (0.5, 0.1), (1, 0.2)]}, r"`lookup` must start at \(0, 0\)"),
         ("ultrasonic", {"lookup": [(0, 0), (0.4, 0.1), (0.8, 0.2)]}, "`max_drive` of 1 is beyond the lookup.*at 0.8"),
         ("ultrasonic", {"offset": 0.1}, "`offset` of 0.1 N is less than the 0.1667 N that the drive takes away"),
-        (
-            "electroadhesion",
-            {"kind": "pneumatic"},
-            "`kind` must be one of electroadhesion, ultrasonic, got 'pneumatic'",
-        ),
     ],
 )
 def test_what_no_profile_can_hold(make_profile, kind, change, message):
@@ -75,14 +65,8 @@ def test_what_no_profile_can_hold(make_profile, kind, change, message):
         (lambda text: text.replace('"drive": "1"', '"drive": "V"'), "`units` must be"),
         (lambda text: text.replace('"offset"', '"ofset"'), r"lacks \['offset'\] and has unknown \['ofset'\]"),
         (lambda text: text.replace('"kind": "ultrasonic"', '"kind": ["ultrasonic"]'), "`kind` must be one of"),
-        (
-            lambda text: text.replace('"offset": 0.3', '"offset": NaN'),
-            r"display.json cannot be read as a drive profile \(`offset` must be a finite number",
-        ),
-        (
-            lambda text: text.replace("display.lookup.csv", "../display.lookup.csv"),
-            "`lookup` must be the name of a CSV",
-        ),
+        (lambda text: text.replace('"offset": 0.3', '"offset": NaN'), r"display.json cannot .*\(`offset` must be"),
+        (lambda text: text.replace("display.lookup.csv", "../x.csv"), "`lookup` must be the name of a CSV"),
     ],
 )
 def test_damaged_profiles(tmp_path, make_profile, change, message):
@@ -103,10 +87,7 @@ def test_damaged_profiles(tmp_path, make_profile, change, message):
         ("amplitude,friction_reduction\n", "has no rows below its header"),
         ("amplitude,friction_reduction\n0,0\n0.5,x\n", "cannot be read as CSV.*could not convert string 'x'"),
         ("amplitude,friction_reduction\n0,0\n\n0.5\n", "number of columns changed from 2 to 1"),
-        (
-            "amplitude,friction_reduction\n0,0\n0.5,0.2\n1,0.1\n",
-            r"display.json cannot .* \(`lookup` must have increasing",
-        ),
+        ("amplitude,friction_reduction\n0,0\n0.5,0.2\n1,0.1\n", r"display.json cannot .*`lookup` must have incr"),
     ],
 )
 def test_damaged_lookups(tmp_path, make_profile, text, message):

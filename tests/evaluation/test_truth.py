@@ -286,9 +286,8 @@ def test_source_decides(prepared, tmp_path):
     with h5py.File(copy, "r+") as file:
         file.attrs["source"] = "a study"
     recorded = truth_of(copy, [POPULATION], describe, surfaces=2, per_surface=1)
-    assert (
-        len(recorded.ratings) == len(recorded.surface_ids) == len(np.unique(PreparedDataset(copy, "all").surface_ids))
-    )
+    surfaces = len(np.unique(PreparedDataset(copy, "all").surface_ids))
+    assert len(recorded.ratings) == len(recorded.surface_ids) == surfaces
     with pytest.raises(ValueError, match="`dataset` must hold virtual surfaces, got 'a study'"):
         virtual_truth(PreparedDataset(copy), [POPULATION], describe)
 

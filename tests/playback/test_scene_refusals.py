@@ -83,9 +83,7 @@ def _rewrite(path, change):
 
 
 def _refused(path, pipe, message):
-    with pytest.raises(
-        ValueError, match=rf"(?s)s\.safetensors cannot be read as a scene.*{message}.*TextureScene.save"
-    ):
+    with pytest.raises(ValueError, match=rf"(?s)s\.safetensors cannot be read as a scene.*{message}.*Scene.save"):
         TextureScene.load(path, pipe)
 
 

@@ -130,9 +130,7 @@ def test_folders_named_as_in_the_cluster_haptic_texture_dataset(tmp_path, kind):
     np.testing.assert_array_equal(recording.force, force)
     np.testing.assert_array_equal(recording.velocity, velocity)
     (tmp_path / "layout.toml").write_text(layout.replace("_{trial.repeat}", "_*"))
-    with pytest.raises(
-        ValueError, match="two files for its force: .*500_0.* and .*500_1.*joins two fields to one trial"
-    ):
+    with pytest.raises(ValueError, match="two files for its force: .*500_0.* and .*500_1.*joins two fields to one"):
         convert_folder(tmp_path / "root", tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
 
 
@@ -258,9 +256,6 @@ def test_faults_of_the_folder_stop_before_anything_is_written(rig):
     rig.refuses("none of 2 recordings can be used; felt/0/0: .*0.003 s in common are less than one segment")
     rig.layout = original.replace('time = { column = "t", unit = "s" }', "")
     rig.refuses(r"`rate` is missing, there is no `time`")
-    rig.layout = original.replace("{surface}/{trial}_motion", "{surface}/{explorer}_motion")
-    rig.layout = rig.layout.replace("{surface}/{trial}_force", "{surface}/{trial}_*")
-    rig.refuses("recording felt/0/0 has two files for its force: .*0_force.csv and .*0_motion.csv")
     rig.layout = original.replace("{surface}/{trial}_motion", "{trial}/{surface}_motion")
     rig.refuses("no recording in .* has all its files; .* Let the fields of the patterns agree")
 
