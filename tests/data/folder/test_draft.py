@@ -219,12 +219,13 @@ def test_one_hdf5_file_for_all(tmp_path):
 
 
 def test_sound_files_hold_lateral_force(tmp_path):
-    for surface in ("felt", "cork"):
-        for repeat in (1, 2):
-            soundfile.write(tmp_path / f"{surface}_{repeat}.wav", 0.5 * np.sin(np.arange(4000) / 9), 2000)
-    (entry,) = drafted(tmp_path)["files"]
+    for name in ("felt_1", "felt_2", "wood_grain_1", "wood_grain_2"):
+        soundfile.write(tmp_path / f"{name}.wav", 0.5 * np.sin(np.arange(4000) / 9), 2000)
+    inventory = inspect_folder(tmp_path, quiet=True)
+    (entry,) = tomllib.loads(draft_layout(inventory))["files"]
     assert entry["pattern"] == "{surface}_{trial}.wav" and entry["rate"] == 2000
     assert entry["lateral"]["column"] == 0 and entry["lateral"]["scale"].startswith("TODO: N at full scale")
+    assert "the pattern reads the surface of wood_grain_1.wav as 'wood'" in str(inventory)
 
 
 def test_numbers_without_names(tmp_path):

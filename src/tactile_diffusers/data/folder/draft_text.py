@@ -40,7 +40,8 @@ def _first(lines):
 
 
 def _listed_group(group, ratings):
-    lines = [f"{group.place}   {len(group.files.names)} files, {group.kind}"]
+    count = len(group.files.names)
+    lines = [f"{group.place}   {count} file{'s' * (count > 1)}, {group.kind}"]
     lines += [f"    {item.role or 'varies'}: {item}" for item in group.fields]
     if not group.tables:
         return [*lines, "    not opened"]
