@@ -21,20 +21,26 @@ def _refusal(script, words):
 
 
 @pytest.mark.parametrize(
-    ("script", "changes", "reason"),
+    ("name", "changes", "reason"),
     [
-        ("train_lctg.py", {"train_data_dir": "recordings.h5"}, "is not a prepared data set"),
-        ("train_dale.py", {"pretrained_model_name_or_path": "nope"}, "nope"),
-        ("distill_lctg.py", {"pretrained_model_name_or_path": "nope", "model_config_name_or_path": None}, "nope"),
+        ("train_lctg", {"train_data_dir": "recordings.h5"}, "is not a prepared data set"),
+        ("train_dale", {"pretrained_model_name_or_path": "nope"}, "nope"),
+        ("distill_lctg", {"pretrained_model_name_or_path": "nope", "model_config_name_or_path": None}, "nope"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(options_of_a_tiny_training, prepared, tmp_path, script, changes, reason):
+def test_bad_input_is_refused_in_one_line(
+    script, options_of_a_tiny_training, prepared, tmp_path, monkeypatch, capsys, name, changes, reason
+):
     folder = {"train_data_dir": prepared.parent, "pretrained_model_name_or_path": tmp_path}
-    changes = {name: folder[name] / value if name in folder else value for name, value in changes.items()}
-    name = "dale" if script == "train_dale.py" else "lctg"
-    line = _refusal(script, options_of_a_tiny_training(name, tmp_path / "out", **changes))
-    assert line.startswith(f"{script}: error: ") and reason in line
-    assert script == "train_lctg.py" or not (tmp_path / "out").exists()
+    changes = {key: folder[key] / value if key in folder else value for key, value in changes.items()}
+    stage = "dale" if name == "train_dale" else "lctg"
+    words = options_of_a_tiny_training(stage, tmp_path / "out", **changes)
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", *words])
+    with pytest.raises(SystemExit) as stop:
+        run(script(name).main)
+    line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert stop.value.code == 2 and line.startswith(f"{name}.py: error: ") and reason in line
+    assert name == "train_lctg" or not (tmp_path / "out").exists()
 
 
 @pytest.mark.skipif(fcntl is None, reason="needs flock")
