@@ -73,21 +73,3 @@ def test_recordings_and_what_is_prepared_of_them(killed_and_not):
 
     unbroken, killed = killed_and_not("prepare_data.py", words, 10)
     assert _files(killed) == _files(unbroken)
-
-
-@pytest.mark.slow
-def test_a_kill_while_the_data_set_is_prepared_does_not_cost_the_recordings(lives, tmp_path):
-    recordings, prepared = tmp_path / "recordings.h5", tmp_path / "prepared.h5"
-    words = [f"--surfaces={SURFACES}", "--seconds=4", "--explorers=1", f"--output={recordings}", "--quiet"]
-    words.append(f"--prepared={prepared}")
-    lives.start(EXAMPLES / "prepare_data.py", words, tmp_path / "log")
-    while not list(tmp_path.glob(".prepared.h5.*.tmp")) and not lives.ended(0.0005):
-        pass
-    lives.kill()
-    assert lives.wait() == -signal.SIGKILL, (tmp_path / "log").read_text()[-3000:]
-    assert not prepared.exists() and list(tmp_path.glob(".prepared.h5.*.tmp"))
-    before = recordings.stat().st_ino, recordings.stat().st_mtime_ns
-    lives.start(EXAMPLES / "prepare_data.py", words, tmp_path / "log")
-    assert lives.wait() == 0, (tmp_path / "log").read_text()[-3000:]
-    assert (recordings.stat().st_ino, recordings.stat().st_mtime_ns) == before
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["log", "prepared.h5", "recordings.h5"]

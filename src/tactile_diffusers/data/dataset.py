@@ -197,7 +197,10 @@ class PreparedDataset(torch.utils.data.Dataset):
 
         with open_whole(self.path) as file, self._reading():
             stored = read_group(file["seconds"])
-            return pandas.DataFrame(stored[self.subset], index=list(self.recordings), columns=list(stored["reasons"]))
+            seconds, reasons = np.asarray(stored[self.subset]), list(stored["reasons"])
+            if seconds.shape != (len(self.recordings), len(reasons)) or not np.isfinite(seconds).all():
+                raise ValueError("the seconds by reason are not a number for each recording")
+            return pandas.DataFrame(seconds, index=list(self.recordings), columns=reasons)
 
     def non_overlapping(self, per_surface, seed=0):
         """Indices of segments that share no sample, drawn at random over recordings (explorers), in ascending order.
