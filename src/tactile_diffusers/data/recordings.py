@@ -23,8 +23,6 @@ VERSION = 1
 #: Units of the contact force: newtons, or "1" for uncalibrated sensor counts.
 FORCE_UNITS = ("N", "1")
 VELOCITY_UNIT = "mm/s"
-#: Attribute `source` of recordings of `tactile_diffusers.virtual`.
-VIRTUAL_SOURCE = "virtual surfaces"
 #: Channels: number of columns (None = one row of samples) and units.
 _CHANNELS = {"force": ((3,), FORCE_UNITS), "lateral": ((), FORCE_UNITS), "velocity": ((2,), (VELOCITY_UNIT,))}
 

@@ -11,10 +11,9 @@ from tqdm.auto import tqdm
 
 from ..data import HoldOut, PreparedDataset, SegmentLimits
 from ..signal.checks import check_whole_number
+from ..signal.constants import VIRTUAL_SOURCE
 from ..virtual import FIRST_FRESH, RECIPE_VERSION, VirtualSurface, fresh_ratings, fresh_textures, rater_settings
 from .truth import CHUNK, RatedTextures, joined, log_kernel, recorded_truth
-
-VIRTUAL_SOURCE = "virtual surfaces"
 
 
 def draw_surfaces(ratings, requests, count, seed=0):

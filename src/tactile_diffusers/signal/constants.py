@@ -13,3 +13,5 @@ WORKING_RATE = 2500
 REFERENCE_FORCE = 0.5
 #: Perceptual axes in the order of every rating vector; positive = rougher, bumpier, more slippery.
 RATING_AXES = ("roughness", "bumpiness", "slipperiness")
+#: Attribute `source` of recordings of `tactile_diffusers.virtual`.
+VIRTUAL_SOURCE = "virtual surfaces"

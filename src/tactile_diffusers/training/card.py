@@ -20,6 +20,7 @@ from ..io.locks import unlock_folder
 from ..io.reading import reading
 from ..models import RatingStatistics
 from ..pipelines.hub import CARD_FILE, forget_folders, upload_checkpoint
+from ..signal.constants import VIRTUAL_SOURCE
 from ..version import __version__
 from .checkpoints import save_result, writing
 from .progress_figures import plot_losses
@@ -29,8 +30,6 @@ TEMPLATE = Path(__file__).parent / "model_card.jinja"
 TAGS = ["tactile", "haptics", "texture", "friction", "diffusion"]
 #: Licences of data that the Hub knows by name; https://huggingface.co/docs/hub/repositories-licenses
 HUB_LICENCES = re.compile(r"apache-2\.0|mit|cc0-1\.0|cc-by(-nc)?(-sa|-nd)?-[234]\.0|odbl|pddl|cdla-permissive-[12]\.0")
-#: `source` of recordings that `tactile_diffusers.virtual` simulated, a room further right.
-_VIRTUAL_SOURCE = "virtual surfaces"
 #: Numbers among a file's attributes that preparation wrote; the others are of the source.
 _PREPARATION = {"version", "sampling_rate", "segment_samples", "filter_order", "filter_passes", "split_seed"}
 #: Arguments of a training that do not change its result.
@@ -125,7 +124,7 @@ def write_card(
         report=report and report.strip(),
         evaluate=evaluate,
         publish=publish,
-        simulated=dataset.source == _VIRTUAL_SOURCE,
+        simulated=dataset.source == VIRTUAL_SOURCE,
         ranges=_ranges(pipe),
         distilled_steps=pipe.lctg.config.distilled_steps,
         uncalibrated=dataset.unit != "N",

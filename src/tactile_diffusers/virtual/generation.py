@@ -2,10 +2,11 @@
 
 from tqdm import tqdm
 
-from ..data.recordings import VIRTUAL_SOURCE, RecordingsWriter
+from ..data.recordings import RecordingsWriter
 from ..io.files import clear_left_behind
 from ..signal import DEVICE_RATE, RATING_AXES
 from ..signal.checks import check_whole_number
+from ..signal.constants import VIRTUAL_SOURCE
 from .collection import Collection
 from .exploration import VELOCITY_RATE
 from .raters import RATERS

@@ -9,9 +9,10 @@ import itertools
 import numpy as np
 
 from ...signal import RATING_AXES, band_levels_db
+from ...signal.constants import VIRTUAL_SOURCE
 from ..envelopes import surface_means
 from ..metrics.statistics import leaf, number
-from ..virtual_truth import VIRTUAL_SOURCE, virtual_truth
+from ..virtual_truth import virtual_truth
 
 DEGREES = (1, 2, 3)
 #: Added to the diagonal of the normal equations, in surfaces: holds a cubic of 50 surfaces in check, else nothing.
