@@ -15,25 +15,32 @@ import torch
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.schedulers import RECOMMENDED
-from tactile_diffusers.training.arguments import (
-    at_least_one,
-    not_negative,
-    parse_training_arguments,
-    read_model_config,
-    share,
-    training_parser,
-)
 from tactile_diffusers.training.batches import TensorRows
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.checkpoints import writing
-from tactile_diffusers.training.dale_data import build_dale, encode_dataset, training_states
-from tactile_diffusers.training.launch import make_accelerator, run, starting
+from tactile_diffusers.training.dale_data import (
+    build_dale,
+    describe_scores,
+    encode_dataset,
+    fit_rating_estimator,
+    training_states,
+)
+from tactile_diffusers.training.launch import (
+    at_least_one,
+    make_accelerator,
+    not_negative,
+    parse_training_arguments,
+    read_model_config,
+    run,
+    share,
+    starting,
+    training_parser,
+)
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.modulation import MODULATION_TEXTURES, fit_modulation_gains
-from tactile_diffusers.training.progress_figures import plot_axis_sweep
-from tactile_diffusers.training.rating_regression import describe_scores, fit_rating_estimator
+from tactile_diffusers.training.record import surfaces_of
 from tactile_diffusers.training.steps import DALETrainingStep, state_losses
-from tactile_diffusers.training.trained_surfaces import surfaces_of
+from tactile_diffusers.training.validation import plot_axis_sweep
 
 
 def parse_args(argv=None):

@@ -19,22 +19,23 @@ from tactile_diffusers import LCTGModel, TactileFeatureExtractor, TactileTexture
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.features import fit_preemphasis
 from tactile_diffusers.schedulers import RECOMMENDED
-from tactile_diffusers.training.arguments import (
-    add_decoder_arguments,
-    not_negative,
-    parse_training_arguments,
-    read_model_config,
-    training_parser,
-)
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.checkpoints import writing
-from tactile_diffusers.training.launch import make_accelerator, run, starting
+from tactile_diffusers.training.launch import (
+    add_decoder_arguments,
+    make_accelerator,
+    not_negative,
+    parse_training_arguments,
+    read_model_config,
+    run,
+    starting,
+    training_parser,
+)
 from tactile_diffusers.training.loop import Trainer
-from tactile_diffusers.training.progress_figures import plot_reconstructions
+from tactile_diffusers.training.record import surfaces_of
 from tactile_diffusers.training.steps import LCTGTrainingStep
-from tactile_diffusers.training.trained_surfaces import surfaces_of
-from tactile_diffusers.training.validation import Reconstructions
+from tactile_diffusers.training.validation import Reconstructions, plot_reconstructions
 
 #: What the bundled checkpoint was trained with.
 CONFIG = Path(__file__).parent / "configs" / "lctg.json"

@@ -16,7 +16,7 @@ from tactile_diffusers.cli import evaluate, publish
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.card import write_card
 from tactile_diffusers.evaluation.report import folder_digest
-from tactile_diffusers.training.trained_surfaces import surfaces_of, trained_on
+from tactile_diffusers.training.record import surfaces_of, trained_on
 
 RECORD = {
     "script": "examples/train_dale.py",

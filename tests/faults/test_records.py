@@ -11,9 +11,16 @@ from ablate_training import training_facts as facts_of_a_row
 
 from tactile_diffusers.evaluation.training_record import training_facts
 from tactile_diffusers.training.card import describe_run
-from tactile_diffusers.training.progress_figures import plot_losses
-from tactile_diffusers.training.record import is_complete, phases, read_log, read_record, trim_log
-from tactile_diffusers.training.trained_surfaces import count_seen, trained_on
+from tactile_diffusers.training.record import (
+    count_seen,
+    is_complete,
+    phases,
+    read_log,
+    read_record,
+    trained_on,
+    trim_log,
+)
+from tactile_diffusers.training.validation import plot_losses
 
 RECORD = {
     "script": "examples/train_lctg.py",

@@ -10,8 +10,7 @@ from accelerate.state import AcceleratorState, GradientState
 from safetensors.torch import load_file
 
 from tactile_diffusers.data import SegmentLimits, prepare_recordings
-from tactile_diffusers.training.arguments import training_parser
-from tactile_diffusers.training.launch import make_accelerator
+from tactile_diffusers.training.launch import make_accelerator, training_parser
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.record import read_log
 from tactile_diffusers.training.steps import velocity_loss

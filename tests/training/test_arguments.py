@@ -9,7 +9,7 @@ import huggingface_hub
 import pytest
 import torch
 
-from tactile_diffusers.training.arguments import training_parser
+from tactile_diffusers.training.launch import training_parser
 
 #: Of diffusers' examples/unconditional_image_generation and examples/text_to_image; those that have no meaning here
 #: are listed, with reasons, in `tactile_diffusers/training/arguments.py`.

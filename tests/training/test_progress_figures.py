@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from tactile_diffusers.training.progress_figures import _distinct_labels, plot_axis_sweep, plot_losses
+from tactile_diffusers.training.validation import _distinct_labels, plot_axis_sweep, plot_losses
 
 
 @pytest.fixture

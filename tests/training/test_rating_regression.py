@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from tactile_diffusers.models.rating_estimator import RatingEstimator
-from tactile_diffusers.training.rating_regression import describe_scores, fit_rating_estimator
+from tactile_diffusers.training.dale_data import describe_scores, fit_rating_estimator
 
 
 def _separable(count, seed, noise=0.3):

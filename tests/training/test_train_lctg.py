@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.training.trained_surfaces import surfaces_of
+from tactile_diffusers.training.record import surfaces_of
 
 WEIGHTS = "diffusion_pytorch_model.safetensors"
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.training.trained_surfaces import count_seen, surfaces_of, trained_on, warning, write_surfaces
+from tactile_diffusers.training.record import count_seen, surfaces_of, trained_on, warning, write_surfaces
 
 
 def _told(*names, seed=None):

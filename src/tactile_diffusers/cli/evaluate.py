@@ -111,7 +111,7 @@ def main(argv=None):
     from ..evaluation.report import run_sections, seen_in_training
     from ..evaluation.report_tables import report_markdown
     from ..io.files import write_text
-    from ..training.trained_surfaces import warning
+    from ..training.record import warning
 
     try:
         folder = checkpoint_folder(arguments.checkpoint)

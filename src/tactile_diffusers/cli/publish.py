@@ -151,7 +151,7 @@ def _report(folder, digests, output, known):
         ValueError: if another checkpoint was evaluated, or a picture is missing.
     """
     from ..evaluation.report_tables import report_markdown
-    from ..training.trained_surfaces import count_seen, warning
+    from ..training.record import count_seen, warning
 
     path, text = folder / "report.json", ""
     with reading(path, "a report", "Run examples/evaluate.py again."):
@@ -190,7 +190,7 @@ def _fill(arguments, temporary):
     from ..evaluation.report import folder_digest
     from ..pipelines.hub import forget_folders
     from ..training.card import write_card
-    from ..training.trained_surfaces import surfaces_of, trained_on, write_surfaces
+    from ..training.record import surfaces_of, trained_on, write_surfaces
 
     pipe = TactileTexturePipeline.from_pretrained(str(arguments.checkpoint), dtype=torch.float16)
     data = PreparedDataset(arguments.data, "train")

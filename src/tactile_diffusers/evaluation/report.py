@@ -14,7 +14,7 @@ from tqdm.auto import tqdm
 from ..checkpoints import DISTILLED
 from ..io.files import write_text
 from ..io.reading import read_json
-from ..training.trained_surfaces import count_seen, surfaces_of, trained_on
+from ..training.record import count_seen, surfaces_of, trained_on
 from .metrics.statistics import is_leaf
 from .report_figures import plot_beside
 from .result_files import machine_facts

@@ -1,6 +1,6 @@
 """report.md: the tables of a report."""
 
-from ..training.trained_surfaces import warning
+from ..training.record import warning
 from .control_tables import (
     control_effect_markdown,
     control_markdown,

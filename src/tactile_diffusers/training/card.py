@@ -23,8 +23,8 @@ from ..pipelines.hub import CARD_FILE, forget_folders, upload_checkpoint
 from ..signal.constants import VIRTUAL_SOURCE
 from ..version import __version__
 from .checkpoints import save_result, writing
-from .progress_figures import plot_losses
 from .record import is_complete, phases, read_log, read_losses, read_record
+from .validation import plot_losses
 
 TEMPLATE = Path(__file__).parent / "model_card.jinja"
 TAGS = ["tactile", "haptics", "texture", "friction", "diffusion"]

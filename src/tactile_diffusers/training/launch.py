@@ -1,5 +1,13 @@
-"""How a training script starts: it refuses bad input in one line, or has seeds, a device and a folder of its own."""
+"""How a training script starts: its arguments, refusals in one line, seeds, a device and a folder of its own.
 
+Arguments have the names of diffusers' own examples. Defaults are those that the bundled checkpoint was trained with.
+Some of diffusers' arguments have no meaning here: `--dataset_name` (recordings are files), `--prediction_type` and
+`--snr_gamma` (the loss is on the velocity), `--validation_epochs` (everything is counted in updates),
+`--validation_ratings` (every axis is swept), `--offload_ema` (the models are small) and `--local_rank` (launchers set
+the environment).
+"""
+
+import argparse
 import logging
 import sys
 from contextlib import contextmanager
@@ -10,9 +18,143 @@ from accelerate import Accelerator
 from accelerate.utils import DataLoaderConfiguration, ProjectConfiguration, parse_flag_from_env, set_seed
 
 from ..io.locks import lock_folder
+from ..io.reading import read_json
 from .checkpoints import step_of
 
 _REFUSALS = (ImportError, OSError, ValueError)
+_RESUME_HELP = (
+    "a checkpoint folder, or 'latest'. Only resume trainings of your own: optimiser and random state are pickles, "
+    "which may run any code when they are read"
+)
+
+
+def _checked(kind, allowed, words):
+    """A `type` for `add_argument` that refuses values that are not allowed."""
+
+    def parse(text):
+        value = kind(text)
+        if not allowed(value):
+            raise argparse.ArgumentTypeError(f"must be {words}, got {text}")
+        return value
+
+    parse.__name__ = kind.__name__  # argparse names it for text that is no number
+    return parse
+
+
+at_least_one = _checked(int, lambda value: value >= 1, "at least 1")
+positive = _checked(float, lambda value: value > 0, "positive")
+not_negative = _checked(float, lambda value: value >= 0, "at least 0")
+share = _checked(float, lambda value: 0 <= value <= 1, "in [0, 1]")
+
+
+def training_parser(description, hub=True, **defaults):
+    """A parser with the arguments that all training scripts share.
+
+    Args:
+        description (`str`): the script's docstring.
+        hub (`bool`): whether the result can be sent to the Hub.
+        defaults: of this script, where they differ.
+
+    Returns:
+        `argparse.ArgumentParser`
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    _add_folders(parser.add_argument)
+    _add_optimisation(parser.add_argument)
+    _add_run(parser.add_argument)
+    if hub:
+        _add_hub(parser.add_argument)
+    parser.set_defaults(**defaults)
+    return parser
+
+
+def _add_folders(add):
+    add("--train_data_dir", required=True, help="prepared data set (.h5) written by examples/prepare_data.py")
+    add("--output_dir", required=True, help="folder of the trained pipeline, checkpoints, logs and figures")
+    add("--overwrite_output_dir", action="store_true", help="start again in a folder that already holds a training")
+    add("--cache_dir", help="where --pretrained_model_name_or_path keeps downloads from the Hub")
+    add("--max_train_samples", type=at_least_one, help="use only this many training segments")
+    add("--logging_dir", default="logs", help="inside --output_dir")
+
+
+def _add_optimisation(add):
+    add("--train_batch_size", type=at_least_one, default=16)
+    add("--num_train_epochs", type=at_least_one, default=100)
+    add("--max_train_steps", type=at_least_one, help="optimiser updates; overrides --num_train_epochs")
+    add("--gradient_accumulation_steps", type=at_least_one, default=1)
+    add("--gradient_checkpointing", action="store_true")
+    add("--learning_rate", type=positive, default=1e-3)
+    add("--scale_lr", action="store_true", help="multiply the learning rate by processes x accumulation x batch size")
+    add("--lr_scheduler", default="cosine")
+    add("--lr_warmup_steps", type=int, default=200)
+    add("--adam_beta1", type=float, default=0.9)
+    add("--adam_beta2", type=float, default=0.99)
+    add("--adam_weight_decay", type=float, default=1e-2)
+    add("--adam_epsilon", type=float, default=1e-8)
+    add("--max_grad_norm", type=float, default=1.0)
+    add("--use_ema", action=argparse.BooleanOptionalAction, default=True, help="average the weights (validated, saved)")
+    decay = _checked(float, lambda value: 0 <= value < 1, "in [0, 1)")
+    add("--ema_decay", "--ema_max_decay", type=decay, default=0.999)
+    warm_up = "of the warm-up: decay = 1 - (1 + step / inv_gamma) ** -power"
+    add("--ema_inv_gamma", type=positive, default=1.0, help=warm_up)
+    add("--ema_power", type=positive, default=0.75, help=warm_up)
+    add("--foreach_ema", action="store_true", help="average all weights in one call: faster on a GPU")
+
+
+def _add_run(add):
+    add("--seed", type=int, default=0, help="of weights, batches and noise; the same seed gives the same training")
+    add("--mixed_precision", choices=["no", "fp16", "bf16"], default="no")
+    add("--allow_tf32", action="store_true", help="faster, less exact float32 products on Ampere GPUs and later")
+    add("--dataloader_num_workers", type=int, default=0)
+    add("--checkpointing_steps", type=at_least_one, default=500)
+    add("--checkpoints_total_limit", type=at_least_one, default=2)
+    add("--resume_from_checkpoint", help=_RESUME_HELP)
+    add("--validation_steps", type=at_least_one, default=500)
+    number = _checked(int, lambda value: value >= 0, "at least 0")
+    add("--validation_samples", type=number, default=64, help="held-out segments per validation; 0 = none")
+    add("--eval_batch_size", type=at_least_one, default=32)
+    add("--report_to", choices=["tensorboard", "wandb", "all", "none"], default="tensorboard")
+    add("--tracker_project_name", default="tactile_diffusers")
+    add("--quiet", action="store_true", help="no progress bar")
+
+
+def _add_hub(add):
+    add("--push_to_hub", action="store_true", help="send the finished pipeline and its card to the Hub")
+    add("--hub_model_id", metavar="USER/NAME", help="default: the name of --output_dir, in your namespace")
+    add("--hub_token", help="default: that of `hf auth login`")
+    add("--hub_private_repo", action="store_true", help="if the repository is new, make it private")
+
+
+def add_decoder_arguments(parser):
+    """Adds what training and distilling a decoder share, with the names of `LCTGTrainingStep`'s arguments."""
+    add = parser.add_argument
+    add("--detail_dropout", type=share, default=0.5, help="share of textures without detail layer")
+    weighted = "velocity loss weighted by frequency ** -exponent; 0 = flat"
+    add("--octave_exponent", type=not_negative, default=1.0, help=weighted)
+    add("--spectral_loss_weight", type=not_negative, default=0.0, help="of the frequency-aware loss; 0 = off")
+
+
+def parse_training_arguments(parser, argv=None):
+    """Parses the command line; `args.defaults` holds the defaults, so that `training.json` can list the changes."""
+    args = parser.parse_args(argv)
+    args.defaults = {name: parser.get_default(name) for name in vars(args)}
+    return args
+
+
+def read_model_config(path, sections):
+    """The model config file as a dict of sections, empty if `path` is `None`.
+
+    Raises:
+        ValueError: if it has a section that is not among `sections`.
+    """
+    config = read_json(path, "a model config", "Correct it.") if path else {}
+    unknown = set(config) - sections
+    if unknown:
+        raise ValueError(f"--model_config_name_or_path {path} has unknown sections {sorted(unknown)}.")
+    return config
+
+
+# --- from arguments to an accelerator
 
 
 @contextmanager

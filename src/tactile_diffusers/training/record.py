@@ -1,4 +1,4 @@
-"""What the training scripts leave behind: `training.json` (command, data, machine) and `log.jsonl` (losses)."""
+"""What training scripts leave behind: `training.json` (command, data, surfaces, machine), `log.jsonl` (losses)."""
 
 import json
 import os
@@ -9,6 +9,7 @@ from pathlib import Path
 import diffusers
 import torch
 
+from ..checkpoints import SURFACES_FILE
 from ..io.files import write_text
 from ..io.reading import read_json
 
@@ -22,14 +23,7 @@ _LARGEST = 2**53
 
 
 def write_record(args, accelerator, segments, steps, surfaces):
-    """Writes `training.json` into the output folder, for the model card and for whoever evaluates the result.
-
-    Args:
-        args (`argparse.Namespace`): of `parse_training_arguments`.
-        accelerator (`Accelerator`): the training's.
-        segments, steps (`int`): of the training.
-        surfaces (`dict` or `None`): of `surfaces_of`.
-    """
+    """Writes `training.json` into the output folder, for the model card and for whoever evaluates the result."""
     script, defaults = Path(sys.argv[0]), getattr(args, "defaults", {})
     kept_out = ("defaults", "hub_token")  # a secret is written nowhere
     arguments = {name: value for name, value in vars(args).items() if value is not None and name not in kept_out}
@@ -49,12 +43,16 @@ def write_record(args, accelerator, segments, steps, surfaces):
 
 def read_record(folder):
     """`training.json` of a folder: a dict, empty if there is none or it is damaged."""
-    try:
-        record = read_json(Path(folder) / "training.json", "JSON")
-    except (OSError, ValueError):
-        return {}
+    record = _read_json(Path(folder) / "training.json")
     fits = all(_is(record[name], kind) for name, kind in _REQUIRED.items() if name in record)
     return record if fits and isinstance(record.get("arguments", {}).get(_EARLIER), str | None) else {}
+
+
+def _read_json(path):
+    try:
+        return read_json(path, "JSON")
+    except (OSError, ValueError):
+        return {}
 
 
 def is_complete(record):
@@ -97,20 +95,17 @@ def read_log(folder):
         lines = (Path(folder) / "log.jsonl").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return []
-    return [entry for entry in map(_parse, lines) if _is_entry(entry)]
+    return [entry for entry in map(_parse, lines) if entry is not None]
 
 
 def _parse(line):
+    """The entry of a line; `None` if it is none."""
     try:
-        return json.loads(line)
-    except (ValueError, RecursionError):
+        entry = json.loads(line)
+        whole = _is(entry["step"], int) and all(_is(value, int) or type(value) is float for value in entry.values())
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
-
-
-def _is_entry(entry):
-    if not isinstance(entry, dict) or not _is(entry.get("step"), int):
-        return False
-    return all(type(value) is float or (type(value) is int and abs(value) < _LARGEST) for value in entry.values())
+    return entry if whole else None
 
 
 def read_losses(folder):
@@ -125,3 +120,80 @@ def trim_log(folder, step):
     if not path.is_file() or path.read_bytes() != text.encode():
         write_text(path, text)
     return entries
+
+
+# --- which surfaces a checkpoint was trained on, so that an evaluation can say whether its surfaces are new to it
+
+
+def surfaces_of(dataset, rows=None):
+    """The surfaces of a view of a data set.
+
+    Args:
+        dataset (`PreparedDataset`): the view.
+        rows (`np.ndarray`, *optional*): of these segments; default: of all.
+
+    Returns:
+        `dict`: "source", "seed" (`None` but for virtual surfaces) and "surfaces" (sorted names).
+    """
+    ids = dataset.surface_ids if rows is None else dataset.surface_ids[rows]
+    names = sorted({dataset.surfaces[number] for number in ids.tolist()})
+    return {"source": dataset.source, "seed": dataset.attributes.get("seed"), "surfaces": names}
+
+
+def trained_on(folders):
+    """The surfaces of trainings and of those that they continued from.
+
+    Args:
+        folders (`Sequence[str` or `Path]`): of trainings, or of published checkpoints.
+
+    Returns:
+        `tuple[list[dict], bool]`: as `surfaces_of`, of all phases that name them, and whether all phases do.
+    """
+    found, complete = [], bool(folders)
+    for folder in folders:
+        for phase, record in phases(folder):
+            listed, whole = [record.get("trained_on")], True
+            if not _lists_surfaces(listed[0]):
+                content = _read_json(phase / SURFACES_FILE)  # of a published checkpoint
+                listed = content.get("trained_on") if isinstance(content.get("trained_on"), list) else []
+                listed = [one for one in listed if _lists_surfaces(one)]
+                whole = bool(listed) and content.get("complete") is True
+            complete = complete and whole
+            found += [one for one in listed if one not in found]
+    return found, complete
+
+
+def _lists_surfaces(one):
+    names = one.get("surfaces") if isinstance(one, dict) else None
+    return isinstance(names, list) and all(isinstance(name, str) for name in names)
+
+
+def write_surfaces(folder, found, complete):
+    """Writes what `trained_on` found beside a published checkpoint; nothing where nothing is known."""
+    if found:
+        content = json.dumps({"complete": complete, "trained_on": found}, indent=1) + "\n"
+        write_text(Path(folder) / SURFACES_FILE, content)
+
+
+def count_seen(judged, found):
+    """How many of the judged surfaces were trained on: names count and, for virtual surfaces, their seeds.
+
+    Args:
+        judged (`dict`): as `surfaces_of`.
+        found (`list[dict]`): of `trained_on`.
+
+    Returns:
+        `int`
+    """
+    known = {name for one in found if one.get("seed") == judged["seed"] for name in one["surfaces"]}
+    return len(known.intersection(judged["surfaces"]))
+
+
+def warning(seen, judged):
+    """A warning that `seen` of the `judged` surfaces were trained on; "" if none were, or if it is not known."""
+    if not seen:
+        return ""
+    return (
+        f"the checkpoint was trained on {seen} of the {judged} surfaces that judge it: the results do not show how it "
+        "does on new surfaces"
+    )
