@@ -21,8 +21,8 @@ OPTIONAL = {
     "training": {"tensorboard": "training/launch.py"},
     "parquet": {"pyarrow": "data/folder/tables.py"},
 }
-#: Imported by nobody here: pandas needs the one for xlsx, huggingface_hub the other for model cards.
-INDIRECT = {"openpyxl", "jinja2"}
+#: Imported by nobody here: pandas needs it for xlsx.
+INDIRECT = {"openpyxl"}
 #: As it is imported first by every Python process, its children's too: each attempt to leave the machine fails and is
 #: written down, so that no `except` hides it. What C libraries open by themselves is not seen.
 NO_NETWORK = """

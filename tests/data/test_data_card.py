@@ -3,18 +3,18 @@
 import copy
 import json
 import re
+from functools import reduce
+from operator import getitem
 
 import h5py
 import numpy as np
 import pytest
-from PIL import Image
 from scipy.stats import spearmanr
 
 from tactile_diffusers.data import PreparedDataset, RaterScores, RecordingsWriter, SegmentLimits, prepare_recordings
 from tactile_diffusers.data.card import describe, write_card
 from tactile_diffusers.data.card.advice import warnings_of
-from tactile_diffusers.data.card.answers import describe_answers, relate
-from tactile_diffusers.data.card.page import markdown
+from tactile_diffusers.data.card.measure import describe_answers, relate
 from tactile_diffusers.data.folder import ConversionReport
 from tactile_diffusers.data.folder.lag import Lag
 from tactile_diffusers.data.splits import HoldOut
@@ -41,7 +41,7 @@ def card(stored):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Cards without pictures: they take a second, and other tests look at them."""
-    monkeypatch.setattr("tactile_diffusers.data.card.data_card.draw_all", lambda *_: [])
+    monkeypatch.setattr("tactile_diffusers.data.card.writing._draw", lambda *_: [])
 
 
 @pytest.fixture
@@ -62,9 +62,7 @@ def test_folder_is_complete(card_folder, stored):
     assert names == set(stored["files"]) and "surfaces.png" in names
     text = (card_folder / "card.md").read_text()
     assert set(re.findall(r"\]\((\S+\.png)\)", text)) == {name for name in names if name.endswith(".png")}
-    for path in card_folder.glob("*.png"):
-        assert path.stat().st_size < 120_000
-        assert min(Image.open(path).size) > 150
+    assert all(1000 < path.stat().st_size < 120_000 for path in card_folder.glob("*.png"))
 
 
 def test_time_is_accounted_for_once(stored, virtual_prepared):
@@ -74,10 +72,6 @@ def test_time_is_accounted_for_once(stored, virtual_prepared):
     assert sum(kept["seconds"].values()) == pytest.approx(seconds, rel=1e-5) and seconds == 6 * 12
     assert kept["seconds"]["used"] == pytest.approx(used, rel=1e-5)
     assert kept["kept_share"] == pytest.approx(used / seconds, rel=1e-5)
-    for reason in kept["reasons"]:
-        assert sum(who[reason] for who in kept["explorers"].values()) == pytest.approx(
-            kept["seconds"][reason], abs=1e-3
-        )
     assert sum(row["kept_seconds"] for row in stored["surfaces"]) == pytest.approx(used, rel=1e-4)
 
 
@@ -187,21 +181,10 @@ def test_relation_is_spearmans_and_knows_chance():
     for number, axis in enumerate(RATING_AXES):
         expected = spearmanr(friction[known], ratings[known, number]).statistic
         assert relation["spearman"]["friction"][axis] == pytest.approx(expected, abs=1e-12)
-    assert relation["spearman"]["level"]["roughness"] == pytest.approx(1) and relation["unrelated"] == 0.001
+    assert relation["spearman"]["level"]["roughness"] == pytest.approx(1) and relation["unrelated"] < 1e-9
     assert relate(ratings, {"friction": rng.normal(size=40)})["unrelated"] > 0.05
+    assert relate(ratings, {"level": np.ones(40)})["unrelated"] == 1
     assert relate(ratings[:7], {"level": level[:7]}) is None
-
-
-def _set(path, value):
-    """A change of a card: the entry at `path` ("a/b/0") becomes `value`."""
-
-    def change(card):
-        *parents, last = [int(key) if key.isdigit() else key for key in path.split("/")]
-        for key in parents:
-            card = card[key]
-        card[last] = value
-
-    return change
 
 
 def _relation(quantity, axis, rho, unrelated=0.001):
@@ -209,42 +192,42 @@ def _relation(quantity, axis, rho, unrelated=0.001):
 
 
 @pytest.mark.parametrize(
-    "change, name, said",
+    "path, value, name, said",
     [
-        (_set("recordings/unit", "1"), "uncalibrated", "relative"),
-        (_set("recordings/channels", {"lateral": 6, "velocity": 6}), "lateral_only", "6 of 6"),
-        (_set("recordings/channels/velocity", 4), "no_velocity", "2 of 6"),
-        (_set("kept/kept_share", 0.05), "little_kept", "5.0 %"),
-        (_set("kept/seconds/saturated", 0.25), "saturation", "0.25 s"),
-        (_set("kept/seconds/missing (NaN)", 3.0), "missing_samples", "3.00 s"),
-        (_set("kept/explorers/explorer-0/used", 0.0), "explorer_without_segment", "explorer-0"),
-        (_set("kept/explorers", {"a": {"used": 1.0}, "b": {"used": 0.0}}), "explorer_without_segment", "b."),
-        (_set("surfaces/1/segments", 0), "surface_without_segment", "1 of 6"),
-        (_set("surfaces/1/segments", 2), "few_segments", "fewer than 10"),
-        (_set("surfaces/1/friction", None), "unknown_friction", "1 of 6"),
-        (_set("surfaces/1/friction", 12.0), "strange_friction", "outside"),
-        (_set("bands/turnaround_db", 2.5), "turnarounds", "2.5 dB"),
-        (_set("ratings", None), "no_ratings", "DALE"),
-        (_set("ratings/answers/surfaces_unrated", ["x"]), "unrated", "x"),
-        (_set("ratings/answers/axes/bumpiness/alpha", 0.6), "low_reliability", "bumpiness 0.60"),
-        (_set("ratings/answers/axes/bumpiness/alpha", None), "low_reliability", "bumpiness unknown"),
-        (_set("ratings/answers/axes/bumpiness/most_raters", 3), "few_raters", "bumpiness 3"),
-        (_set("ratings/answers/axes/bumpiness/missing_share", 0.2), "missing_answers", "bumpiness 20 %"),
-        (_set("ratings/answers/axes/bumpiness/low_end_share", 0.4), "clipped_ratings", "lowest"),
-        (_set("ratings/answers/axes/bumpiness/high_end_share", 0.4), "clipped_ratings", "highest"),
-        (_set("ratings/answers/axes/bumpiness/with_others", {"me": -0.9}), "contrary_raters", "me"),
-        (_set("ratings/pooled/correlation/1/0", -0.95), "correlated_axes", "-0.95"),
-        (_set("ratings/relation", _relation("level", "roughness", 0.3, 0.5)), "unrelated", "9 surfaces"),
-        (_set("ratings/relation", _relation("level", "roughness", -0.93)), "roughness_turned", "falls with the level"),
+        ("recordings/unit", "1", "uncalibrated", "relative"),
+        ("recordings/channels", {"lateral": 6, "velocity": 6}, "lateral_only", "6 of 6"),
+        ("recordings/channels/velocity", 4, "no_velocity", "2 of 6"),
+        ("kept/kept_share", 0.05, "little_kept", "5.0 %"),
+        ("kept/seconds/saturated", 0.25, "saturation", "0.25 s"),
+        ("kept/seconds/missing (NaN)", 3.0, "missing_samples", "3 s"),
+        ("kept/explorers", {"a": {"used": 1.0}, "b": {"used": 0.0}}, "explorer_without_segment", "b."),
+        ("surfaces/1/segments", 0, "surface_without_segment", "1 of 6"),
+        ("surfaces/1/segments", 2, "few_segments", "fewer than 10"),
+        ("surfaces/1/friction", None, "unknown_friction", "1 of 6"),
+        ("surfaces/1/friction", 12.0, "strange_friction", "outside"),
+        ("bands/turnaround_db", 2.5, "turnarounds", "2.5 dB"),
+        ("ratings", None, "no_ratings", "DALE"),
+        ("ratings/answers/surfaces_unrated", ["x"], "unrated", "x"),
+        ("ratings/answers/axes/bumpiness/alpha", 0.6, "low_reliability", "bumpiness 0.60"),
+        ("ratings/answers/axes/bumpiness/alpha", None, "low_reliability", "bumpiness unknown"),
+        ("ratings/answers/axes/bumpiness/most_raters", 3, "few_raters", "bumpiness 3"),
+        ("ratings/answers/axes/bumpiness/missing_share", 0.2, "missing_answers", "bumpiness 20%"),
+        ("ratings/answers/axes/bumpiness/low_end_share", 0.4, "clipped_ratings", "lowest"),
+        ("ratings/answers/axes/bumpiness/high_end_share", 0.4, "clipped_ratings", "highest"),
+        ("ratings/answers/axes/bumpiness/with_others", {"me": -0.9}, "contrary_raters", "me"),
+        ("ratings/pooled/correlation/1/0", -0.95, "correlated_axes", "-0.95"),
+        ("ratings/relation", _relation("level", "roughness", 0.3, 0.5), "unrelated", "9 surfaces"),
+        ("ratings/relation", _relation("level", "roughness", -0.93), "roughness_turned", "falls with the level"),
         (
-            _set("ratings/relation", _relation("friction coefficient", "slipperiness", 0.8)),
+            "ratings/relation",
+            _relation("friction coefficient", "slipperiness", 0.8),
             "slipperiness_turned",
-            "rises with the friction coefficient (correlation 0.80), where the opposite is usual. Check `high`",
+            "rises with the friction",
         ),
-        (_set("preparation/segments/test/surfaces", 1), "few_held_out", "--test 2 --validation 2"),
+        ("preparation/segments/test/surfaces", 1, "few_held_out", "--test 2 --validation 2"),
     ],
 )
-def test_each_warning(card, change, name, said):
+def test_each_warning(card, path, value, name, said):
     for row in card["surfaces"]:
         row["segments"] = 50  # twelve seconds a surface are few
     card["ratings"]["relation"] = None
@@ -255,7 +238,8 @@ def test_each_warning(card, change, name, said):
     for split in ("validation", "test"):
         card["preparation"]["segments"][split]["surfaces"] = 2
     assert [warning["name"] for warning in warnings_of(card)] == ["one_explorer"]
-    change(card)
+    *parents, last = [int(key) if key.isdigit() else key for key in path.split("/")]
+    reduce(getitem, parents, card)[last] = value
     texts = {warning["name"]: warning["text"] for warning in warnings_of(card)}
     assert said in texts[name]
     assert set(texts) <= {"one_explorer", name}
@@ -308,10 +292,16 @@ def test_what_the_conversion_noted_is_told(slides, tmp_path, undrawn):
     report.note("samples saturated, NaN", 40, "a.csv at 0.2 s")
     with h5py.File(recordings, "a") as file:
         file.attrs["conversion"] = report.as_json()
-    text = markdown(write_card(recordings, tmp_path / "card", prepared, quiet=True), [])
+    write_card(recordings, tmp_path / "card", prepared, quiet=True)
+    text = (tmp_path / "card/card.md").read_text()
     for line in ("40 samples saturated, NaN; first a.csv at 0.2 s", "left out: b/0/0: no file with force", "+20.0 ms"):
         assert line in text
     assert '{"' not in text  # no JSON
+    for noted in ("{", "[]", "7", '{"notes": 3}', '{"left_out_first": {}, "lag": {}, "notes": [1]}'):
+        with h5py.File(recordings, "a") as file:
+            file.attrs["conversion"] = noted
+        with pytest.raises(ValueError, match="slides.h5 .*'conversion'.*Convert it"):
+            describe(recordings, prepared, quiet=True)
 
 
 def test_older_card_is_replaced_and_nothing_else(slides, tmp_path, undrawn):
@@ -338,7 +328,7 @@ def test_failure_leaves_the_older_card(slides, tmp_path, undrawn, monkeypatch):
     recordings, prepared = slides({"a": {}})
     write_card(recordings, tmp_path / "card", prepared, quiet=True)
     before = (tmp_path / "card" / "card.json").read_bytes()
-    monkeypatch.setattr("tactile_diffusers.data.card.data_card.draw_all", lambda *_: 1 / 0)
+    monkeypatch.setattr("tactile_diffusers.data.card.writing._draw", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_card(recordings, tmp_path / "card", prepared, quiet=True)
     assert (tmp_path / "card" / "card.json").read_bytes() == before and not list(tmp_path.glob(".card*"))

@@ -4,8 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter, SegmentLimits, prepare_recordings
-from tactile_diffusers.data.card.measure import describe_source
+from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter, prepare_recordings
 from tactile_diffusers.export import read_generated
 from tactile_diffusers.export.generated import open_folder, write_shard
 from tactile_diffusers.playback import TextureScene
@@ -105,15 +104,6 @@ def test_a_place_is_missing_or_of_another_kind(case, refusal, values):
                         file[name].attrs.update(kept)
             result, message = refusal(case.read, case.path)
             assert message or _sane(result), (name, attribute, odd)
-
-
-@pytest.mark.parametrize("noted", ["{", "[]", "7", '{"notes": 3}', '{"left_out_first": {}, "lag": {}, "notes": [1]}'])
-def test_what_a_conversion_noted_is_refused_by_name(stores, damaged, noted):
-    path = damaged(stores["recordings"], _recordings).path
-    with h5py.File(path, "r+") as file:
-        file.attrs["conversion"] = noted
-    with RecordingsFile(path) as file, pytest.raises(ValueError, match="recordings.h5 .*'conversion'.*Convert it"):
-        describe_source(file, SegmentLimits(), quiet=True)
 
 
 @pytest.fixture(scope="module")

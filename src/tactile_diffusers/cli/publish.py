@@ -121,7 +121,7 @@ def _data_warnings(folder, data):
     Raises:
         ValueError: if the card is of other data.
     """
-    from ..data.card.page import warnings_in_words
+    from ..data.card.writing import warnings_in_words
 
     with reading(folder / "card.json", "a data card", "Write it again with examples/inspect_data.py."):
         card = read_json(folder / "card.json", "JSON")

@@ -9,8 +9,9 @@ import torch
 from ..io.hdf5 import check_sizes, open_whole
 from ..io.reading import reading
 from ..signal import RATING_AXES
-from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, LateralReader, SegmentTable, read_group
+from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, LateralReader, read_group
 from .ratings import SurfaceRatings
+from .segments import SegmentTable
 from .splits import SPLITS, Splits
 
 

@@ -3,12 +3,11 @@
 import numpy as np
 
 from ..signal import REFERENCE_FORCE
+from ..signal.constants import LARGEST_FORCE_N
 from ..signal.rating_scales import RATING_SCALE
 from .masks import mask_of_runs, true_runs
 
-#: No fingertip presses with more (N).
-LARGEST_FORCE_N = 100.0
-#: Nor explores with a larger mean normal force (N); the paper's is 0.4-0.6 N (recipe).
+#: No finger explores with a larger mean normal force (N); the paper's is 0.4-0.6 N (recipe).
 LARGEST_MEAN_NORMAL_N = 15.0
 #: A larger share of samples above `LARGEST_FORCE_N` is a wrong unit, a smaller one is glitches (recipe).
 GLITCH_SHARE = 0.01

@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 from tqdm import tqdm
@@ -10,11 +10,11 @@ from tqdm import tqdm
 from ..io.files import clear_left_behind
 from ..io.hdf5 import whole_file
 from ..signal import BAND_HZ
-from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, LateralWriter, SegmentTable, write_group
+from .prepared_file import PREPARED_FORMAT, PREPARED_VERSION, SUBSETS, LateralWriter, write_group
 from .projection import channels, filtered_with_gaps
 from .ratings import RatingReliability, no_ratings, pool_ratings
 from .recordings import RecordingsFile
-from .segments import REASONS, SegmentLimits, find_windows
+from .segments import REASONS, SegmentLimits, SegmentTable, find_windows
 from .splits import SPLITS, assign_splits
 from .turnarounds import DEFAULT_TURNAROUNDS, check_turnarounds
 from .unmet_limits import Measured
@@ -108,8 +108,8 @@ def prepare_recordings(
                 lateral.add(number, filtered)
                 index.add(number, recording, data, filtered, valid)
             tables = index.tables()
-            report = _report(tables, splits, index, notes, ratings["ratings"].reliability)
-            report.notes += _few_held_out(tables["filtered"], splits, {"validation": validation, "test": test})
+            wanted = {"validation": validation, "test": test}
+            report = _report(tables, splits, index, notes, ratings["ratings"].reliability, wanted)
             if not any(report.segments["filtered"].values()):
                 raise ValueError(
                     f"{recordings}: no segment meets the limits.\n{report}\n"
@@ -142,7 +142,7 @@ def _write_index(file, source, splits, ratings, tables, seconds):
     for name, pooled in ratings.items():
         write_group(file, name, asdict(pooled))
     for subset, table in tables.items():
-        write_group(file, f"segments/{subset}", vars(table))
+        write_group(file, f"segments/{subset}", table.columns)
     write_group(file, "seconds", {"reasons": REASONS, **seconds})
 
 
@@ -154,18 +154,16 @@ class _Index:
         self.limits = dict(zip(SUBSETS, (limits, limits.without_conditions()), strict=True))
         self.seconds = {subset: np.zeros((recordings, len(REASONS))) for subset in SUBSETS}
         self.measured = Measured(limits, rate)
-        self._parts = {subset: {field.name: [] for field in fields(SegmentTable)} for subset in SUBSETS}
+        self._parts = {subset: [] for subset in SUBSETS}
         self._names = {}
 
     def add(self, number, recording, data, filtered, valid):
         for subset, limits in self.limits.items():
-            windows = find_windows(data, filtered, valid, self.rate, limits)
+            windows = find_windows(data, filtered, valid, self.rate, limits, number)
             if subset == SUBSETS[0]:
                 self.measured.add(data, windows.usable)
             self.seconds[subset][number] = [windows.seconds[reason] for reason in REASONS]
-            columns = {**vars(windows), "recording": np.full(len(windows.start), number)}
-            for name, parts in self._parts[subset].items():
-                parts.append(columns[name])
+            self._parts[subset].append(windows.columns)
             for note in (*recording.notes, *_recording_notes(data, windows)):
                 # the part in brackets at the end differs between recordings
                 what, place = note.rsplit(" (", 1) if note.endswith(")") else (note, "")
@@ -173,8 +171,8 @@ class _Index:
 
     def tables(self):
         return {
-            subset: SegmentTable(**{name: np.concatenate(parts) for name, parts in columns.items()})
-            for subset, columns in self._parts.items()
+            subset: SegmentTable(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+            for subset, parts in self._parts.items()
         }
 
     def notes(self):
@@ -200,21 +198,19 @@ def _common_rate(source, band, order, passes):
 def _pool(source, splits, hold_out):
     """{group of the file: `SurfaceRatings`}, and notes; held-out raters are pooled apart, for the hard split."""
     scores, training = source.ratings, splits.surfaces == SPLITS.index("train")
+    held = hold_out is not None and hold_out.raters
     if scores is None:
-        if hold_out is not None and hold_out.raters:
+        if held:
             raise ValueError(f"`hold_out.raters`: {source.path} has no ratings. Leave them out.")
         return {"ratings": no_ratings(len(source.surfaces))}, ["the source has no ratings: they are NaN"]
-    unseen = np.zeros(len(scores.raters), dtype=bool)
-    if hold_out is not None:
-        unseen = hold_out.matches("raters", scores.raters)
-    groups = {"ratings": ~unseen} | ({"ratings_hard": unseen} if unseen.any() else {})
-    pooled = {name: pool_ratings(_of_raters(scores, who), source.surfaces, training) for name, who in groups.items()}
+    unseen = hold_out.matches("raters", scores.raters) if held else np.zeros(len(scores.raters), dtype=bool)
+    pooled = {}
+    for name, chosen in (("ratings", ~unseen), ("ratings_hard", unseen)):
+        if chosen.any():
+            raters = tuple(np.array(scores.raters)[chosen].tolist())
+            of_these = replace(scores, values=scores.values[chosen], raters=raters)
+            pooled[name] = pool_ratings(of_these, source.surfaces, training)
     return pooled, [f"rater left out: {item}" for ratings in pooled.values() for item in ratings.left_out]
-
-
-def _of_raters(scores, chosen):
-    names = tuple(name for name, is_chosen in zip(scores.raters, chosen, strict=True) if is_chosen)
-    return replace(scores, values=scores.values[chosen], raters=names)
 
 
 def _recording_notes(data, windows):
@@ -230,26 +226,21 @@ def _recording_notes(data, windows):
     return notes
 
 
-def _few_held_out(table, splits, wanted):
-    """Notes, if a split that is wanted has segments of fewer surfaces than evaluation needs."""
-    if not len(table.recording):
-        return
-    counts = {
-        name: len(np.unique(splits.owners[table.recording[splits.members(name)[table.recording]]]))
-        for name, size in wanted.items()
-        if size
-    }
-    few = [f"{count} {name} surface{'s' * (count != 1)}" for name, count in counts.items() if count < 2]
-    if few:
-        yield f"{' and '.join(few)} with segments: evaluation needs 2 of each; prepare with --test 2 --validation 2"
-
-
-def _report(tables, splits, index, notes, reliability):
+def _report(tables, splits, index, notes, reliability, wanted):
+    """The report; notes say which of the `wanted` splits have too few surfaces for an evaluation."""
     shown = [name for name in SPLITS if name != "hard" or splits.hard.any()]
-    segments = {
-        subset: {name: int(np.sum(splits.members(name)[table.recording])) for name in shown}
+    owners = {name: splits.owners[splits.members(name)] for name in shown}
+    of_segments = {
+        subset: {name: table.recording[splits.members(name)[table.recording]] for name in shown}
         for subset, table in tables.items()
     }
-    surfaces = {name: len(np.unique(splits.owners[splits.members(name)])) for name in shown}
+    segments = {subset: {name: len(rows) for name, rows in found.items()} for subset, found in of_segments.items()}
     seconds = {s: dict(zip(REASONS, map(float, total.sum(axis=0)), strict=True)) for s, total in index.seconds.items()}
-    return PreparationReport(segments, surfaces, seconds, notes + index.notes(), reliability)
+    notes = notes + index.notes()
+    counts = {name: len(np.unique(splits.owners[of_segments["filtered"][name]])) for name in wanted if wanted[name]}
+    few = [f"{count} {name} surface{'s' * (count != 1)}" for name, count in counts.items() if count < 2]
+    if few and any(segments["filtered"].values()):
+        which = " and ".join(few)
+        notes.append(f"{which} with segments: evaluation needs 2 of each; prepare with --test 2 --validation 2")
+    surfaces = {name: len(np.unique(found)) for name, found in owners.items()}
+    return PreparationReport(segments, surfaces, seconds, notes, reliability)

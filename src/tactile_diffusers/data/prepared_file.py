@@ -8,8 +8,6 @@ segments/<subset>               `SegmentTable`
 seconds/reasons, <subset>       where the time went: names, and seconds (recordings, reasons)
 """
 
-from dataclasses import dataclass, fields
-
 import h5py
 import numpy as np
 
@@ -21,36 +19,6 @@ PREPARED_VERSION = 3
 SUBSETS = ("filtered", "full")
 
 
-@dataclass
-class SegmentTable:
-    """Segments, one row each; see `Windows`. Starts are native samples within the recording."""
-
-    recording: np.ndarray
-    start: np.ndarray
-    friction_coefficient: np.ndarray
-    level: np.ndarray
-    level_between_turnarounds: np.ndarray
-    speed: np.ndarray
-    turnarounds: np.ndarray
-
-    def __post_init__(self):
-        for field in fields(self):
-            whole = field.name in ("recording", "start", "turnarounds")
-            values = np.asarray(getattr(self, field.name), np.int64 if whole else np.float32)
-            if values.ndim != 1 or len(values) != len(self.recording) or np.isinf(values).any():
-                raise ValueError("columns of segments differ in length, or hold infinite numbers")
-            setattr(self, field.name, values)
-
-    def rows(self, chosen):
-        """Another table of the chosen rows."""
-        return SegmentTable(**{name: values[chosen] for name, values in vars(self).items()})
-
-
-def stored_rates(rate, band):
-    """Rates (Hz) at which lateral force is stored: the native one and, if lower and wide enough, 2.5 kHz."""
-    return (rate, WORKING_RATE) if 2 * band[1] < WORKING_RATE < rate else (rate,)
-
-
 def _offsets(lengths, rate_in, rate_out):
     """Where each recording begins after `resample`, and where the last one ends: (recordings + 1,) int64."""
     resampled = -(-np.asarray(lengths, dtype=np.int64) * rate_out // rate_in)
@@ -58,7 +26,7 @@ def _offsets(lengths, rate_in, rate_out):
 
 
 class LateralWriter:
-    """Writes filtered lateral force, recording by recording, at each of `stored_rates`.
+    """Writes filtered lateral force, recording by recording: at the native rate and, if it is lower, at 2.5 kHz.
 
     Args:
         file (`h5py.File`): open for writing.
@@ -69,7 +37,7 @@ class LateralWriter:
 
     def __init__(self, file, lengths, rate, band):
         self.rate, self._stored = rate, {}
-        for other in stored_rates(rate, band):
+        for other in (rate, WORKING_RATE) if 2 * band[1] < WORKING_RATE < rate else (rate,):
             offsets = _offsets(lengths, rate, other)
             file.create_dataset(f"offset/{other}", data=offsets)
             self._stored[other] = offsets, file.create_dataset(f"lateral/{other}", (offsets[-1],), np.float32)

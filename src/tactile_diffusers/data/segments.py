@@ -1,6 +1,6 @@
 """Segments: windows of a recording inside the limits of force and speed (paper section 2.1)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from numbers import Real
 
 import numpy as np
@@ -75,39 +75,66 @@ class SegmentLimits:
 
 def limits_in_words(limits):
     """Limits of segments, the dict in the attributes of a prepared file, in words."""
-    words = []
-    for name, bounds, unit in (
-        ("normal force", limits["normal_force"], "N"),
-        ("speed", limits["speed"], "mm/s"),
-    ):
-        words.append(f"any {name}" if bounds is None else f"{name} {bounds[0]:g}–{bounds[1]:g} {unit}")
+    channels = (("normal force", limits["normal_force"], "N"), ("speed", limits["speed"], "mm/s"))
+    words = [
+        f"any {name}" if bounds is None else f"{name} {bounds[0]:g}–{bounds[1]:g} {unit}"
+        for name, bounds, unit in channels
+    ]
     words += [f"deviations up to {limits['longest_excursion']:g} s bridged", f"segments of {limits['seconds']:g} s"]
     return ", ".join([*words, f"{100 * limits['overlap']:.0f} % overlap"])
 
 
 @dataclass
-class Windows:
-    """Windows of one recording; all arrays are (windows,).
+class SegmentTable:
+    """Segments, one row each; all columns are (segments,) int64 or float32.
 
     Attributes:
-        start (`np.ndarray`): first sample.
+        recording (`np.ndarray`): number of the recording.
+        start (`np.ndarray`): first sample within the recording, at its own rate.
         friction_coefficient (`np.ndarray`): mean lateral / mean normal force before the filter, without 60 ms around
             turnarounds; NaN = unknown.
         level (`np.ndarray`): log RMS of the filtered lateral force.
         level_between_turnarounds (`np.ndarray`): the same without 60 ms around turnarounds.
         speed (`np.ndarray`): mean, mm/s; NaN = unknown.
         turnarounds (`np.ndarray`): how many.
-        seconds (`dict[str, float]`): where the recording's time went, by reason, all of `REASONS`.
-        skipped (`tuple[str, ...]`): limits that could not be applied, because their channel is missing.
-        usable (`np.ndarray`): (n,) bool, the samples that a window may hold.
     """
 
+    recording: np.ndarray
     start: np.ndarray
     friction_coefficient: np.ndarray
     level: np.ndarray
     level_between_turnarounds: np.ndarray
     speed: np.ndarray
     turnarounds: np.ndarray
+
+    def __post_init__(self):
+        for name, values in self.columns.items():
+            whole = name in ("recording", "start", "turnarounds")
+            values = np.asarray(values, np.int64 if whole else np.float32)
+            if values.ndim != 1 or len(values) != len(self.recording) or np.isinf(values).any():
+                raise ValueError("columns of segments differ in length, or hold infinite numbers")
+            setattr(self, name, values)
+
+    @property
+    def columns(self):
+        """Name -> column."""
+        return {field.name: getattr(self, field.name) for field in fields(SegmentTable)}
+
+    def rows(self, chosen):
+        """Another table of the chosen rows."""
+        return SegmentTable(**{name: values[chosen] for name, values in self.columns.items()})
+
+
+@dataclass
+class Windows(SegmentTable):
+    """The segments of one recording, and where the rest of its time went.
+
+    Attributes:
+        seconds (`dict[str, float]`): where the recording's time went, by reason, all of `REASONS`.
+        skipped (`tuple[str, ...]`): limits that could not be applied, because their channel is missing.
+        usable (`np.ndarray`): (n,) bool, the samples that a window may hold.
+    """
+
     seconds: dict
     skipped: tuple
     usable: np.ndarray
@@ -131,7 +158,7 @@ def select_windows(usable, window, step):
     return np.concatenate(starts), used
 
 
-def find_windows(data, filtered, valid, rate, limits):
+def find_windows(data, filtered, valid, rate, limits, number=0):
     """Cuts one recording into windows that meet `limits`.
 
     Args:
@@ -139,6 +166,7 @@ def find_windows(data, filtered, valid, rate, limits):
         filtered, valid (`np.ndarray`): from `filtered_with_gaps`.
         rate (`int`): Hz.
         limits (`SegmentLimits`): conditions.
+        number (`int`): of the recording.
 
     Returns:
         `Windows`.
@@ -152,10 +180,11 @@ def find_windows(data, filtered, valid, rate, limits):
     start, used = select_windows(usable, window, step)
 
     reasons = {"saturated": data.saturated, "missing (NaN)": missing, "turnaround": data.excluded}
-    reasons |= {"filter margin": ~valid}
+    reasons["filter margin"] = ~valid
     reasons |= {f"{name} outside limits": ~usable & ~values for name, values in inside.items()}
     reasons |= {"run shorter than a segment": ~used, "used": used}
     return Windows(
+        recording=np.full(len(start), number),
         start=start,
         turnarounds=np.diff(np.searchsorted(data.turnarounds, [start, start + window]), axis=0)[0],
         seconds=_seconds_by_reason(reasons, rate),

@@ -10,12 +10,7 @@ _QUANTITIES = {"normal_force": ("normal force", "N"), "speed": ("speed", "mm/s")
 
 
 class Measured:
-    """Collects what the limits are compared with, recording by recording.
-
-    Args:
-        limits (`SegmentLimits`): of the segments.
-        rate (`int`): Hz.
-    """
+    """Collects, recording by recording, what the `SegmentLimits` are compared with; rates in Hz."""
 
     def __init__(self, limits, rate):
         self.limits, self.rate = limits, rate
@@ -27,20 +22,17 @@ class Measured:
             if values is not None and not np.isnan(values).all():
                 self._medians[name].append(float(np.nanmedian(values)))
         runs = true_runs(usable) / self.rate
-        self._runs += [runs[:, 1] - runs[:, 0]]
-        self._gaps += [runs[1:, 0] - runs[:-1, 1]]
+        self._runs.extend(runs[:, 1] - runs[:, 0])
+        self._gaps.extend(runs[1:, 0] - runs[:-1, 1])
 
     def __str__(self):
         lines = [self._compare(name, float(np.median(found))) for name, found in self._medians.items() if found]
-        runs, gaps = np.concatenate(self._runs), np.concatenate(self._gaps)
-        longest = f"median {np.median(runs):.2g} s, longest {runs.max():.2g} s" if len(runs) else "none"
+        runs = f"median {np.median(self._runs):.2g} s, longest {max(self._runs):.2g} s" if self._runs else "none"
         needed = f"a segment lasts {self.limits.seconds:.2f} s (--segment-seconds)"
-        lines.append(f"  runs within the limits: {longest}; {needed}")
-        if len(gaps):
-            lines.append(
-                f"  between two runs: median {np.median(gaps):.2g} s; up to {self.limits.longest_excursion:g} s "
-                "outside the limits are bridged (--longest-excursion)"
-            )
+        lines.append(f"  runs within the limits: {runs}; {needed}")
+        if self._gaps:
+            bridged = f"up to {self.limits.longest_excursion:g} s outside the limits are bridged (--longest-excursion)"
+            lines.append(f"  between two runs: median {np.median(self._gaps):.2g} s; {bridged}")
         return "\n".join(lines)
 
     def _compare(self, name, median):

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, signal
 
-from ..data.force_checks import LARGEST_FORCE_N
 from ..signal import BAND_HZ, band_edges
 from ..signal.checks import check_number, check_samples
+from ..signal.constants import LARGEST_FORCE_N
 from .drive_curves import check_kind, check_lookup, friction_change
 from .drive_profile import DriveProfile
 

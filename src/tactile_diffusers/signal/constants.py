@@ -11,6 +11,8 @@ SEGMENT_SECONDS = SEGMENT_SAMPLES / DEVICE_RATE
 WORKING_RATE = 2500
 #: Normal force at which textures are recorded, N: the middle of the paper's limits (section 2.1).
 REFERENCE_FORCE = 0.5
+#: No fingertip presses with more, N.
+LARGEST_FORCE_N = 100.0
 #: Perceptual axes in the order of every rating vector; positive = rougher, bumpier, more slippery.
 RATING_AXES = ("roughness", "bumpiness", "slipperiness")
 #: Attribute `source` of recordings of `tactile_diffusers.virtual`.

@@ -1,6 +1,6 @@
-"""The data card: a description of recordings and of what preparation keeps of them, in words, numbers and pictures."""
+"""The data card: recordings, and what preparation keeps of them, in words, numbers and pictures."""
 
-from .data_card import check_card_folder, describe, write_card
-from .page import summary
+from .measure import describe
+from .writing import check_card_folder, summary, write_card
 
 __all__ = ["check_card_folder", "describe", "summary", "write_card"]

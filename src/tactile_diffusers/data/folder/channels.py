@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...signal import BAND_HZ, SEGMENT_SECONDS, resample
-from ..force_checks import LARGEST_FORCE_N, check_forces, over_range, saturated
+from ...signal.constants import LARGEST_FORCE_N
+from ..force_checks import check_forces, over_range, saturated
 from .clocks import (
     RATE_TOLERANCE,
     SHORTEST_SHARE,
