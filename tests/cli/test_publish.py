@@ -84,7 +84,7 @@ class TestFolder:
         card = card_of(tmp_path / "small")
         for told in (
             "# small\n",
-            "normal force 0.4–0.6 N",
+            "normal force 0.4 to 0.6",
             "--seed 3",
             "--train_data_dir prepared.h5",
             "Ran at night.",

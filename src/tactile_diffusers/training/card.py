@@ -3,7 +3,6 @@
 The training scripts write the card for what they leave behind, `examples/publish.py` for what it stores.
 """
 
-import json
 import re
 import shlex
 import shutil
@@ -14,7 +13,6 @@ import torch
 from huggingface_hub import EvalResult, ModelCard, ModelCardData
 
 from ..checkpoints import DISTILLED
-from ..data.splits import SPLITS
 from ..io.files import atomic_path, write_text
 from ..io.locks import unlock_folder
 from ..io.reading import reading
@@ -30,21 +28,14 @@ TEMPLATE = Path(__file__).parent / "model_card.jinja"
 TAGS = ["tactile", "haptics", "texture", "friction", "diffusion"]
 #: Licences of data that the Hub knows by name; https://huggingface.co/docs/hub/repositories-licenses
 HUB_LICENCES = re.compile(r"apache-2\.0|mit|cc0-1\.0|cc-by(-nc)?(-sa|-nd)?-[234]\.0|odbl|pddl|cdla-permissive-[12]\.0")
-#: Numbers among a file's attributes that preparation wrote; the others are of the source.
-_PREPARATION = {"version", "sampling_rate", "segment_samples", "filter_order", "filter_passes", "split_seed"}
+#: Attributes of a prepared file that its card does not list.
+_NOT_LISTED = {"format", "version", "report", "hold_out", "split_seed", "segment_samples"}
 #: Arguments of a training that do not change its result.
 _WITHOUT_EFFECT = {
     *("quiet", "resume_from_checkpoint", "overwrite_output_dir", "checkpoints_total_limit"),
     *("logging_dir", "tracker_project_name"),
     *("cache_dir", "push_to_hub", "hub_model_id", "hub_private_repo"),
 }
-
-GENERATE = """out = pipe(ratings={ratings})  # {axes}, in z-scores
-print(out.textures.shape, out.sampling_rate, out.friction_coefficient)  # newtons, Hz"""
-
-RECONSTRUCT = """texture = 0.01 * np.random.default_rng(0).standard_normal({samples})  # N: put a recording here
-out = pipe.reconstruct(texture, sampling_rate={rate})
-print(out.textures.shape, out.sampling_rate)  # newtons, Hz"""
 
 
 def finish(args, save, pipe, dataset, teacher=None):
@@ -102,32 +93,32 @@ def write_card(
     if teacher is not None and Path(teacher).is_dir():
         teacher = Path(teacher).resolve().name  # without the folders of this machine
     trainings = [describe_run(Path(run), folder, number) for number, run in enumerate(runs, start=1)]
-    has_distilled = teacher is None and (folder / DISTILLED).is_dir()
-    evaluate, publish = _commands(name, dataset, runs, teacher)
+    licence = licence or str(dataset.attributes.get("licence", "unknown"))
     card = ModelCard.from_template(
-        _metadata(licence or str(dataset.attributes.get("licence", "unknown")), name, dataset, trainings),
+        _metadata(licence, name, dataset, trainings),
         template_path=str(TEMPLATE),
-        name=name,
         version=__version__,
-        summary=_summary(pipe, teacher),
+        quote=shlex.quote,
+        name=name,
+        copy=name.rsplit("/", 1)[-1],  # the folder of a copy, if it is on the Hub
         teacher=teacher,
-        usage=_usage(pipe, dataset, name, teacher),
-        distilled_usage=_usage(pipe, dataset, name, decoder="distilled") if has_distilled else "",
+        has_distilled=teacher is None and (folder / DISTILLED).is_dir(),
+        distilled=DISTILLED,
+        pipe=pipe,
         half=pipe.dtype == torch.float16,
+        models=_models(pipe),
+        ranges=_ranges(pipe),
+        dataset=dataset,
         data=_data(dataset),
-        data_file=shlex.quote(Path(dataset.path).name),
-        notes=re.findall("^note: (.*)", dataset.attributes["report"], re.M),
+        data_file=Path(dataset.path).name,
+        rated=np.isfinite(dataset.ratings.mean).any(),
+        friction=np.isfinite(dataset.friction_coefficients).any(),
+        simulated=dataset.source == VIRTUAL_SOURCE,
         warnings=warnings,
-        configuration=_configuration(pipe),
         trainings=trainings,
+        runs=[Path(run).resolve().name for run in runs],
         note=note,
         report=report and report.strip(),
-        evaluate=evaluate,
-        publish=publish,
-        simulated=dataset.source == VIRTUAL_SOURCE,
-        ranges=_ranges(pipe),
-        distilled_steps=pipe.lctg.config.distilled_steps,
-        uncalibrated=dataset.unit != "N",
     )
     write_text(folder / CARD_FILE, f"{str(card).strip()}\n")
 
@@ -144,132 +135,47 @@ def _metadata(licence, name, dataset, trainings):
     )
 
 
-def _summary(pipe, teacher):
-    if teacher is not None:
-        return f"A decoder for few steps, distilled from that of `{teacher}`: LCTG"
-    if pipe.dale is None:
-        return "Force that a finger feels while it slides, encoded to latents and decoded again: LCTG"
-    return "Force that a finger feels while it slides, from perceptual ratings: LCTG and DALE"
-
-
-def _usage(pipe, dataset, place, teacher=None, decoder=None):
-    """Python that runs as it is printed, in the folder around the checkpoint's."""
-    names, lines, arguments = ["TactileTexturePipeline"], [], [json.dumps(place, ensure_ascii=False)]
-    if decoder is not None:
-        arguments.append(f'decoder="{decoder}"')
-    if teacher is not None:
-        names.insert(0, "LCTGModel")
-        lines.append(f'lctg = LCTGModel.from_pretrained({arguments[0]}, subfolder="{DISTILLED}")')
-        arguments = [json.dumps(teacher, ensure_ascii=False), "lctg=lctg"]
-    imports = f"from tactile_diffusers import {', '.join(names)}\n"
-    lines = [imports, *lines, f"pipe = TactileTexturePipeline.from_pretrained({', '.join(arguments)})"]
-    if pipe.dale is not None:
-        rated, axes = np.isfinite(dataset.ratings.mean).any(), ", ".join(pipe.dale.config.rating_axes)
-        use = GENERATE.format(ratings="[[1.5, 0.0, -1.0]]" if rated else "None", axes=axes if rated else "unrated")
-        return "\n".join([*lines, use])
-    rate, extractor = pipe.feature_extractor.delivery_rate, pipe.feature_extractor
-    samples = round(pipe.lctg.config.segment_samples * rate / extractor.sampling_rate)
-    return "\n".join(["import numpy as np\n", *lines, RECONSTRUCT.format(samples=samples, rate=rate)])
-
-
 def _data(dataset):
-    """The rows of the table of the training data."""
-    attributes = dataset.attributes
-    seconds = dataset.segment_samples / dataset.sampling_rate
-    splits = {split: dataset.splits.count(split) for split in SPLITS if split in dataset.splits}
-    of_source = {
-        key: value
-        for key, value in attributes.items()
-        if key not in _PREPARATION and isinstance(value, int | float) and not isinstance(value, bool)
-    }
-    low, high = dataset.band
-    return {
-        "source": dataset.source,
-        "licence": attributes.get("licence", "none stated"),
-        "settings of the source": ", ".join(
-            f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}" for key, value in of_source.items()
-        ),
-        "surfaces": ", ".join(f"{split} {count}" for split, count in splits.items()),
-        "trained on": f"{len(dataset)} segments of {seconds:.4g} s, of {len(set(dataset.surface_ids))} surfaces",
-        "explorers": dataset.explorers,
-        "ratings": _ratings(dataset),
-        "unit of force": "N" if dataset.unit == "N" else "1: uncalibrated, so levels are relative to one count",
-        "limits of segments": _limits(attributes["limits"]) if dataset.subset == "filtered" else "none",
-        "friction coefficient": "unknown: no normal force" if np.isnan(dataset.friction_coefficients).all() else "",
-        "band-pass": f"{low:g}–{high:g} Hz, order {attributes['filter_order']}, passes {attributes['filter_passes']}",
-        "turnarounds": attributes["turnarounds"],
-        "prepared by": f"`examples/prepare_data.py`, as `{Path(dataset.path).name}`",
-    }
+    """The rows of the table of the training data: what its source and its preparation stored."""
+    rows = {key: _in_words(value) for key, value in dataset.attributes.items() if key not in _NOT_LISTED}
+    limits = rows.pop("limits")  # in N, mm/s and s
+    return rows | ({"limits (N, mm/s, s)": limits} if dataset.subset == "filtered" else {})
 
 
-def _limits(limits):
-    channels = (("normal force", limits["normal_force"], "N"), ("speed", limits["speed"], "mm/s"))
-    words = [
-        f"any {name}" if bounds is None else f"{name} {bounds[0]:g}–{bounds[1]:g} {unit}"
-        for name, bounds, unit in channels
-    ]
-    words += [f"deviations up to {limits['longest_excursion']:g} s bridged", f"segments of {limits['seconds']:g} s"]
-    return ", ".join([*words, f"{100 * limits['overlap']:.0f} % overlap"])
+def _in_words(value):
+    """A setting of a prepared file in words: limits and bands as low to high."""
+    if isinstance(value, dict):
+        return ", ".join(f"{key.replace('_', ' ')} {_in_words(entry)}" for key, entry in value.items())
+    if isinstance(value, list | tuple):
+        return " to ".join(map(_in_words, value))
+    return "any" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _ratings(dataset):
-    rated, raters = np.isfinite(dataset.ratings.mean).any(axis=-1).sum(), dataset.ratings.single
-    if not rated:
-        return "none"
-    words = f"of {rated} surfaces" + ("" if raters is None else f" by {len(raters)} raters")
-    if dataset.ratings.reliability is None:
-        return words
-    pairs = zip(dataset.ratings.reliability.axes, dataset.ratings.reliability.alpha, strict=True)
-    alphas = ", ".join(f"{axis} {alpha:.2f}" for axis, alpha in pairs if np.isfinite(alpha))
-    return f"{words}; Cronbach's alpha: {alphas}" if alphas else words
-
-
-def _configuration(pipe):
+def _models(pipe):
     """The rows of the table of the models."""
-    config, dale, extractor = pipe.lctg.config, pipe.dale, pipe.feature_extractor
+    dale, extractor = pipe.dale, pipe.feature_extractor
     networks = {"LCTG": pipe.lctg, "DALE": dale, "rating estimator": pipe.rating_estimator}
     sizes = [f"{name} {part.num_parameters() / 1e6:.3g} million" for name, part in networks.items() if part is not None]
     samplers = {"LCTG": pipe.scheduler} | ({} if dale is None else {"DALE": pipe.dale_scheduler})
-    orders = {name: part.config.get("multistep_order") for name, part in samplers.items()}
-    rows = {
+    steps = [
+        f"{name} {number} of {type(scheduler).__name__}"
+        for (name, scheduler), number in zip(samplers.items(), pipe.resolve_steps(), strict=False)
+    ]
+    return {
         "parameters": ", ".join(sizes),
-        "latents": f"{config.latent_channels} channels, of which DALE generates {pipe.lctg.base_channels}",
-        "frames": f"{config.segment_samples // config.latent_hop} a segment, of {config.latent_hop} samples each",
-        "default steps": ", ".join(f"{name} {n}" for name, n in zip(samplers, pipe.resolve_steps(), strict=False)),
-        "samplers": ", ".join(
-            f"{name} {type(part).__name__}" + (f" of order {orders[name]}" if orders[name] is not None else "")
-            for name, part in samplers.items()
-        ),
+        "default steps": ", ".join(steps),
         "sampling rates": f"{extractor.sampling_rate} Hz inside, {extractor.delivery_rate} Hz delivered",
-        "band": "{:g}–{:g} Hz".format(*extractor.band),
+        "reference speed": f"{dale.config.reference_speed:.0f} mm/s" if dale and dale.config.reference_speed else "",
     }
-    if dale is not None:
-        speed = dale.config.reference_speed
-        rows["reference speed"] = "unknown" if speed is None else f"{speed:.0f} mm/s"
-    return rows
 
 
 def _ranges(pipe):
+    """Smallest and largest rating of the training surfaces on each axis, in words; "" without DALE."""
     if pipe.dale is None:
         return ""
     statistics = RatingStatistics.from_config(pipe.dale.config)
     pairs = zip(pipe.dale.config.rating_axes, statistics.range or [], strict=False)
     return ", ".join(f"{axis} {low:.1f} to {high:.1f}" for axis, (low, high) in pairs) or "not recorded"
-
-
-def _commands(name, dataset, runs, teacher):
-    """Shell commands that evaluate and publish the checkpoint; a distilled decoder is not published alone."""
-    place, data = shlex.quote(name.rsplit("/", 1)[-1]), shlex.quote(Path(dataset.path).name)  # of a copy, if on the Hub
-    if teacher is not None:
-        command = f"python examples/benchmarks/decoder.py --checkpoint {shlex.quote(teacher)} --data {data}"
-        return f"{command} --decoders distilled={place} --output report", ""
-    runs = " ".join(shlex.quote(Path(run).resolve().name) for run in runs)
-    publish = f"python examples/publish.py --checkpoint {place} --runs {runs} --data {data} --report report"
-    evaluate = f"python examples/evaluate.py --checkpoint {place} --data {data} --output report"
-    return evaluate, f"{publish} --output published"
-
-
-# --- trainings
 
 
 def describe_run(run, folder, number):
@@ -281,36 +187,38 @@ def describe_run(run, folder, number):
         number (`int`): of the training, for the name of that copy.
 
     Returns:
-        `dict`: "name", "command", "segments", "steps", "time", "machine", "versions", "loss", "validation", "scores"
-            (of the last validation, by name) and "picture"; empty where nothing is known.
+        `dict`: "name", "command", "segments", "steps", "time", "machine", "versions", "loss", "scores" (of the last
+            validation, by name) and "picture"; empty where nothing is known.
 
     Raises:
         ValueError: if `training.json` is damaged or lacks something.
     """
     with reading(run / "training.json", "the record of a training", "Copy it again from where it was written."):
-        record, losses = read_record(run), read_losses(run)
+        record = read_record(run)
         words = [f"accelerate launch {record['script']}", *_options(record["changed"])]
-        versions = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
-        machine, processes = record["machine"], record["processes"]
-        facts = {"segments": record["segments"], "steps": record["steps"], "versions": versions}
+        processes = f", {record['processes']} processes" if record["processes"] > 1 else ""
+        facts = {
+            "segments": record["segments"],
+            "steps": record["steps"],
+            "versions": ", ".join(f"{name} {version}" for name, version in record["versions"].items()),
+            "machine": record["machine"] + processes,
+        }
+    losses = read_losses(run)
     seconds = losses[-1].get("seconds") if losses else None
-    validations = [entry for entry in read_log(run) if any(key.startswith("validation/") for key in entry)]
-    last = validations[-1] if validations else {}
-    scores = {key.split("/")[1]: value for key, value in last.items() if key.startswith("validation/")}
+    scores = [{k.split("/")[1]: v for k, v in entry.items() if k.startswith("validation/")} for entry in read_log(run)]
+    picture = run / "loss.png"
+    if picture.is_file() and run.resolve() != folder.resolve():
+        picture = folder / f"loss_{number}.png"
+        with atomic_path(picture) as temporary:
+            shutil.copyfile(run / "loss.png", temporary)
     return facts | {
         "name": run.resolve().name,
         "command": " \\\n    ".join(words),
-        "time": "an unknown time" if seconds is None else _duration(seconds),
-        "machine": machine + (f", {processes} processes" if processes > 1 else ""),
+        "time": "an unknown time" if seconds is None else f"{seconds / 60:.3g} minutes",
         "loss": f"{losses[-1]['train/loss']:.4f}" if losses else "",
-        "validation": ", ".join(f"{name} {value:.3f}" for name, value in scores.items()),
-        "scores": scores,
-        "picture": _copy_curve(run, folder, number),
+        "scores": next(filter(None, reversed(scores)), {}),
+        "picture": picture.name if picture.is_file() else "",
     }
-
-
-def _duration(seconds):
-    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} minutes"
 
 
 def _options(arguments):
@@ -324,15 +232,3 @@ def _options(arguments):
             continue
         values = value if isinstance(value, list | tuple) else [value]
         yield " ".join([f"--{name}", *(shlex.quote(Path(str(v)).name if "/" in str(v) else str(v)) for v in values)])
-
-
-def _copy_curve(run, folder, number):
-    """The name of the loss curve of a training in the folder of the card; empty if there is none."""
-    curve, name = run / "loss.png", f"loss_{number}.png"
-    if not curve.is_file():
-        return ""
-    if run.resolve() == folder.resolve():
-        return curve.name  # it is there already
-    with atomic_path(folder / name) as temporary:
-        shutil.copyfile(curve, temporary)
-    return name
