@@ -23,6 +23,7 @@ from tactile_diffusers.checkpoints import DISTILLED
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
+from tactile_diffusers.training.fitting import MODULATION_TEXTURES, fit_modulation_gains
 from tactile_diffusers.training.launch import (
     add_decoder_arguments,
     make_accelerator,
@@ -32,7 +33,6 @@ from tactile_diffusers.training.launch import (
     training_parser,
 )
 from tactile_diffusers.training.loop import Trainer
-from tactile_diffusers.training.modulation import MODULATION_TEXTURES, fit_modulation_gains
 from tactile_diffusers.training.record import surfaces_of
 from tactile_diffusers.training.steps import drop_detail, frequency_aware_loss, octave_weights, velocity_loss
 from tactile_diffusers.training.validation import Reconstructions

@@ -25,6 +25,7 @@ from tactile_diffusers.training.dale_data import (
     fit_rating_estimator,
     training_states,
 )
+from tactile_diffusers.training.fitting import MODULATION_TEXTURES, fit_modulation_gains
 from tactile_diffusers.training.launch import (
     at_least_one,
     make_accelerator,
@@ -37,7 +38,6 @@ from tactile_diffusers.training.launch import (
     training_parser,
 )
 from tactile_diffusers.training.loop import Trainer
-from tactile_diffusers.training.modulation import MODULATION_TEXTURES, fit_modulation_gains
 from tactile_diffusers.training.record import surfaces_of
 from tactile_diffusers.training.steps import DALETrainingStep, state_losses
 from tactile_diffusers.training.validation import plot_axis_sweep

@@ -17,11 +17,11 @@ import numpy as np
 
 from tactile_diffusers import LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data.dataset import PreparedDataset
-from tactile_diffusers.features import fit_preemphasis
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.checkpoints import writing
+from tactile_diffusers.training.fitting import fit_preemphasis
 from tactile_diffusers.training.launch import (
     add_decoder_arguments,
     make_accelerator,

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from tactile_diffusers import TactileFeatureExtractor
-from tactile_diffusers.features import fit_preemphasis
 from tactile_diffusers.features.feature_extraction_tactile import FILTER_SCALES, filterbank
 from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, level, power_spectral_density, resample, rms
+from tactile_diffusers.training.fitting import fit_preemphasis
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from tactile_diffusers import TactileFeatureExtractor
-from tactile_diffusers.features import fit_preemphasis
 from tactile_diffusers.signal import DEVICE_RATE, rms
+from tactile_diffusers.training.fitting import fit_preemphasis
 
 
 @pytest.mark.parametrize("value", [0.0, 1e-30, 1e-3, 0.3, -1e6])

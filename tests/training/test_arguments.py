@@ -12,7 +12,7 @@ import torch
 from tactile_diffusers.training.launch import training_parser
 
 #: Of diffusers' examples/unconditional_image_generation and examples/text_to_image; those that have no meaning here
-#: are listed, with reasons, in `tactile_diffusers/training/arguments.py`.
+#: are listed, with reasons, in `tactile_diffusers/training/launch.py`.
 UPSTREAM = """
     pretrained_model_name_or_path model_config_name_or_path train_data_dir max_train_samples output_dir
     overwrite_output_dir cache_dir seed train_batch_size eval_batch_size num_train_epochs max_train_steps

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.training.modulation import LIMITS, fit_modulation_gains
+from tactile_diffusers.training.fitting import LIMITS, fit_modulation_gains
 
 LAYERED = {"feature_channels": 28, "latent_channels": 6, "detail_channels": 2, "level_bands": 1}
 EXTRACTOR = {"feature_size": 28, "detail_samples": 2, "level_bands": 1}

@@ -119,7 +119,7 @@ def _prepare(arguments, state):
         "guidance_scale": arguments.guidance_scale,
         "duration_s": arguments.duration_s,
     }
-    pipe.check_inputs(**options, num_textures_per_rating=1, output_type="np", callback_on_step_end_tensor_inputs=[])
+    pipe.check_inputs(duration_s=arguments.duration_s, guidance_scale=arguments.guidance_scale)
     _align_weights(pipe)
     config, source = pipe.dale.config, arguments.ratings_file
     if source is None:

@@ -8,7 +8,7 @@ of air and only takes friction away, by a law that has to be measured on each de
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ..signal.checks import check_rows
+from ..signal.rows import check_rows
 
 #: Kind of display and the unit of its drive: volts, or vibration amplitude relative to the largest.
 DRIVE_UNITS = {"electroadhesion": "V", "ultrasonic": "1"}

@@ -1,5 +1,5 @@
 """Features of textures for the encoder, and the way back to newtons."""
 
-from .feature_extraction_tactile import TactileFeatureExtractor, fit_preemphasis
+from .feature_extraction_tactile import TactileFeatureExtractor
 
-__all__ = ["TactileFeatureExtractor", "fit_preemphasis"]
+__all__ = ["TactileFeatureExtractor"]

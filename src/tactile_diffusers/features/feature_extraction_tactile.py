@@ -8,7 +8,7 @@ import torch
 from transformers.feature_extraction_sequence_utils import SequenceFeatureExtractor
 from transformers.feature_extraction_utils import BatchFeature, FeatureExtractionMixin  # noqa: F401 (diffusers' loader looks for the base class in this module)
 
-from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, power_spectral_density, resample, rms
+from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
 from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .low_band import sample_low_band
 
@@ -51,32 +51,6 @@ def filterbank(sampling_rate, band, num_filters, window_lengths, scale):
         weights = np.clip(np.minimum((bins - left) / (centre - left), (right - bins) / (right - centre)), 0, None)
         banks[chosen][index] = weights / weights.sum()
     return tuple(banks)
-
-
-def fit_preemphasis(textures, sampling_rate, band=BAND_HZ, points=33, clip_db=30.0):
-    """Gains that whiten the mean amplitude spectrum of textures at unit RMS (DESIGN decision 5).
-
-    Args:
-        textures (`np.ndarray`): (n, samples), N.
-        sampling_rate (`float`): Hz.
-        band (`tuple[float, float]`): Hz; gains are constant outside.
-        points (`int`): logarithmically spaced frequencies, at which the spectrum is smoothed by interpolation.
-        clip_db (`float`): largest difference between gains.
-
-    Returns:
-        `tuple[list[float], list[float]]`: frequencies in Hz and gains in dB, with the smallest gain at 0 dB.
-    """
-    textures = np.asarray(textures, dtype=np.float64)
-    loud = rms(textures) > SILENCE if textures.size else np.zeros(0, dtype=bool)
-    if not loud.any():
-        raise ValueError(f"`textures` must hold at least one texture that is not silent, got shape {textures.shape}.")
-    textures = textures[loud] / rms(textures[loud])[:, None]
-    frequencies, density = power_spectral_density(textures, sampling_rate)
-    amplitude = np.sqrt(density).mean(0)
-    grid = np.geomspace(*band, points)
-    spectrum_db = np.interp(np.log(grid), np.log(frequencies[1:]), 20 * np.log10(amplitude[1:] + 1e-30))
-    gains = spectrum_db.max() - spectrum_db
-    return [round(float(f), 4) for f in grid], [round(float(g), 4) for g in np.minimum(gains, clip_db)]
 
 
 class TactileFeatureExtractor(SequenceFeatureExtractor):

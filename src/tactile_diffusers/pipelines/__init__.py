@@ -1,8 +1,19 @@
 """The pipeline, its outputs and ratings to start from."""
 
-from .loading import find_decoders
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
 from .pipeline_tactile_texture import TactileTexturePipeline
-from .presets import PRESETS
 
 __all__ = ["PRESETS", "TactileLatents", "TactileTexturePipeline", "TactileTexturePipelineOutput", "find_decoders"]
+
+
+def __getattr__(name):
+    """Imports what generating does not use when it is first asked for."""
+    if name == "PRESETS":
+        from .presets import PRESETS
+
+        return PRESETS
+    if name == "find_decoders":
+        from .folders import find_decoders
+
+        return find_decoders
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

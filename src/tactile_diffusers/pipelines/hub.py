@@ -12,7 +12,6 @@ from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundEr
 from ..checkpoints import DISTILLED, SURFACES_FILE
 from ..io.files import write_text
 from ..io.reading import reading
-from ..models.loading import WHY_NO_PICKLES
 
 logger = logging.get_logger(__name__)
 
@@ -30,6 +29,11 @@ BESIDE = (CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "report/*.png", f"{DISTI
 # what is sent: a training's folder holds its optimiser and logs too, and training.json names folders of this machine
 _SENT = [CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
 _NOT_SENT = ["checkpoint-*", "unfinished-*"]
+
+
+def write_code(folder):
+    """Writes `pipeline.py`, the code for `DiffusionPipeline`."""
+    write_text(Path(folder) / CODE_FILE, CODE)
 
 
 def forget_folders(folder):
@@ -79,115 +83,45 @@ def upload_checkpoint(
     )
 
 
-class HubMixin:
-    """The part of `TactileTexturePipeline` that exchanges checkpoints with the Hub.
+def download(name, **kwargs):
+    """Fetches configs and safetensors of a checkpoint, never code or pickles; returns its local folder.
 
-    diffusers' own methods refuse components from outside diffusers, and overwrite the model card.
+    Raises:
+        OSError: if there is no such repository or revision, or the Hub is out of reach.
     """
-
-    @classmethod
-    def download(cls, pretrained_model_name, **kwargs):
-        """Fetches a checkpoint from the Hub and returns its local folder; `from_pretrained` calls it.
-
-        diffusers' own version refuses components from outside diffusers (it looks for their source in the
-        repository). Only configs and safetensors are fetched, never code or pickles.
-
-        Raises:
-            OSError: if there is no such repository or revision, or the Hub is out of reach.
-        """
-        variant, revision = kwargs.get("variant"), kwargs.get("revision")
-        weights = f"*.{variant}*.safetensors" if variant else "*.safetensors"
-        passed = ("revision", "token", "cache_dir", "local_files_only", "force_download")
-        try:
-            return huggingface_hub.snapshot_download(
-                pretrained_model_name,
-                allow_patterns=["*.json", weights],
-                **{name: kwargs[name] for name in passed if kwargs.get(name) is not None},
-            )
-        except RepositoryNotFoundError as error:
-            raise OSError(
-                f"{pretrained_model_name!r} is neither a folder here nor a repository on the Hub that you may read. "
-                "Check the spelling; a private or gated one needs `token=...`, or `hf auth login`."
-            ) from error
-        except RevisionNotFoundError as error:
-            raise OSError(f"{pretrained_model_name!r} has no revision {revision!r} on the Hub.") from error
-        except LocalEntryNotFoundError as error:
-            raise OSError(
-                f"{pretrained_model_name!r} is neither a folder here nor whole in the Hub's cache, and the Hub is out "
-                "of reach (no connection, `HF_HUB_OFFLINE=1` or `local_files_only=True`). Check the spelling, or "
-                "fetch it once while online."
-            ) from error
-
-    def save_pretrained(
-        self,
-        save_directory,
-        safe_serialization=True,
-        variant=None,
-        max_shard_size=None,
-        push_to_hub=False,
-        repo_id=None,
-        **kwargs,
-    ):
-        """Saves all components, see [`DiffusionPipeline.save_pretrained`]; a card in the folder stays as it is.
-
-        A file `pipeline.py` is written, too. With it diffusers' base class loads the folder:
-        `DiffusionPipeline.from_pretrained(folder, custom_pipeline="pipeline", trust_remote_code=True)`. From the Hub
-        it cannot: fetch the repository first (`huggingface_hub.snapshot_download`), or load it by this class.
-
-        Args:
-            save_directory (`str` or `Path`): the checkpoint's folder.
-            safe_serialization, variant, max_shard_size: as in diffusers.
-            push_to_hub (`bool`): send the folder to the Hub, too.
-            repo_id (`str`, *optional*): "user/name" there; defaults to the name of the folder, in your namespace.
-            kwargs: `token`, `private`, `commit_message`, `create_pr` of `upload_checkpoint`.
-
-        Raises:
-            ValueError: for pickled weights: they could not be read again.
-        """
-        hub = ("token", "private", "commit_message", "create_pr") if push_to_hub else ()
-        sending = {name: kwargs.pop(name) for name in hub if name in kwargs}
-        _check_safe(safe_serialization)
-        super().save_pretrained(save_directory, safe_serialization, variant, max_shard_size, **kwargs)
-        write_text(Path(save_directory) / CODE_FILE, CODE)
-        if push_to_hub:
-            forget_folders(save_directory)
-            upload_checkpoint(save_directory, repo_id or Path(save_directory).resolve().name, **sending)
-
-    def push_to_hub(
-        self,
-        repo_id,
-        commit_message=None,
-        private=None,
-        token=None,
-        create_pr=False,
-        safe_serialization=True,
-        variant=None,
-        subfolder=None,
-    ):
-        """Sends this pipeline to the Hub, see [`PushToHubMixin.push_to_hub`].
-
-        The card of the folder that it was loaded from goes along, with its pictures and a distilled decoder beside
-        it. Was this pipeline changed since? Then save it, write another card, and send that folder.
-
-        Returns:
-            `huggingface_hub.CommitInfo`
-
-        Raises:
-            ValueError: for pickled weights: none are fetched from the Hub.
-        """
-        _check_safe(safe_serialization)
-        source = Path(self.name_or_path or "")
-        with TemporaryDirectory() as folder:
-            for pattern in BESIDE if self.name_or_path and source.is_dir() else ():
-                for path in source.glob(pattern):
-                    target = Path(folder) / path.relative_to(source)
-                    target.parent.mkdir(exist_ok=True)
-                    shutil.copyfile(path, target)
-            self.save_pretrained(folder, safe_serialization, variant)
-            forget_folders(folder)
-            return upload_checkpoint(folder, repo_id, token, private, commit_message, create_pr, subfolder)
+    variant, revision = kwargs.get("variant"), kwargs.get("revision")
+    weights = f"*.{variant}*.safetensors" if variant else "*.safetensors"
+    passed = ("revision", "token", "cache_dir", "local_files_only", "force_download")
+    try:
+        return huggingface_hub.snapshot_download(
+            name,
+            allow_patterns=["*.json", weights],
+            **{name: kwargs[name] for name in passed if kwargs.get(name) is not None},
+        )
+    except RepositoryNotFoundError as error:
+        raise OSError(
+            f"{name!r} is neither a folder here nor a repository on the Hub that you may read. "
+            "Check the spelling; a private or gated one needs `token=...`, or `hf auth login`."
+        ) from error
+    except RevisionNotFoundError as error:
+        raise OSError(f"{name!r} has no revision {revision!r} on the Hub.") from error
+    except LocalEntryNotFoundError as error:
+        raise OSError(
+            f"{name!r} is neither a folder here nor whole in the Hub's cache, and the Hub is out "
+            "of reach (no connection, `HF_HUB_OFFLINE=1` or `local_files_only=True`). Check the spelling, or "
+            "fetch it once while online."
+        ) from error
 
 
-def _check_safe(safe_serialization):
-    if not safe_serialization:
-        raise ValueError(f"`safe_serialization` must not be False. {WHY_NO_PICKLES}")
+def push_pipeline(pipe, repo_id, *options, variant=None, subfolder=None):
+    """Sends a pipeline, with what lies beside it in the folder that it was loaded from (`upload_checkpoint`)."""
+    source = Path(pipe.name_or_path or "")
+    with TemporaryDirectory() as folder:
+        for pattern in BESIDE if pipe.name_or_path and source.is_dir() else ():
+            for path in source.glob(pattern):
+                target = Path(folder) / path.relative_to(source)
+                target.parent.mkdir(exist_ok=True)
+                shutil.copyfile(path, target)
+        pipe.save_pretrained(folder, variant=variant)
+        forget_folders(folder)
+        return upload_checkpoint(folder, repo_id, *options, path_in_repo=subfolder)

@@ -1,109 +1,14 @@
-"""Checkpoint folders: checked before they are loaded, and the decoders that they hold."""
+"""How the pipeline is loaded, saved and shared. What checks folders, or talks to the Hub, is imported when needed."""
 
 import copy
 from pathlib import Path
 
-import diffusers
-from huggingface_hub.errors import HFValidationError
-from huggingface_hub.utils import validate_repo_id
-
-from ..features import TactileFeatureExtractor
-from ..io.reading import read_json, reading
-from ..models import DALEModel, LCTGModel, RatingEstimator
-from ..schedulers import VDDIMScheduler
-
-#: A further decoder NAME lies in the folder `lctg_NAME`, beside `lctg`.
-DECODER_PREFIX = "lctg_"
-_AGAIN = "Copy the checkpoint again as a whole."
-# files of the components that are no models
-_CONFIGS = {
-    "scheduler": "scheduler_config.json",
-    "dale_scheduler": "scheduler_config.json",
-    "feature_extractor": "preprocessor_config.json",
-}
-
-
-def find_decoders(folder):
-    """The further decoders of a checkpoint, for `from_pretrained(..., decoder=name)`.
-
-    Args:
-        folder (`str` or `Path`): of the checkpoint.
-
-    Returns:
-        `dict[str, Path]`: name -> folder of an [`LCTGModel`]; empty if there is none.
-    """
-    folders = sorted(path.parent for path in Path(folder).glob(f"{DECODER_PREFIX}*/config.json"))
-    return {path.name.removeprefix(DECODER_PREFIX): path for path in folders}
-
-
-def load_decoder(folder, name, **kwargs):
-    """The further decoder `name` of a checkpoint in a local folder: an [`LCTGModel`].
-
-    Raises:
-        ValueError: if the folder has no such decoder, listing those that it has.
-    """
-    decoders = find_decoders(folder)
-    if name not in decoders:
-        found = f"it has {list(decoders)}" if decoders else "it has none but its own"
-        raise ValueError(f"The checkpoint {folder} has no `decoder` {name!r}: {found}. Leave it out for its own.")
-    return LCTGModel.from_pretrained(str(folder), subfolder=decoders[name].name, **kwargs)
-
-
-def check_folder(folder, passed=()):
-    """Refuses a local checkpoint folder that is damaged, incomplete or of another package.
-
-    Components that are `passed` by keyword are not checked. Models check their own folders when they are loaded.
-
-    Raises:
-        OSError: if the folder of a component is missing, or `folder` is neither a folder nor a name on the Hub.
-        ValueError: naming the file and what is wrong with it.
-    """
-    if not Path(folder).is_dir():
-        try:
-            validate_repo_id(str(folder))
-        except HFValidationError as error:
-            raise OSError(
-                f"{str(folder)!r} is neither a folder here nor a name on the Hub, which has the form "
-                '"user/name". Check the spelling.'
-            ) from error
-    folder = Path(folder)
-    path = folder / "model_index.json"
-    if not path.is_file():
-        return  # a name on the Hub, or a folder that the loader itself refuses
-    with reading(path, "the index of a checkpoint", _AGAIN):
-        content = read_json(path, "JSON")
-        if not isinstance(content["_class_name"], str):
-            raise ValueError("`_class_name` is no name")
-        index = {name: entry for name, entry in content.items() if not name.startswith("_")}
-        if "lctg" not in index:
-            raise ValueError("it names no `lctg`")
-        needed = {name: entry for name, entry in index.items() if name not in passed and entry != [None, None]}
-        classes = {name: _component_class(name, *entry) for name, entry in needed.items()}
-    missing = [name for name in classes if not (folder / name).is_dir()]
-    if missing:
-        raise OSError(f"The checkpoint {folder} lacks the folder(s) of {missing} that {path.name} names. {_AGAIN}")
-    for name, cls in classes.items():
-        if name not in _CONFIGS:
-            continue
-        config = folder / name / _CONFIGS[name]
-        with reading(config, f"the config of a {cls.__name__}", _AGAIN):
-            build = cls.from_config if hasattr(cls, "from_config") else cls.from_dict
-            build(read_json(config, "JSON"))
-
-
-def _component_class(name, library, class_name):
-    """The class of a component; none but ours and diffusers' schedulers, because to name one is to import it."""
-    ours = (DALEModel, LCTGModel, RatingEstimator, TactileFeatureExtractor, VDDIMScheduler)
-    cls = {("tactile_diffusers", each.__name__): each for each in ours}.get((library, class_name))
-    if cls is None and library == "diffusers" and "scheduler" in name and class_name.endswith("Scheduler"):
-        cls = getattr(diffusers, class_name, None)
-    if cls is None:
-        raise ValueError(f"its component {name!r} is {library}.{class_name}, which is none of this package")
-    return cls
-
 
 class LoadingMixin:
-    """The part of `TactileTexturePipeline` that loads checkpoints."""
+    """The part of `TactileTexturePipeline` that exchanges checkpoints with folders and with the Hub.
+
+    diffusers' own methods refuse components from outside diffusers, and overwrite the model card.
+    """
 
     @classmethod
     def from_pretrained(cls, pretrained_model_name_or_path, decoder=None, **kwargs):
@@ -129,6 +34,8 @@ class LoadingMixin:
             )
         if decoder is not None and "lctg" in kwargs:
             raise ValueError(f"`decoder` ({decoder!r}) and `lctg` exclude each other: both replace the decoder.")
+        from .folders import check_folder, load_decoder
+
         check_folder(pretrained_model_name_or_path, {**kwargs, "lctg": None} if decoder is not None else kwargs)
         if decoder is not None:
             folder = pretrained_model_name_or_path
@@ -157,3 +64,64 @@ class LoadingMixin:
         new = cls(**{**shared, **components})
         new.set_progress_bar_config(**getattr(pipeline, "_progress_bar_config", {}))
         return new
+
+    @classmethod
+    def download(cls, pretrained_model_name, **kwargs):
+        """Fetches a checkpoint from the Hub and returns its local folder; `from_pretrained` calls it."""
+        from .hub import download
+
+        return download(pretrained_model_name, **kwargs)
+
+    def save_pretrained(
+        self, save_directory, safe_serialization=True, variant=None, max_shard_size=None, push_to_hub=False, **kwargs
+    ):
+        """Saves all components, see [`DiffusionPipeline.save_pretrained`]; a card in the folder stays as it is.
+
+        A file `pipeline.py` is written, too. With it diffusers' base class loads the folder:
+        `DiffusionPipeline.from_pretrained(folder, custom_pipeline="pipeline", trust_remote_code=True)`. From the Hub
+        it cannot: fetch the repository first (`huggingface_hub.snapshot_download`), or load it by this class.
+
+        Args:
+            save_directory (`str` or `Path`): the checkpoint's folder.
+            safe_serialization, variant, max_shard_size: as in diffusers.
+            push_to_hub (`bool`): send the folder to the Hub, too.
+            kwargs: `repo_id` ("user/name"; defaults to the name of the folder, in your namespace), `token`, `private`,
+                `commit_message`, `create_pr` of `upload_checkpoint`.
+
+        Raises:
+            ValueError: for pickled weights: they could not be read again.
+        """
+        from ..models.model_files import check_safe
+        from .hub import forget_folders, upload_checkpoint, write_code
+
+        check_safe("safe_serialization", safe_serialization)
+        names = ("token", "private", "commit_message", "create_pr") if push_to_hub else ()
+        sending = {name: kwargs.pop(name) for name in names if name in kwargs}
+        repo_id = kwargs.pop("repo_id", None) or Path(save_directory).resolve().name
+        super().save_pretrained(save_directory, safe_serialization, variant, max_shard_size, **kwargs)
+        write_code(save_directory)
+        if push_to_hub:
+            forget_folders(save_directory)
+            upload_checkpoint(save_directory, repo_id, **sending)
+
+    def push_to_hub(self, repo_id, commit_message=None, private=None, token=None, create_pr=False, **kwargs):
+        """Sends this pipeline to the Hub, see [`PushToHubMixin.push_to_hub`].
+
+        The card of the folder that it was loaded from goes along, with its pictures and a distilled decoder beside
+        it. Was this pipeline changed since? Then save it, write another card, and send that folder.
+
+        Args:
+            repo_id, commit_message, private, token, create_pr: of `upload_checkpoint`.
+            kwargs: `variant` of the weights' names, `subfolder` of the repository.
+
+        Returns:
+            `huggingface_hub.CommitInfo`
+
+        Raises:
+            ValueError: for pickled weights: none are fetched from the Hub.
+        """
+        from ..models.model_files import check_safe
+        from .hub import push_pipeline
+
+        check_safe("safe_serialization", kwargs.pop("safe_serialization", None))
+        return push_pipeline(self, repo_id, token, private, commit_message, create_pr, **kwargs)

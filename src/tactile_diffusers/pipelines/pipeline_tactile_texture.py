@@ -16,7 +16,6 @@ from ..schedulers import VDDIMScheduler, draw_noise
 from ..signal.checks import check_number, check_whole_number
 from .components import check_classes, check_fit, check_scheduler, step_arguments
 from .guidance import Guidance
-from .hub import HubMixin
 from .inputs import (
     LONGEST_SECONDS,
     check_callback,
@@ -47,7 +46,7 @@ EXAMPLE_DOC_STRING = """
 """
 
 
-class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, DiffusionPipeline):
+class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipeline):
     r"""
     Generates textures from perceptual ratings: DALE generates latents, LCTG decodes them to a waveform of force.
 
@@ -134,18 +133,11 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
         return self._interrupt
 
     def check_inputs(
-        self,
-        num_inference_steps,
-        num_latent_inference_steps,
-        guidance_scale,
-        num_textures_per_rating,
-        duration_s,
-        output_type,
-        callback_on_step_end_tensor_inputs,
-        guidance_rescale=0.0,
-        callback_on_step_end=None,
+        self, num_textures_per_rating=1, duration_s=None, output_type="np", guidance_scale=1.0, guidance_rescale=0.0
     ):
-        """Refuses impossible arguments of `__call__`; ratings, generators and latents are checked where they are read.
+        """Refuses impossible arguments of `__call__`, and schedulers that cannot sample the models.
+
+        Ratings, steps, generators and latents are checked where they are read.
 
         Raises:
             ValueError: naming the argument, the value and what is allowed.
@@ -154,7 +146,6 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
             raise ValueError("This pipeline has no `dale`: it reconstructs (`pipe.reconstruct`), it cannot generate.")
         check_scheduler("dale_scheduler", self.dale_scheduler)
         check_scheduler("scheduler", self.scheduler)
-        self.resolve_steps(num_inference_steps, num_latent_inference_steps)
         check_whole_number("num_textures_per_rating", num_textures_per_rating)
         parse_guidance(guidance_scale, self.dale.config.rating_axes)
         check_number("guidance_rescale", guidance_rescale, at_least=0, at_most=1)
@@ -165,7 +156,6 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
             check_number("duration_s", duration_s, "seconds", above=0, at_most=LONGEST_SECONDS)
         if output_type not in ("np", "pt", "latent"):
             raise ValueError(f'`output_type` must be "np", "pt" or "latent", got {output_type!r}.')
-        check_callback(callback_on_step_end, callback_on_step_end_tensor_inputs, self._callback_tensor_inputs)
 
     def _warn_once(self, topic, value, warn, *arguments):
         """Calls `warn(*arguments)` unless it was called for this value before: a stream calls the pipeline often."""
@@ -196,19 +186,10 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
         return latents.to(device=device, dtype=dtype)
 
     def _denoise(self, scheduler, velocity, latents, generator, bar, callback=None, callback_inputs=(), first_index=0):
-        """The sampling loop of both stages, from noise to data.
+        """The sampling loop of both stages, from standard normal noise to data.
 
+        `velocity(model_input, step)` is the model's output at step 0, 1, ...; the callback counts from `first_index`.
         The state is float32 at least: half precision would round it at every step.
-
-        Args:
-            scheduler: its timesteps are set.
-            velocity (`Callable`): `velocity(model_input, step)` is the model's output at step 0, 1, ...
-            latents (`torch.Tensor`): standard normal noise.
-            generator: for schedulers that draw noise at every step.
-            bar: the progress bar.
-            callback, callback_inputs: of the call. The callback may change `latents` and the guidance;
-                `pipe._interrupt = True` ends the loop.
-            first_index (`int`): the number that the callback is given for the first step.
         """
         latents = latents.to(torch.promote_types(latents.dtype, torch.float32)) * scheduler.init_noise_sigma
         extra_step_kwargs = step_arguments(scheduler, generator)
@@ -218,10 +199,8 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
             model_output = velocity(scheduler.scale_model_input(latents, t), step)
             latents = scheduler.step(model_output, t, latents, **extra_step_kwargs, return_dict=False)[0]
             if callback is not None:
-                callback_kwargs = {}
-                for name in callback_inputs:
-                    callback_kwargs[name] = locals()[name]
-                changed = callback(self, first_index + step, t, callback_kwargs) or {}
+                tensors = {"latents": latents} if "latents" in callback_inputs else {}
+                changed = callback(self, first_index + step, t, tensors) or {}
                 latents = changed.pop("latents", latents)
             bar.update()
         return latents
@@ -292,17 +271,9 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
             callback_on_step_end_tensor_inputs = callback_on_step_end.tensor_inputs
 
         # 1. Check the arguments
-        self.check_inputs(
-            num_inference_steps,
-            num_latent_inference_steps,
-            guidance_scale,
-            num_textures_per_rating,
-            duration_s,
-            output_type,
-            callback_on_step_end_tensor_inputs,
-            guidance_rescale,
-            callback_on_step_end,
-        )
+        self.check_inputs(num_textures_per_rating, duration_s, output_type, guidance_scale, guidance_rescale)
+        check_callback(callback_on_step_end, callback_on_step_end_tensor_inputs, self._callback_tensor_inputs)
+        decoding_steps, latent_steps = self.resolve_steps(num_inference_steps, num_latent_inference_steps)
         self._warn_once("guidance_scale", guidance_scale, warn_of_strong_guidance, guidance_scale)
         self._guidance_scale, self._guidance_rescale = guidance_scale, float(guidance_rescale)
         self._interrupt = False
@@ -314,7 +285,6 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, HubMixin, Diffus
         ratings = ratings.to(device)
 
         # 3. Prepare timesteps and DALE's noise
-        decoding_steps, latent_steps = self.resolve_steps(num_inference_steps, num_latent_inference_steps)
         frames, samples = self._sizes(duration_s)
         shape = (len(ratings), self.dale.config.in_channels, frames)
         latents = self.prepare_latents(shape, generator, device, dtype, latents)

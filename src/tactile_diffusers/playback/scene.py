@@ -71,7 +71,7 @@ class TextureScene:
         rating_scale="z",
     ):
         _check_pipe(pipe)
-        pipe.check_inputs(num_inference_steps, None, guidance_scale, 1, None, "latent", ())
+        pipe.check_inputs(guidance_scale=guidance_scale)
         decoding_steps, self._latent_steps = pipe.resolve_steps(num_inference_steps)
         config = pipe.dale.config
         if config.reference_speed is None:

@@ -1,8 +1,11 @@
-"""Measuring how much modulation a decoder leaves out, for `LCTGModel`'s `modulation_gains`."""
+"""Settings that are measured on the training set: whitening before LCTG is trained, modulation gains afterwards."""
 
 import numpy as np
 import torch
 from tqdm.auto import tqdm
+
+from ..features.feature_extraction_tactile import SILENCE
+from ..signal import BAND_HZ, power_spectral_density, rms
 
 #: Training textures to measure: another set of as many gives the same factors within a hundredth or two.
 MODULATION_TEXTURES = 256
@@ -10,6 +13,32 @@ MODULATION_TEXTURES = 256
 ROUNDS = 3
 #: Bounds of the factors.
 LIMITS = (0.5, 2.0)
+
+
+def fit_preemphasis(textures, sampling_rate, band=BAND_HZ, points=33, clip_db=30.0):
+    """Gains that whiten the mean amplitude spectrum of textures at unit RMS (DESIGN decision 5).
+
+    Args:
+        textures (`np.ndarray`): (n, samples), N.
+        sampling_rate (`float`): Hz.
+        band (`tuple[float, float]`): Hz; gains are constant outside.
+        points (`int`): logarithmically spaced frequencies, at which the spectrum is smoothed by interpolation.
+        clip_db (`float`): largest difference between gains.
+
+    Returns:
+        `tuple[list[float], list[float]]`: frequencies in Hz and gains in dB, with the smallest gain at 0 dB.
+    """
+    textures = np.asarray(textures, dtype=np.float64)
+    loud = rms(textures) > SILENCE if textures.size else np.zeros(0, dtype=bool)
+    if not loud.any():
+        raise ValueError(f"`textures` must hold at least one texture that is not silent, got shape {textures.shape}.")
+    textures = textures[loud] / rms(textures[loud])[:, None]
+    frequencies, density = power_spectral_density(textures, sampling_rate)
+    amplitude = np.sqrt(density).mean(0)
+    grid = np.geomspace(*band, points)
+    spectrum_db = np.interp(np.log(grid), np.log(frequencies[1:]), 20 * np.log10(amplitude[1:] + 1e-30))
+    gains = spectrum_db.max() - spectrum_db
+    return [round(float(f), 4) for f in grid], [round(float(g), 4) for g in np.minimum(gains, clip_db)]
 
 
 def fit_modulation_gains(pipe, dale, textures, sampling_rate, seed=0, quiet=False, batch_size=64):
