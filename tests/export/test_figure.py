@@ -40,10 +40,10 @@ def test_a_reconstruction_is_shown_with_the_original(tmp_path, texture, monkeypa
     ("change", "message"),
     [
         ({"texture": np.zeros(100)}, "too short to draw"),
-        ({"texture": np.zeros((1, 2000))}, r"`texture` must have the shape \(samples,\), got \(1, 2000\)"),
-        ({"sampling_rate": 44100.5}, "`sampling_rate` must be a whole number of Hz, got 44100.5"),
-        ({"friction_coefficient": -0.1}, "`friction_coefficient` must be above zero.*got -0.1"),
-        ({"ratings": [1.0, 2.0]}, r"`ratings` must be 3 numbers, roughness, bumpiness, slipperiness, got \[1.0, 2.0\]"),
+        ({"texture": np.zeros((1, 2000))}, "`texture` must have the shape"),
+        ({"sampling_rate": 44100.5}, "`sampling_rate` must be a whole number of Hz"),
+        ({"friction_coefficient": -0.1}, "`friction_coefficient` must be above zero"),
+        ({"ratings": [1.0, 2.0]}, "`ratings` must be 3 numbers"),
     ],
 )
 def test_bad_arguments_are_refused(tmp_path, texture, change, message):

@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tactile_diffusers.export import FORMATS, read_hdf5, read_npz, read_wav, write_hdf5, write_npz, write_wav
-from tactile_diffusers.export.round_trip import round_trip, round_trip_markdown
+from tactile_diffusers.export import (
+    FORMATS,
+    read_hdf5,
+    read_npz,
+    read_wav,
+    round_trip,
+    round_trip_markdown,
+    write_hdf5,
+    write_npz,
+    write_wav,
+)
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES
 
 COMMON = {
@@ -68,24 +77,9 @@ def test_newtons_come_back(tmp_path, texture, name, snr_db, band_db):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_failed_write_leaves_what_was_there(tmp_path, texture, name):
-    path = _write(tmp_path, name, texture)
-    before = path.read_bytes()
-    with pytest.raises(ValueError, match="`seed` must be a whole number"):
-        _write(tmp_path, name, texture, {**COMMON, "seed": 0.5})
-    assert path.read_bytes() == before and not list(tmp_path.glob(".*"))
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_other_files_are_refused(tmp_path, name):
-    path = tmp_path / f"a{FORMATS[name].suffix}"
+def test_a_missing_file_is_named(tmp_path, name):
     with pytest.raises(FileNotFoundError, match=f"a{FORMATS[name].suffix}"):
-        FORMATS[name].read(path)
-    if not name.startswith("wav"):  # without its sidecar it is missing too: test_wav.py
-        for contents in (b"", b"{}", b"nothing of the sort"):
-            path.write_bytes(contents)
-            with pytest.raises(ValueError, match=f"a{FORMATS[name].suffix}"):
-                FORMATS[name].read(path)
+        FORMATS[name].read(tmp_path / f"a{FORMATS[name].suffix}")
 
 
 @pytest.mark.parametrize("name", [name for name, form in FORMATS.items() if form.spatial])
@@ -153,5 +147,5 @@ def test_table_has_a_line_for_each_format(tmp_path, texture):
     assert [line.split("`")[1] for line in lines[2:]] == list(FORMATS)
     assert lines[2].count("exact") == 2 and "nan" not in "".join(lines)
     short = texture[:300]  # no bands of 11 Hz
-    row = {"format": "npz", **round_trip(_write(tmp_path, "npz", short), "npz", short, DEVICE_RATE)}
-    assert math.isnan(row["nine_band_error_db"]) and "| – |" in round_trip_markdown([row])
+    row = round_trip(_write(tmp_path, "npz", short), "npz", short, DEVICE_RATE)
+    assert "| – |" in round_trip_markdown([{"format": "npz", **row}])

@@ -47,14 +47,9 @@ def test_rows_are_read_as_from_one_array(folder, index):
     assert data[index].dtype == np.float32
 
 
-def test_iteration_ends_and_rows_beyond_are_refused(folder):
-    assert [row[0] for row in read_generated(folder)] == list(range(7))
-    with pytest.raises(IndexError, match="out of bounds"):
-        read_generated(folder)[7]
-
-
-def test_columns(folder):
+def test_columns_and_iteration(folder):
     data = read_generated(folder)
+    assert [row[0] for row in data] == list(range(7))
     assert data.column("seed").tolist() == [0, 10, 20, 30, 40, 50, 60]
     with pytest.raises(ValueError, match=r"\['seed', 'textures'\], got 'level'"):
         data.column("level")

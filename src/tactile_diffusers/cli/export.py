@@ -7,10 +7,9 @@ import sys
 import warnings
 from pathlib import Path
 
-from ..export.formats import FORMATS
+from ..export.formats import FORMATS, round_trip, round_trip_markdown
 from ..export.generated import MANIFEST, read_generated
 from ..export.png import HEIGHT, PIXEL_PITCH
-from ..export.round_trip import round_trip, round_trip_markdown
 from ..signal import REFERENCE_FORCE
 from .program import Parser, add_output_argument, count, positive_number, program, refuse
 

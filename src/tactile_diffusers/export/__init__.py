@@ -1,33 +1,14 @@
-"""Textures as files: one module per format, and `FORMATS`, the table of them."""
+"""Textures as files: `FORMATS`, the table of formats, and a function to write and one to read each."""
 
-from .ahap import read_ahap, write_ahap
 from .figure import write_figure
-from .formats import FORMATS, Format
+from .formats import FORMATS, Format, round_trip, round_trip_markdown
 from .generated import read_generated
-from .haptic import read_haptic, write_haptic
-from .hdf5 import read_hdf5, write_hdf5
 from .hjif import read_hjif, write_hjif
-from .npz import read_npz, write_npz
+from .lossless import read_hdf5, read_npz, write_hdf5, write_npz
 from .png import read_png, write_png
+from .previews import read_ahap, read_haptic, write_ahap, write_haptic
 from .wav import read_wav, write_wav
 
-__all__ = [
-    "FORMATS",
-    "Format",
-    "read_ahap",
-    "read_generated",
-    "read_haptic",
-    "read_hdf5",
-    "read_hjif",
-    "read_npz",
-    "read_png",
-    "read_wav",
-    "write_ahap",
-    "write_figure",
-    "write_haptic",
-    "write_hdf5",
-    "write_hjif",
-    "write_npz",
-    "write_png",
-    "write_wav",
-]
+__all__ = ["FORMATS", "Format", "read_generated", "round_trip", "round_trip_markdown", "write_figure"]
+__all__ += ["read_ahap", "read_haptic", "read_hdf5", "read_hjif", "read_npz", "read_png", "read_wav"]
+__all__ += ["write_ahap", "write_haptic", "write_hdf5", "write_hjif", "write_npz", "write_png", "write_wav"]

@@ -21,12 +21,11 @@ MANIFEST = "manifest.json"
 UNITS = {"textures": "N", "level": "natural log of the RMS in N", "friction_coefficient": "1", "ratings": "z-score"}
 
 
-def plan_shards(num_textures, textures_per_shard):
-    """Shards of a data set: a list of {"file", "first", "count"}; the last may be smaller."""
-    firsts = range(0, num_textures, textures_per_shard)
+def plan_shards(total, size):
+    """Shards of `size` textures, the last one perhaps smaller: a list of {"file", "first", "count"}."""
     return [
-        {"file": f"textures-{number:05d}.h5", "first": first, "count": min(textures_per_shard, num_textures - first)}
-        for number, first in enumerate(firsts)
+        {"file": f"textures-{number:05d}.h5", "first": first, "count": min(size, total - first)}
+        for number, first in enumerate(range(0, total, size))
     ]
 
 
@@ -54,15 +53,12 @@ def open_folder(folder, settings, about):
         write_text(folder / MANIFEST, json.dumps(manifest, indent=1) + "\n")
     manifest = _read_manifest(folder)
     stored = manifest["settings"]
-    differences = "; ".join(
-        f"{name} {stored.get(name)}, not {settings.get(name)}"
-        for name in {**stored, **settings}
-        if stored.get(name) != settings.get(name)
-    )
-    if differences:
+    differing = [name for name in {**stored, **settings} if stored.get(name) != settings.get(name)]
+    if differing:
+        words = "; ".join(f"{name} {stored.get(name)}, not {settings.get(name)}" for name in differing)
         raise ValueError(
-            f"The folder {folder} holds textures of other settings ({differences}). Finish them with those settings, "
-            "or give another folder."
+            f"The folder {folder} holds textures of other settings ({words}). Finish them with those settings, or give "
+            "another folder."
         )
     for shard in manifest["shards"]:
         clear_left_behind(folder / shard["file"])
@@ -97,16 +93,13 @@ def _is_whole(path, count):
 
 
 def write_shard(path, count, attributes, batches):
-    """Writes one shard, batch by batch, under a temporary name.
+    """Writes one shard under a temporary name; refuses batches that hold fewer or more than `count` rows.
 
     Args:
         path (`str` or `Path`): in the folder of `open_folder`.
         count (`int`): rows.
         attributes (`dict`): settings; `None` is stored as the word "none".
         batches (iterable of `dict[str, np.ndarray]`): rows of every column, in order.
-
-    Raises:
-        ValueError: if the batches hold fewer or more than `count` rows.
     """
     done = 0
     with whole_file(path) as file:
@@ -125,26 +118,23 @@ def write_shard(path, count, attributes, batches):
             raise ValueError(f"`batches` hold {done} rows, not {count}.")
 
 
-def read_generated(folder):
-    """Opens a folder that `examples/generate_dataset.py` wrote: [`GeneratedTextures`].
-
-    Raises:
-        FileNotFoundError: if there is no manifest.
-        ValueError: if the manifest is damaged, or shards are missing.
-    """
-    return GeneratedTextures(folder)
-
-
 class GeneratedTextures:
     """Generated textures as one array of all shards, (textures, samples) float32 in N; only rows asked for are read.
 
     `data[5]`, `data[10:20]`, `data[[3, 1, 3]]` are NumPy arrays; what belongs to the textures is
     `data.column("level")`, `"friction_coefficient"`, `"ratings"` (textures, axes) or `"seed"`.
 
+    Args:
+        folder (`str` or `Path`): that `examples/generate_dataset.py` wrote.
+
     Attributes:
         settings, about (`dict`): of the manifest.
         shape (`tuple[int, int]`), dtype (`np.dtype`): of the array.
         sampling_rate (`int`): Hz.
+
+    Raises:
+        FileNotFoundError: if there is no manifest.
+        ValueError: if the manifest is damaged, or shards are missing.
     """
 
     dtype = np.dtype(np.float32)
@@ -193,11 +183,7 @@ class GeneratedTextures:
         return found.reshape(*rows.shape, self.shape[1])
 
     def column(self, name):
-        """What belongs to each texture, in memory: (textures, ...).
-
-        Raises:
-            ValueError: for an unknown name.
-        """
+        """What belongs to each texture, in memory: (textures, ...); refuses an unknown name."""
         if name not in self._names:
             first = self.folder / self._shards[0]["file"]
             raise ValueError(f"`name` must be a column of {first}, one of {self._names}, got {name!r}.")
@@ -208,3 +194,7 @@ class GeneratedTextures:
                 if len(parts[-1]) != shard["count"]:
                     raise ValueError(f"`{name}` has {len(parts[-1])} rows, not {shard['count']}")
         return np.concatenate(parts)
+
+
+#: Opens a folder of generated textures.
+read_generated = GeneratedTextures

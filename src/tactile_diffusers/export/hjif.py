@@ -36,8 +36,7 @@ def write_hjif(path, texture, *, modality="Force", normal_force=REFERENCE_FORCE,
     that speed. All that belongs to the texture is JSON in the `description`.
 
     Args:
-        path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
-        texture, **about: as for `write_npz`.
+        path, texture, **about: as for `write_npz`.
         modality (`str`, *optional*, defaults to `"Force"`): `"Force"`, over time, or `"Friction"` or `"Vibrotactile
             Texture"`, over position; these need a reference speed of at least 8 mm/s.
         normal_force (`float`, *optional*, defaults to 0.5): N at which the texture was recorded; for Friction.
@@ -124,16 +123,8 @@ def read_hjif(path):
     Between key frames the texture is continued as the band-limited signal they sample. A player that draws straight
     lines, as the format says, gives the same at the key frames alone: let it run at their rate.
 
-    Args:
-        path (`str` or `Path`): the file.
-
-    Returns:
-        `tuple[np.ndarray, dict]`: the texture (samples,) float32 in N at the sampling rate it had, and what belongs to
-        it as in `read_npz`; also `modality`, `gain`, `key_frame_rate` (Hz, at the reference speed) and `samples`.
-
-    Raises:
-        FileNotFoundError: if there is no file.
-        ValueError: if this package did not write it.
+    Result and errors are those of `read_npz`; the dict also holds `modality`, `gain`, `key_frame_rate` (Hz, at the
+    reference speed) and `samples`.
     """
     with reading(path, "a .hjif file that this package wrote", "Write the texture again."):
         experience = read_json(path, "JSON")
@@ -144,7 +135,7 @@ def read_hjif(path):
         values = np.array([frame["amplitude_modulation"] for frame in frames]) * channel["gain"]
         rate = experience["timescale"] / (frames[1]["relative_position"] if len(frames) > 1 else 1)
         modality = perception["perception_modality"]
-        metadata = from_json(found, path, ("samples", *(("normal_force",) if modality == "Friction" else ())))
+        metadata = from_json(found, path, "samples", *(("normal_force",) if modality == "Friction" else ()))
         check_span(len(frames) / check_number("timescale", rate, "Hz", above=0), metadata)
         if modality == "Friction":
             values = (values - mean_friction(metadata)) * metadata["normal_force"]

@@ -20,18 +20,12 @@ UNITS = {
     "ratings": f"z-scores in the order {', '.join(RATING_AXES)}; larger = rougher, bumpier, more slippery",
 }
 _NAMES = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
-#: What old files may lack, and what it is then.
-_OPTIONAL = {"reference_speed": None, "checkpoint": None}
-_NULL_IS_NAN = ("friction_coefficient", "reference_speed")
 
 
 def describe_texture(
     texture, *, sampling_rate, friction_coefficient, ratings, seed, reference_speed=math.nan, checkpoint=None
 ):
-    """A texture and what is stored with it, checked: the arguments that every writer takes.
-
-    Args:
-        texture, sampling_rate, friction_coefficient, ratings, seed, reference_speed, checkpoint: as for `write_npz`.
+    """The arguments that every writer takes, checked; what they are stands at `write_npz`.
 
     Returns:
         `tuple[np.ndarray, dict]`: the texture (samples,) float64, and the rest under the names of the arguments, as
@@ -54,11 +48,7 @@ def describe_texture(
 
 
 def check_texture(texture, sampling_rate):
-    """The samples of one texture, (samples,) float64.
-
-    Raises:
-        ValueError: if `texture` is not one row of finite numbers, or `sampling_rate` no whole number of Hz above 0.
-    """
+    """One row of finite numbers as (samples,) float64; refuses a rate that is no whole number of Hz above 0."""
     texture = check_samples("texture", texture)
     if check_number("sampling_rate", sampling_rate, "Hz", above=0) % 1:
         raise ValueError(f"`sampling_rate` must be a whole number of Hz, got {sampling_rate}.")
@@ -66,11 +56,7 @@ def check_texture(texture, sampling_rate):
 
 
 def check_ratings(ratings):
-    """Ratings (3,) as float64 in the order of `RATING_AXES`, NaN = not specified.
-
-    Raises:
-        ValueError: if there is not one value for each axis, or one is infinite.
-    """
+    """Ratings (3,) float64 in the order of `RATING_AXES`, NaN = not specified; refuses other numbers of them."""
     try:
         found = np.array([math.nan if value is None else float(value) for value in ratings])
     except (TypeError, ValueError, OverflowError):
@@ -84,11 +70,7 @@ def check_ratings(ratings):
 
 
 def check_positive_or_unknown(name, value):
-    """A float above zero, or NaN for a quantity that was not measured.
-
-    Raises:
-        ValueError: if `value` is infinite, zero or negative; the message calls it `name`.
-    """
+    """A float above zero, or NaN for a quantity that was not measured; refuses all else by `name`."""
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -99,14 +81,7 @@ def check_positive_or_unknown(name, value):
 
 
 def check_read(texture, metadata):
-    """The same checks of what was read: a damaged file may hold anything.
-
-    Returns:
-        `tuple[np.ndarray, dict]`: the texture as float32, and `metadata` with its numbers in the types of the writers.
-
-    Raises:
-        ValueError: as `describe_texture`.
-    """
+    """The same checks of what a file holds: the texture as float32, and `metadata` with plain numbers."""
     texture, checked = describe_texture(texture, **{name: metadata[name] for name in _NAMES})
     with np.errstate(over="ignore"):
         texture = texture.astype(np.float32)
@@ -116,15 +91,7 @@ def check_read(texture, metadata):
 
 
 def check_span(seconds, metadata):
-    """Refuses a number of samples that does not fit the contents of a lossy format: a header may claim anything.
-
-    Args:
-        seconds (`float`): of the contents, at the reference speed if they are over position.
-        metadata (`dict`): with `samples` and `sampling_rate`.
-
-    Raises:
-        ValueError: if they differ by more than what is lost at the end: one key frame or pixel, or 10 %.
-    """
+    """Refuses `samples` that do not fit the seconds of contents, but for 10 % and 0.1 s: headers may claim anything."""
     samples, rate = metadata["samples"], metadata["sampling_rate"]
     check_whole_number("samples", samples)
     if not (rate > 0 and samples / rate <= 1.1 * seconds + 0.1):
@@ -132,11 +99,7 @@ def check_span(seconds, metadata):
 
 
 def check_known_speed(metadata):
-    """The reference speed, mm/s, for a format over position.
-
-    Raises:
-        ValueError: if it is unknown.
-    """
+    """The reference speed, mm/s, for a format over position; refuses an unknown one."""
     if math.isnan(metadata["reference_speed"]):
         raise ValueError(
             "`reference_speed` is unknown (NaN), so a time has no position. Give the finger's speed in mm/s, or choose "
@@ -155,16 +118,10 @@ def to_json(metadata):
     return {**{name: _null_if_nan(value) for name, value in metadata.items()}, "units": UNITS}
 
 
-def from_json(stored, path, needed=()):
-    """The inverse of `to_json`, with NaN for null and for what old files lack.
+def from_json(stored, path, *needed):
+    """The inverse of `to_json`; refuses a file that lacks keys of every texture, or `needed` ones.
 
-    Args:
-        stored (`dict`): as read.
-        path (`str` or `Path`): for messages.
-        needed (`Sequence[str]`): keys beyond those of every texture.
-
-    Raises:
-        ValueError: if a key is missing.
+    Files of old versions may lack the reference speed and the checkpoint.
     """
     if not isinstance(stored, dict):
         raise ValueError(f"{path} holds no description of a texture. Only files that this package wrote can be read.")
@@ -172,9 +129,10 @@ def from_json(stored, path, needed=()):
     missing = [name for name in always if name not in stored]
     if missing:
         raise ValueError(f"{path} lacks {', '.join(missing)}. Write the texture again.")
-    metadata = {**_OPTIONAL, **stored}
+    metadata = {"reference_speed": None, "checkpoint": None, **stored}
     metadata.pop("units", None)
-    metadata.update({name: _nan_if_null(metadata[name]) for name in _NULL_IS_NAN})
+    for name in ("friction_coefficient", "reference_speed"):
+        metadata[name] = _nan_if_null(metadata[name])
     metadata["ratings"] = [_nan_if_null(value) for value in metadata["ratings"]]
     return metadata
 

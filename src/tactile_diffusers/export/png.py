@@ -45,8 +45,7 @@ def write_png(path, texture, *, pixel_pitch=PIXEL_PITCH, height=HEIGHT, normal_f
     is filtered out, with a warning that says what is lost.
 
     Args:
-        path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
-        texture, **about: as for `write_npz`; the reference speed must be known.
+        path, texture, **about: as for `write_npz`; the reference speed must be known.
         pixel_pitch (`float`, *optional*, defaults to 0.15): mm between pixels of the display, its width / its pixels; a
             map made for another pitch is another texture.
         height (`int`, *optional*, defaults to 64): rows.
@@ -73,7 +72,8 @@ def write_png(path, texture, *, pixel_pitch=PIXEL_PITCH, height=HEIGHT, normal_f
     held = highest_frequency(speed, pixel_pitch)
     coarse = texture if held >= BAND_HZ[1] else low_pass_for(texture, rate, speed / pixel_pitch)
     pixels = resample(coarse, rate, speed / pixel_pitch, method="fourier")
-    _warn_of_loss(texture, pixels, speed, pixel_pitch)
+    if held < BAND_HZ[1] and rms(texture) > 0:
+        _warn_of_loss(texture, pixels, speed, pixel_pitch, held)
     friction = mean_friction(metadata) + pixels / normal_force
     lowest = float(friction.min())
     per_count = float(np.ptp(friction)) / COUNTS or 1.0  # no friction anywhere but the mean: any scale will do
@@ -108,34 +108,23 @@ def _check_width(samples, sampling_rate, speed, pitch):
     return columns
 
 
-def _warn_of_loss(texture, pixels, speed, pitch):
-    held = highest_frequency(speed, pitch)
-    if held < BAND_HZ[1] and rms(texture) > 0:
-        kept = min(1.0, float(rms(pixels) / rms(texture)) ** 2)
-        finest = math.floor(1e4 * KEPT_SHARE * speed / (2 * BAND_HZ[1])) / 1e4
-        warnings.warn(
-            f"Pixels {pitch:g} mm apart hold what is felt below {held:.0f} Hz at {speed:.3g} mm/s: {held:.0f}-"
-            f"{BAND_HZ[1]:.0f} Hz is lost, {100 * (1 - kept):.1f} % of the texture's power. Only a display with pixels "
-            f"of at most {finest:g} mm would hold all.",
-            UserWarning,
-            stacklevel=3,
-        )
+def _warn_of_loss(texture, pixels, speed, pitch, held):
+    kept = min(1.0, float(rms(pixels) / rms(texture)) ** 2)
+    finest = math.floor(1e4 * KEPT_SHARE * speed / (2 * BAND_HZ[1])) / 1e4
+    message = (
+        f"Pixels {pitch:g} mm apart hold what is felt below {held:.0f} Hz at {speed:.3g} mm/s: {held:.0f}-"
+        f"{BAND_HZ[1]:.0f} Hz is lost, {100 * (1 - kept):.1f} % of the texture's power. Only a display with pixels "
+        f"of at most {finest:g} mm would hold all."
+    )
+    warnings.warn(message, UserWarning, stacklevel=3)
 
 
 def read_png(path):
     """Reads what `write_png` wrote: its first row.
 
-    Args:
-        path (`str` or `Path`): the file.
-
-    Returns:
-        `tuple[np.ndarray, dict]`: the texture (samples,) float32 in N at the sampling rate it had, as felt at the
-        reference speed, and what belongs to it as in `read_npz`; also `friction_at_zero`, `friction_per_count`,
-        `normal_force` (N), `pixel_pitch` (mm), `samples` and `highest_frequency`, what the pixels hold in full, Hz.
-
-    Raises:
-        FileNotFoundError: if there is no file.
-        ValueError: if it is no friction map of this package.
+    Result and errors are those of `read_npz`, the texture as felt at the reference speed; the dict also holds
+    `friction_at_zero`, `friction_per_count`, `normal_force` (N), `pixel_pitch` (mm), `samples` and `highest_frequency`,
+    what the pixels hold in full, Hz.
     """
     from PIL import Image
 
@@ -146,7 +135,7 @@ def read_png(path):
             check_size(path, picture.width * picture.height)
             row, text = np.asarray(picture)[0], picture.info[METADATA_KEY]
         needed = ("friction_at_zero", "friction_per_count", "normal_force", "pixel_pitch", "samples", "reference_speed")
-        metadata = from_json(json.loads(text), path, needed)
+        metadata = from_json(json.loads(text), path, *needed)
         friction = metadata["friction_at_zero"] + row * metadata["friction_per_count"]
         speed, pitch = check_known_speed(metadata), check_number("pixel_pitch", metadata["pixel_pitch"], "mm", above=0)
         check_span(len(row) * pitch / speed, metadata)

@@ -31,8 +31,7 @@ def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, **about):
     `checkpoint`; null = unknown.
 
     Args:
-        path (`str` or `Path`): the WAV file; its folder must exist. Existing files are replaced as a whole.
-        texture, **about: as for `write_npz`.
+        path, texture, **about: as for `write_npz`.
         subtype (`str`, *optional*, defaults to `"PCM_16"`): `"PCM_16"` or `"FLOAT"`, soundfile's names.
         full_scale (`float`, *optional*): N that are full scale, one for files that belong together; by default the
             texture's peak.
@@ -67,17 +66,9 @@ def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, **about):
 
 
 def read_wav(path):
-    """Reads what `write_wav` wrote.
+    """Reads what `write_wav` wrote, with the result and errors of `read_npz`.
 
-    Args:
-        path (`str` or `Path`): the WAV file; its sidecar lies beside it.
-
-    Returns:
-        `tuple[np.ndarray, dict]`: the texture (samples,) float32 in N, and the sidecar with NaN for null.
-
-    Raises:
-        FileNotFoundError: if the file or its sidecar is missing.
-        ValueError: if the sidecar lacks the scale, or its sampling rate is not that of the file.
+    A `FileNotFoundError` also if the sidecar is missing, a `ValueError` if it lacks the scale or has another rate.
     """
     import soundfile
 
@@ -86,7 +77,7 @@ def read_wav(path):
         raise FileNotFoundError(f"{side}, which holds the scale of {path} in newtons, does not exist.")
     with reading(side, "a JSON file that belongs to a WAV file", "Write the texture again."):
         sidecar = read_json(side, "JSON")
-        metadata = from_json(sidecar, side, ("newtons_per_full_scale",))
+        metadata = from_json(sidecar, side, "newtons_per_full_scale")
         scale = check_number("newtons_per_full_scale", metadata["newtons_per_full_scale"], "N", above=0)
         metadata = check_read(np.zeros(1), metadata)[1]
     with reading(path, "a WAV file", "Write the texture again."):

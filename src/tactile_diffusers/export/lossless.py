@@ -1,12 +1,16 @@
-"""NumPy archives: a texture with all that is needed to play it or to generate it again."""
+"""NumPy archives and HDF5: float32 newtons, with all that is needed to play or generate the texture again."""
 
 import json
 
 import numpy as np
 
 from ..io.files import atomic_path
+from ..io.hdf5 import check_sizes, open_whole, whole_file
 from ..io.reading import check_archive, reading
+from ..signal import RATING_AXES
 from .metadata import UNITS, check_read, describe_texture, from_json
+
+HDF5_FORMAT, HDF5_VERSION = "tactile-texture", 1
 
 
 def write_npz(path, texture, **about):
@@ -29,6 +33,7 @@ def write_npz(path, texture, **about):
             checkpoint (`str`, *optional*): name of the checkpoint that generated it; `None` = unknown.
 
     Raises:
+        FileNotFoundError: if the folder does not exist.
         ValueError: on a bad argument, before anything is written.
     """
     texture, metadata = describe_texture(texture, **about)
@@ -70,3 +75,36 @@ def read_npz(path):
         metadata = from_json({name: value.tolist() for name, value in arrays.items()}, path)
         metadata["checkpoint"] = metadata["checkpoint"] or None
         return check_read(texture, metadata)
+
+
+def write_hdf5(path, texture, **about):
+    """Writes one texture to an HDF5 file; arguments and errors are those of `write_npz`.
+
+    The file holds the dataset `texture` (samples,) float32 with the attributes `rate` (Hz) and `unit` ("N"). Attributes
+    of the file: `format`, `version`, `friction_coefficient`, `reference_speed` (mm/s), `ratings` (3,), `rating_axes`,
+    `seed`, `units`, which says what these mean, as JSON, and, if known, `checkpoint`.
+    """
+    texture, metadata = describe_texture(texture, **about)
+    rate = metadata.pop("sampling_rate")
+    with whole_file(path) as file:
+        file.attrs.update({"format": HDF5_FORMAT, "version": HDF5_VERSION, "rating_axes": ", ".join(RATING_AXES)})
+        file.attrs["units"] = json.dumps(UNITS)
+        file.attrs.update({name: value for name, value in metadata.items() if value is not None})
+        file.create_dataset("texture", data=texture.astype(np.float32), compression="gzip", shuffle=True)
+        file["texture"].attrs.update({"rate": rate, "unit": "N"})
+
+
+def read_hdf5(path):
+    """Reads what `write_hdf5` wrote, with the result and errors of `read_npz`."""
+    with reading(path, "an HDF5 file of a texture", "Write the texture again."), open_whole(path) as file:
+        check_sizes(file)
+        if file.attrs.get("format") != HDF5_FORMAT or "texture" not in file:
+            raise ValueError(
+                f"{path} is not a file of format {HDF5_FORMAT}. Of a folder that examples/generate_dataset.py wrote, "
+                "give the folder."
+            )
+        found = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in file.attrs.items()}
+        for name in ("format", "version", "rating_axes"):
+            found.pop(name, None)
+        found["sampling_rate"] = file["texture"].attrs["rate"].item()
+        return check_read(file["texture"][()], from_json(found, path))
