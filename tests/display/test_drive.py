@@ -92,14 +92,6 @@ def test_no_click_where_the_inverse_sets_in(make_profile, cutoffs):
     assert curvature(np.repeat(per_block, 32).reshape(320, 32)) > 2 * allowed
 
 
-def test_one_speed_for_a_block_is_reached_at_its_end(make_profile, noise_texture):
-    profile, texture = make_profile(cutoffs=[(20.0, 90.0), (100.0, 400.0)]), noise_texture()[:64]
-    stream = profile.stream()
-    blocks = np.r_[stream.push(texture[:32], 30.0), stream.push(texture[32:], 62.0)]
-    speed = np.r_[np.full(32, 30.0), np.arange(31, 63)]
-    np.testing.assert_allclose(blocks, profile.drive(texture, speed)[0], rtol=1e-12)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.filterwarnings("ignore:The display cannot make this force")
 def test_clipping_is_counted_and_the_scale_that_fits_fits(make_profile, noise_texture, kind):
@@ -134,6 +126,8 @@ def test_clipping_is_warned_of_once(make_profile, noise_texture):
         warnings.simplefilter("error")
         quiet = np.r_[np.full(5, 0.2), np.zeros(100)]
         assert 0 < profile.drive(quiet, SPEED)[1].clipped < 10
+        silent = profile.drive(np.zeros(10, dtype=np.float32), SPEED)[1]
+        assert silent.fitting_scale == np.inf and np.isnan(silent.largest_force)
 
 
 def test_the_excess_is_in_newtons(make_profile):
@@ -147,14 +141,6 @@ def test_the_excess_is_in_newtons(make_profile):
     assert profile.drive(-force, SPEED)[1].largest_excess == pytest.approx(0.03)  # at the lower end as well
     assert drive[2] == 180.0 and drive[3] == 0.0
     assert drive[1] == pytest.approx(np.sqrt((high / 2 + 0.02) / 6e-6))
-
-
-def test_silence_and_an_empty_stream_have_a_report(make_profile):
-    stream = make_profile().stream()
-    assert stream.report.share == 0 and stream.report.samples == 0
-    drive = stream.push(np.zeros(10, dtype=np.float32), SPEED)
-    assert np.ptp(drive) == 0 and drive.dtype == np.float64
-    assert stream.report.fitting_scale == np.inf and np.isnan(stream.report.largest_force)
 
 
 @pytest.mark.parametrize(("kind", "bias"), [("electroadhesion", 0.03), ("ultrasonic", -0.03)])
@@ -180,9 +166,3 @@ def test_the_bias_is_the_mean_change_of_friction(make_profile, feel, noise_textu
 def test_bad_arguments(make_profile, change, message):
     with pytest.raises(ValueError, match=message):
         make_profile().drive(**{"force": [0.0, 0.01], "speed": SPEED, **change})
-
-
-@pytest.mark.parametrize(("speed", "rate", "name"), [(-1.0, RATE, "speed"), (SPEED, 0, "sampling_rate")])
-def test_response_refuses(make_profile, speed, rate, name):
-    with pytest.raises(ValueError, match=f"`{name}`"):
-        make_profile().response([100.0], speed, sampling_rate=rate)

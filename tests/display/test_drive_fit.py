@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from tactile_diffusers.display import fit_drive_profile, read_drive_calibration
 from tactile_diffusers.signal import nine_band_error_db
@@ -47,6 +48,7 @@ def test_the_fit_finds_what_made_the_recording(recording, kind, shape, cutoff):
     assert fit.misfit_db < 0.05 and fit.coherence.min() > 0.99
     assert fit.frequencies[0] >= 20 and fit.frequencies[-1] <= 1000
     assert fit.response.shape == fit.coherence.shape == fit.frequencies.shape
+    assert profile.max_drive == (140.0 if kind == "electroadhesion" else pytest.approx(0.7))  # the largest calibrated
 
 
 @pytest.mark.parametrize("shape", ["random", "sweep"])
@@ -74,12 +76,6 @@ def test_from_recording_to_finger(recording, feel, noise_texture, kind):
     assert nine_band_error_db(felt - felt.mean(), texture, RATE) < 0.2
 
 
-def test_the_largest_drive_is_the_largest_calibrated(recording):
-    arguments = recording()
-    assert fit_drive_profile(**arguments).profile.max_drive == 140.0
-    assert fit_drive_profile(**arguments, max_drive=200.0).profile.max_drive == 200.0
-
-
 def test_a_flat_display_is_fitted_too(recording):
     """No low-pass in the band: the corner is somewhere above, and the gain right."""
     arguments = recording()
@@ -92,12 +88,12 @@ def test_a_flat_display_is_fitted_too(recording):
 
 def test_low_coherence_is_refused_and_the_band_named(recording, excitation):
     # a sweep up to 400 Hz leaves the two highest bands to the noise
-    from scipy.signal import chirp
-
     arguments = recording(noise=0.002)
     time = np.arange(len(arguments["command"])) / RATE
     noise = arguments["measured"] - recording()["measured"]
-    command = np.sqrt(1e4 + 6e3 * chirp(time, 10, time[-1], 400, method="logarithmic"))  # no harmonic in its square
+    command = np.sqrt(
+        1e4 + 6e3 * signal.chirp(time, 10, time[-1], 400, method="logarithmic")
+    )  # no harmonic in its square
     arguments |= {"command": command, "measured": 0.3 + 6e-6 * command**2 + noise}
     with pytest.raises(ValueError, match="coherence.*at least 0.5 in every band, got 0.[01].*at 419-647 Hz, 0.0"):
         fit_drive_profile(**arguments)
@@ -156,24 +152,14 @@ def calibration(tmp_path, recording):
 
     def write(kind="electroadhesion", **changes):
         arguments = recording(kind, seconds=2.5)
-        table = np.stack([arguments["command"], arguments["measured"]], axis=1)
+        table, lookup = np.stack([arguments.pop("command"), arguments.pop("measured")], axis=1), arguments["lookup"]
         np.savetxt(tmp_path / "strokes.csv", table, delimiter=",", header="drive,lateral_force", comments="")
-        if arguments["lookup"]:
+        if lookup:
             options = {"delimiter": ",", "header": "amplitude,friction_reduction", "comments": ""}
-            np.savetxt(tmp_path / "curve.csv", arguments["lookup"], **options)
-        drive = "V" if kind == "electroadhesion" else "1"
-        content = {
-            "format": "tactile-drive-calibration",
-            "version": 1,
-            "units": {"force": "N", "speed": "mm/s", "frequency": "Hz", "drive": drive},
-            "kind": kind,
-            "sampling_rate": RATE,
-            "normal_force": 0.5,
-            "speed": 80.0,
-            "recording": "strokes.csv",
-            "lookup": "curve.csv" if arguments["lookup"] else None,
-            **changes,
-        }
+            np.savetxt(tmp_path / "curve.csv", lookup, **options)
+        units = {"force": "N", "speed": "mm/s", "frequency": "Hz", "drive": "1" if lookup else "V"}
+        content = {"format": "tactile-drive-calibration", "version": 1, "units": units, **arguments}
+        content |= {"recording": "strokes.csv", "lookup": "curve.csv" if lookup else None, **changes}
         path = tmp_path / "calibration.json"
         path.write_text(json.dumps(content), encoding="utf-8")
         return path
@@ -189,18 +175,7 @@ def test_a_calibration_file_makes_a_profile(calibration, kind):
 
 
 def test_bad_calibration_files(calibration):
-    with pytest.raises(ValueError, match="`units` must be .*got.*'cN'"):
-        units = {"force": "cN", "speed": "mm/s", "frequency": "Hz", "drive": "V"}
-        read_drive_calibration(calibration(units=units))
     with pytest.raises(ValueError, match='"format": "tactile-drive-calibration"'):
         read_drive_calibration(calibration(format="tactile-drive-profile"))
     with pytest.raises(FileNotFoundError, match="other.csv, which .* names as its `recording`"):
         read_drive_calibration(calibration(recording="other.csv"))
-    path = calibration()
-    strokes = path.with_name("strokes.csv")
-    strokes.write_text(strokes.read_text().replace("lateral_force", "force_mN", 1))
-    with pytest.raises(ValueError, match="must start with the columns drive,lateral_force, got drive,force_mN"):
-        read_drive_calibration(path)
-    strokes.write_text("")
-    with pytest.raises(ValueError, match="got an empty file"):
-        read_drive_calibration(path)

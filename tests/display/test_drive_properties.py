@@ -17,13 +17,8 @@ def displays(draw):
         "max_gain_db": draw(st.one_of(st.just(0.0), st.floats(3, 40))),
     }
     if draw(st.booleans()):
-        return DriveProfile(
-            kind="electroadhesion",
-            gain=10.0 ** draw(st.floats(-8, -3)),
-            max_drive=draw(st.floats(1, 500)),
-            offset=0.2,
-            **values,
-        )
+        gain, most = 10.0 ** draw(st.floats(-8, -3)), draw(st.floats(1, 500))
+        return DriveProfile(kind="electroadhesion", gain=gain, max_drive=most, offset=0.2, **values)
     steps = draw(st.lists(st.tuples(st.floats(0.05, 0.3), st.floats(0.001, 0.5)), min_size=2, max_size=3))
     table = np.concatenate([[(0.0, 0.0)], np.cumsum(steps, axis=0)])
     gain, most = draw(st.floats(0.1, 5)), draw(st.floats(0.02, 1)) * table[-1, 0]

@@ -24,11 +24,9 @@ def check_kind(kind):
 
 
 def check_lookup(kind, lookup):
-    """The lookup of an ultrasonic display as rows of floats; None for electroadhesion, which has a law.
+    """The lookup of an ultrasonic display as rows of floats: from (0, 0), both increasing, amplitudes of at most 1.
 
-    Raises:
-        ValueError: if it is missing or superfluous, does not start at (0, 0), goes beyond an amplitude of 1, or the
-            friction reduction does not increase from row to row.
+    None for electroadhesion, which has a law. Raises a ValueError for all else.
     """
     if kind == "electroadhesion":
         if lookup is not None:

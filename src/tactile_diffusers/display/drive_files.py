@@ -43,12 +43,7 @@ def write_profile(path, profile):
 
 
 def read_profile(path):
-    """Arguments of `DriveProfile` from its JSON file.
-
-    Raises:
-        FileNotFoundError: if a file is missing.
-        ValueError: if a file is truncated, of another format, or in other units.
-    """
+    """Arguments of `DriveProfile` from its JSON file, with the errors of `DriveProfile.load`."""
     content = _read_json(path, PROFILE_FORMAT, _PROFILE_KEYS)
     return {**content, "lookup": _read_lookup(path, content["lookup"])}
 
@@ -70,7 +65,7 @@ def read_drive_calibration(path):
         ValueError: if a file is empty or truncated, of another format, in other units, or has other columns.
     """
     content = _read_json(path, CALIBRATION_FORMAT, _CALIBRATION_KEYS)
-    command, measured = _read_table(_beside(path, "recording", content.pop("recording")), RECORDING_COLUMNS).T
+    command, measured = _read_table(path, "recording", content.pop("recording"), RECORDING_COLUMNS).T
     return {**content, "command": command, "measured": measured, "lookup": _read_lookup(path, content["lookup"])}
 
 
@@ -102,30 +97,25 @@ def _read_json(path, form, keys):
 
 
 def _read_lookup(path, name):
-    return None if name is None else _read_table(_beside(path, "lookup", name), LOOKUP_COLUMNS).tolist()
+    return None if name is None else _read_table(path, "lookup", name, LOOKUP_COLUMNS).tolist()
 
 
-def _beside(path, key, name):
-    """Path of a file named in a JSON file: in the same folder, so that a profile is moved as a whole."""
+def _read_table(path, key, name, columns):
+    """Numbers of the CSV file that a JSON file names, beside it and with these columns: (rows, columns) float64."""
     if not isinstance(name, str) or Path(name).name != name:
         raise ValueError(f"{path}: `{key}` must be the name of a CSV file in the same folder, got {name!r}.")
     table = Path(path).with_name(name)
     if not table.is_file():
         raise FileNotFoundError(f"{table}, which {path} names as its `{key}`, does not exist.")
-    return table
-
-
-def _read_table(path, columns):
-    """Numbers of a CSV file with exactly these columns: (rows, columns) float64. Blank lines are skipped."""
-    with reading(path, "CSV in UTF-8", "Write it again, with decimal points."):
-        header, *rows = path.read_text(encoding="utf-8-sig").splitlines() or [""]
-        if tuple(name.strip() for name in header.split(",")) != columns:
+    with reading(table, "CSV in UTF-8", "Write it again, with decimal points."):
+        header, *rows = table.read_text(encoding="utf-8-sig").splitlines() or [""]
+        if tuple(column.strip() for column in header.split(",")) != columns:
             raise ValueError(
-                f"{path} must start with the columns {','.join(columns)}, got {header or 'an empty file'}."
+                f"{table} must start with the columns {','.join(columns)}, got {header or 'an empty file'}."
             )
         if not any(rows):
-            raise ValueError(f"{path} has no rows below its header. Write it again.")
-        values = np.loadtxt(rows, delimiter=",", ndmin=2)
+            raise ValueError(f"{table} has no rows below its header. Write it again.")
+        values = np.loadtxt(rows, delimiter=",", ndmin=2)  # skips blank lines
         if values.shape[1] != len(columns):
             raise ValueError(f"its rows have {values.shape[1]} numbers, not {len(columns)}")
     return values

@@ -45,16 +45,7 @@ class DriveFit:
 
 
 def fit_drive_profile(
-    command,
-    measured,
-    sampling_rate,
-    *,
-    kind,
-    normal_force,
-    speed,
-    lookup=None,
-    max_drive=None,
-    min_coherence=0.5,
+    command, measured, sampling_rate, *, kind, normal_force, speed, lookup=None, max_drive=None, min_coherence=0.5
 ):
     """Fits gain, offset and low-pass corner to one recording at a steady speed and normal force.
 

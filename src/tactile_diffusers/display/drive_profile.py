@@ -128,16 +128,8 @@ class DriveProfile:
     def response(self, frequencies, speed, sampling_rate=DEVICE_RATE):
         """What arrives at the finger of a force sent through `drive`, at a constant speed, unclipped.
 
-        Args:
-            frequencies (`np.ndarray`): (n,) Hz.
-            speed (`float`): mm/s.
-            sampling_rate (`float`): Hz.
-
-        Returns:
-            `np.ndarray`: (n,) complex; 1 = unchanged. The delay of one sample of a held drive is left out.
-
-        Raises:
-            ValueError: if `speed` is negative or `sampling_rate` not positive.
+        `frequencies` (n,) in Hz, `speed` in mm/s -> (n,) complex; 1 = unchanged. The delay of one sample of a held
+        drive is left out. A ValueError for a negative speed or a rate that is not positive.
         """
         speed = np.array([check_number("speed", speed, "mm/s", at_least=0)])
         rate = check_number("sampling_rate", sampling_rate, "Hz", above=0)
@@ -178,11 +170,7 @@ class DriveProfile:
         return drive, stream.report
 
     def stream(self, *, sampling_rate=DEVICE_RATE, bias=None):
-        """A `DriveStream` that converts block by block; `sampling_rate` and `bias` as in `drive`.
-
-        Raises:
-            ValueError: if `sampling_rate` is not positive or `bias` outside `force_range`.
-        """
+        """A `DriveStream` that converts block by block; `sampling_rate`, `bias` and errors as in `drive`."""
         rate = check_number("sampling_rate", sampling_rate, "Hz", above=0)
         low, high = self.force_range
         bias = (low + high) / 2 if bias is None else check_number("bias", bias, "N")
@@ -194,19 +182,12 @@ class DriveProfile:
         return DriveStream(self, rate, bias)
 
     def save(self, path):
-        """Writes the profile to a JSON file and its lookup, if any, to a CSV file beside it; see `drive_files`.
-
-        Args:
-            path (`str` or `Path`): the JSON file; its folder must exist. Existing files are replaced as a whole.
-        """
+        """Writes the profile to a JSON file and its lookup, if any, to a CSV file beside it; see `drive_files`."""
         write_profile(path, self)
 
     @classmethod
     def load(cls, path):
         """Reads a profile that `save` wrote, or one written by hand.
-
-        Args:
-            path (`str` or `Path`): the JSON file.
 
         Raises:
             FileNotFoundError: if it, or the lookup that it names, does not exist.

@@ -19,7 +19,7 @@ _DAMPING = math.sqrt(2)  # Butterworth: as flat as a second order gets
 
 
 def inverse_coefficients(profile, speed, sampling_rate):
-    """Coefficients of the limited inverse of the finger-display low-pass, one each per sample.
+    """Coefficients of the limited inverse of the low-pass at speeds (samples,) in mm/s: p, t and its share, (samples,).
 
     With a drive that is held for a sample, a first-order low-pass at f_c is y[n] = p y[n-1] + (1 - p) x[n-1],
     p = exp(-2 pi f_c / rate). Its inverse (1 - p/z) / (1 - p) is preceded by a second-order Butterworth low-pass
@@ -27,14 +27,6 @@ def inverse_coefficients(profile, speed, sampling_rate):
     at most (1 + u / s^2) / (1 + u^2 / t^4), u = tan^2(pi f / rate), s = sinh(pi f_c / rate): its maximum is G^2 for
     t = s sqrt(2 G sqrt(G^2 - 1)). For 12 dB f_2 is 5.5 f_c; a first-order limit of the same height is left with 4 f_c
     and is 1 dB down an octave earlier.
-
-    Args:
-        profile (`DriveProfile`): its cutoffs and `max_gain_db`.
-        speed (`np.ndarray`): (samples,) mm/s.
-        sampling_rate (`float`): Hz.
-
-    Returns:
-        `tuple[np.ndarray, np.ndarray, np.ndarray]`: p, t and the share of the inverse in the output, 0-1; (samples,).
     """
     cutoff = np.minimum(profile.cutoff(speed), sampling_rate)  # no low-pass is seen beyond, and sinh stays finite
     gain = 10 ** (profile.max_gain_db / 20)
@@ -127,7 +119,12 @@ class DriveStream:
             speed = speed + (last - speed) * (np.arange(len(force))[::-1] / len(force))
         self._speed = float(speed[-1])
         wanted = self._invert(force, speed)
-        self._count(force, wanted)
+        low, high = self.profile.force_range
+        self._samples += len(wanted)
+        self._clipped += int(np.count_nonzero((wanted < low - self.bias) | (wanted > high - self.bias)))
+        self._lowest = min(self._lowest, float(wanted.min()))
+        self._highest = max(self._highest, float(wanted.max()))
+        self._peak = max(self._peak, float(np.abs(force).max()))
         allowed = CLIPPED_SHARE * max(self._samples, CLIPPED_OF_SECONDS * self.sampling_rate)
         if self._clipped > allowed and not self._warned:
             self._warned = True
@@ -138,7 +135,6 @@ class DriveStream:
                 UserWarning,
                 stacklevel=2,
             )
-        low, high = self.profile.force_range
         return self.profile.steady_drive(np.clip(wanted + self.bias, low, high))
 
     @property
@@ -170,14 +166,6 @@ class DriveStream:
             reached = target
         self._state = (first, second, reached)
         return np.array(wanted)
-
-    def _count(self, force, wanted):
-        low, high = (limit - self.bias for limit in self.profile.force_range)
-        self._samples += len(wanted)
-        self._clipped += int(np.count_nonzero((wanted < low) | (wanted > high)))
-        self._lowest = min(self._lowest, float(wanted.min()))
-        self._highest = max(self._highest, float(wanted.max()))
-        self._peak = max(self._peak, float(np.abs(force).max()))
 
 
 def _check_force(force):
