@@ -5,9 +5,8 @@ import time
 
 import numpy as np
 import pytest
-import torch
 
-from tactile_diffusers.playback import EndlessProfile, EndlessStream, TextureStream
+from tactile_diffusers.playback import EndlessProfile, EndlessStream
 
 SPEED = 80.0
 RATINGS = [0.5, 0.0, -0.5]
@@ -59,14 +58,6 @@ class TestProfile:
         steps = np.abs(np.diff(read))
         inside = np.abs(np.diff(_read(profile, 1.3, 1.99, samples=3450))).max()
         assert steps.max() < 2 * inside
-
-    def test_all_takes_share_level_and_mean_spectrum(self, make_pipeline):
-        profile = EndlessProfile(make_pipeline(), RATINGS)
-        profile.generate(0, 5)
-        levels = profile.pipe.lctg.level_channels
-        means = [take[:levels].mean(-1) for take in profile._generator._takes.values()]
-        for mean in means[1:]:
-            torch.testing.assert_close(mean, means[0])
 
     def test_memory_is_bounded_and_what_was_dropped_comes_back(self, make_profile, monkeypatch):
         monkeypatch.setattr("tactile_diffusers.playback.endless.LARGEST_CACHE", 3)
@@ -137,13 +128,13 @@ class TestProfile:
             ({"num_latent_inference_steps": 1.5}, "`num_latent_inference_steps`"),
         ],
     )
-    def test_bad_input(self, make_profile, options, message):
+    def test_bad_input(self, make_profile, make_pipeline, options, message):
         with pytest.raises(ValueError, match=message):
             make_profile(**options)
-
-    def test_a_pipeline_that_only_reconstructs(self, make_pipeline):
         with pytest.raises(ValueError, match="`pipe` has no `dale`"):
             EndlessProfile(make_pipeline(dale=False), RATINGS)
+        with pytest.raises(ValueError, match="must be an EndlessProfile, got str"):
+            EndlessStream("profile", 125.0)
 
 
 class TestStream:
@@ -191,15 +182,7 @@ class TestStream:
                 stream.change([9.0, 0.0, 0.0])
             stream.read(32)
             assert stream.profile is profile and not stream._changes
-
-    def test_many_changes_end_at_the_last_one(self, make_profile):
-        with EndlessStream(make_profile(), 125.0) as stream:
-            for value in np.linspace(-1, 1, 15):
-                stream.change([value, 0.0, 0.0])
-                stream.read(32)
-            _wait_for(lambda: stream.profile.ratings[0, 0] == 1.0)
-            for _ in range(20):
-                assert np.isfinite(stream.read(32)).all()
+        assert not stream._worker.is_alive() and np.isfinite(stream.read(32)).all()  # closed, it can still be read
 
     def test_a_failure_in_the_thread_is_raised_where_it_is_read(self, make_profile, monkeypatch):
         profile = make_profile()
@@ -240,15 +223,3 @@ class TestStream:
                 forces.append(np.concatenate([*force, stream.read(6000)]))
                 assert stream.substituted == 0
         np.testing.assert_allclose(*forces, atol=1e-4 * forces[0].std())
-
-    def test_closing_ends_the_thread_and_keeps_what_is_there(self, make_profile):
-        stream = EndlessStream(make_profile(), 125.0)
-        stream.close()
-        assert not stream._worker.is_alive()
-        assert np.isfinite(stream.read(32)).all()
-
-    def test_only_endless_profiles(self, make_profile):
-        with pytest.raises(ValueError, match="must be an EndlessProfile, got str"):
-            EndlessStream("profile", 125.0)
-        with pytest.raises(ValueError, match="must be a TextureProfile or an EndlessProfile, got str"):
-            TextureStream("profile", 0.5, 125.0)

@@ -3,6 +3,7 @@
 import gc
 import sys
 import time
+from multiprocessing import Pipe
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,16 +17,10 @@ from tactile_diffusers.playback import EndlessProfile, EndlessStream, Generating
 RATINGS = [0.5, 0.0, -0.5]
 
 
-CHECKPOINT = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
-
-
-def _load():
-    return TactileTexturePipeline.from_pretrained(str(CHECKPOINT))
-
-
 @pytest.fixture(scope="module")
 def process():
-    with GeneratingProcess(_load()) as process:
+    folder = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
+    with GeneratingProcess(TactileTexturePipeline.from_pretrained(str(folder))) as process:
         yield process
 
 
@@ -80,23 +75,20 @@ def test_what_is_interrupted_leaves_nothing_half_made(process, monkeypatch):
 
 def test_a_failure_there_is_raised_here(process):
     with pytest.raises(RuntimeError, match="Generating has failed: .*not a number"):
-        process.generate(-1, ("not a number", 0, True, {}), [0], False)
+        process._generate(-1, ("not a number", 0, True, {}), [0], False)
     profile = EndlessProfile(process, RATINGS)
     profile.generate(0)
     assert list(profile.windows) == [0]
 
 
-def test_an_ended_process_says_so():
-    process = GeneratingProcess(_load())
-    profile = EndlessProfile(process, RATINGS)
-    process._process.terminate()
-    process._process.join()
+def test_an_ended_process_says_so(process, monkeypatch):
+    profile, (ours, theirs) = EndlessProfile(process, RATINGS), Pipe()
+    theirs.close()  # as the end of a process does
+    monkeypatch.setattr(process, "_connection", ours)
     with pytest.raises(RuntimeError, match="The generating process has ended"):
         profile.generate(0)
-    process.close()
-    process.close()
     with pytest.raises(RuntimeError, match="The generating process has ended"):
-        profile.generate(0)
+        process._receive()
 
 
 def test_it_needs_a_core():

@@ -41,12 +41,6 @@ def test_milliseconds_are_refused(path):
     assert _state(path) == before
 
 
-def test_milliseconds_of_a_whole_recording_are_warned_of(path):
-    times = np.arange(100) * 8.0
-    with pytest.warns(UserWarning, match=r"`sensor_rate` is 125 Hz, but reports come at about 0\.125 Hz"):
-        path.report(times, 0.5 * times)
-
-
 @pytest.mark.parametrize("pause", [0.5, 3.0, 600.0])
 def test_a_pause_of_the_finger_is_no_other_clock(path, pause):
     """Blocks are read on; so it is when reports come again on the clock that went on with them."""
@@ -57,19 +51,6 @@ def test_a_pause_of_the_finger_is_no_other_clock(path, pause):
         path.report(path.time, 40.0)
         path.advance(80)
         path.report(path.time, 40.5)
-
-
-def test_a_pause_of_reading_is_told_and_the_clock_set_anew(path):
-    """The stream's clock stands still meanwhile: going on with another one would be late for ever."""
-    for number in range(10):
-        path.report(number / SENSOR, 0.5 * number)
-        path.advance(80)
-    with pytest.raises(ValueError, match="again after a pause in reading"):
-        path.report(20.0, 5.0)
-    origin = 20.0 - path.time
-    for number in range(10):
-        path.report(20.0 + number / SENSOR - origin, 5.0 + 0.5 * number)
-        path.advance(80)
 
 
 def test_a_recording_may_be_reported_before_it_is_read(path):
@@ -127,16 +108,3 @@ def test_jitter_rests_and_a_rate_within_the_factor_are_not(path):
 def test_bad_reports_are_refused(dimensions, time, position, message):
     with pytest.raises(ValueError, match=message):
         FingerPath(RATE, SENSOR, dimensions=dimensions).report(time, position)
-
-
-@pytest.mark.parametrize(
-    ("dimensions", "time", "position"),
-    [(1, 0.1, 1.0), (1, [0.1], [1.0]), (1, [0.1, 0.2], [[1.0], [2.0]]), (2, 0.1, (1.0, 2.0)), (2, [0.1], [[1.0, 2.0]])],
-)
-def test_places_of_every_allowed_shape(dimensions, time, position):
-    path = FingerPath(RATE, SENSOR, dimensions=dimensions)
-    path.report(time, position)
-    assert path._places.shape == (np.size(time), dimensions)
-    path.report([], [] if dimensions == 1 else np.empty((0, 2)))
-    with pytest.raises(ValueError, match="ascend"):
-        path.report(time, position)

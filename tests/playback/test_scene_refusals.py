@@ -16,7 +16,6 @@ GOOD = {"table": [0.5, -0.5, 0.0], "denim": None}
     ("given", "message"),
     [
         ({"surfaces": {}}, "`surfaces` must map names to ratings"),
-        ({"surfaces": [[1, 0, 0]]}, "`surfaces` must map names to ratings"),
         ({"surfaces": {"": [1, 0, 0]}}, "`surfaces` must have names"),
         ({"surfaces": {"denim": [1, 0]}}, "denim.*must have 3 values"),
         ({"surfaces": {"denim": [[1, 0, 0], [1, 0, 0]]}}, "denim.*one texture, got 2 rows"),
@@ -27,7 +26,6 @@ GOOD = {"table": [0.5, -0.5, 0.0], "denim": None}
         ({"patches": {"silk": (0, 0, 1, 1)}}, r"`patches` names \['silk'\]"),
         ({"patches": {"denim": (0, 0, 1)}}, r"`patches\['denim'\]`"),
         ({"patches": {"denim": (0, 0, 0, 5)}}, "positive size"),
-        ({"patches": {"denim": "wide"}}, "positive size"),
         ({"patches": {"denim": (0, 0, 9e6, 5)}}, "give mm"),
         ({"patches": {"denim": (0, 5), "table": (0, 0, 5, 5)}}, "got both"),
         ({"seed": 0.5}, "`seed`"),
@@ -82,18 +80,6 @@ def _rewrite(path, change):
     save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, path, metadata)
 
 
-def _refused(path, pipe, message):
-    with pytest.raises(ValueError, match=rf"(?s)s\.safetensors cannot be read as a scene.*{message}.*Scene.save"):
-        TextureScene.load(path, pipe)
-
-
-def test_a_checkpoint_is_no_scene(path, pipe, tmp_path):
-    pipe.save_pretrained(tmp_path / "pipeline")
-    weights = tmp_path / "pipeline" / "lctg" / "diffusion_pytorch_model.safetensors"
-    path.write_bytes(weights.read_bytes())
-    _refused(path, pipe, "not tactile-scene 1")
-
-
 def _set(part, name, value):
     return lambda *parts: parts[("tensors", "content", "metadata").index(part)].__setitem__(name, value)
 
@@ -107,30 +93,29 @@ def _drop(part, name):
     [
         (_set("metadata", "version", "2"), "tactile-scene 2, not tactile-scene 1"),
         (_drop("metadata", "scene"), "'scene' is missing"),
-        *((_drop("content", name), f"'{name}' is missing") for name in ("names", "seed", "patches")),
-        *((_drop("tensors", name), f"'{name}' is missing") for name in ("latents", "frames", "level", "weights")),
-        (_set("content", "names", []), ""),
-        (_set("content", "names", ["a", "a"]), "names are"),
-        (_set("content", "names", ["a"]), "ratings is float32"),
-        (_set("content", "seed", "0"), "`seed`"),
+        (_drop("content", "patches"), "patches.*required"),
+        *((_drop("tensors", name), f"'{name}' is missing") for name in ("latents", "frames", "weights")),
+        (_set("content", "names", []), "names"),
+        (_set("content", "names", ["denim", "denim"]), "names are"),
+        (_set("content", "names", ["denim"]), "ratings is float32"),
+        (_set("content", "seed", "0"), "seed"),
         (_set("content", "num_inference_steps", 10**9), "at most 100000"),
-        (_set("content", "reference_speed", None), "`reference_speed` must be a finite number"),
-        (_set("content", "reference_speed", 1e9), "longer than any patch"),
+        (_set("content", "reference_speed", None), "reference_speed"),
+        (_set("content", "reference_speed", 1e9), "more than any patch needs"),
         (_set("content", "patches", {"denim": [0, 0, 1]}), "patches"),
-        (_set("tensors", "frames", np.array([0, 64], np.int32)), "smallest number of frames is 0"),
+        (_set("tensors", "frames", np.array([0, 64], np.int32)), "have 0 to 64 frames"),
         (_set("tensors", "frames", np.array([2**30, 2**30], np.int32)), "latents is float16"),
-        (_set("tensors", "frames", np.array([32.0, 32.0])), "frames is float64"),
         (_set("tensors", "latents", np.zeros((4, 64), np.float32)), "latents is float32"),
         (_set("tensors", "latents", np.array(1.0, np.float16)), "latents is float16"),
         (_set("tensors", "latents", np.full((4, 64), np.inf, np.float16)), "not finite"),
-        (_set("tensors", "level", np.zeros(3, np.float32)), "level is float32"),
         (_set("tensors", "level", np.full(2, np.nan, np.float32)), "not finite"),
         (_set("tensors", "friction_coefficient", np.full(2, -1.0, np.float32)), "negative"),
     ],
 )
 def test_files_that_do_not_fit_themselves_are_refused(path, pipe, change, message):
     _rewrite(path, change)
-    _refused(path, pipe, message)
+    with pytest.raises(ValueError, match=rf"(?s)s\.safetensors cannot be read as a scene.*{message}.*Scene.save"):
+        TextureScene.load(path, pipe)
 
 
 def test_the_other_number_of_channels_is_another_checkpoint(path, pipe):

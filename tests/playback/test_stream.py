@@ -1,14 +1,12 @@
 """Force that follows the finger."""
 
-import threading
-
 import numpy as np
 import pytest
 import torch
 
-from tactile_diffusers.playback import TextureProfile, TextureStream
-from tactile_diffusers.playback.force_laws import FORCE_EXPONENT, SLOWEST_SLIDING, SPEED_EXPONENT
+from tactile_diffusers.playback import TextureProfile, TextureStream, force_laws
 from tactile_diffusers.signal import band_levels_db
+from tactile_diffusers.virtual import laws
 
 RATE, SENSOR = 10_000, 125.0
 
@@ -51,10 +49,6 @@ def test_friction_opposes_motion_and_turns_smoothly(make_stream):
     assert not smooth.any()
 
 
-def test_a_resting_finger_feels_nothing(make_stream):
-    np.testing.assert_allclose(_play(make_stream(friction=0.5), lambda t: 12.0), 0, atol=1e-4)
-
-
 def test_the_law_of_normal_force_can_be_switched_off(make_stream):
     def motion(t):
         return 80 * t
@@ -72,9 +66,8 @@ def test_the_law_of_speed_can_be_switched_off(make_stream, speed):
 
 
 def test_laws_are_those_of_the_virtual_surfaces():
-    laws = pytest.importorskip("tactile_diffusers.virtual.laws")
-    assert (FORCE_EXPONENT, SPEED_EXPONENT) == (laws.AMPLITUDE_LOAD_EXPONENT, laws.AMPLITUDE_SPEED_EXPONENT)
-    assert SLOWEST_SLIDING == laws.SLOWEST_SLIDING
+    ours = force_laws.FORCE_EXPONENT, force_laws.SPEED_EXPONENT, force_laws.SLOWEST_SLIDING
+    assert ours == (laws.AMPLITUDE_LOAD_EXPONENT, laws.AMPLITUDE_SPEED_EXPONENT, laws.SLOWEST_SLIDING)
 
 
 def test_another_surface_takes_over_within_100_ms_and_without_a_step(make_stream, pink_noise):
@@ -111,25 +104,6 @@ def test_a_point_on_a_plane_feels_the_same_again(make_stream):
 
     made = _play(make_stream(dimensions=2), to_and_fro, seconds=5)
     np.testing.assert_allclose(made[10_000:20_000], made[30_000:40_000], atol=2e-3 * np.abs(made).max() + 1e-6)
-
-
-def test_a_replacement_from_another_thread(make_stream, pink_noise):
-    surfaces = [TextureProfile(pink_noise(16_384, RATE, seed=seed)[0], RATE, 80.0) for seed in (1, 2)]
-    stream, stop = make_stream(friction=0.5), threading.Event()
-
-    def change():
-        number = 0
-        while not stop.is_set():
-            stream.replace(surfaces[number % 2], 0.4)
-            number += 1
-            stop.wait(0.001)
-
-    thread = threading.Thread(target=change)
-    thread.start()
-    made = _play(stream, lambda t: 40 * np.sin(4 * t))
-    stop.set()
-    thread.join()
-    assert np.isfinite(made).all() and np.abs(made).max() < 0.5
 
 
 @pytest.mark.parametrize(

@@ -2,19 +2,10 @@
 
 from .endless import EndlessProfile, EndlessStream
 from .finger import FingerPath
-from .on_time import on_time
-from .process import GeneratingProcess
+from .process import GeneratingProcess, on_time
 from .profile import TextureProfile
 from .scene import TextureScene
 from .stream import TextureStream
 
-__all__ = [
-    "EndlessProfile",
-    "EndlessStream",
-    "FingerPath",
-    "GeneratingProcess",
-    "TextureProfile",
-    "TextureScene",
-    "TextureStream",
-    "on_time",
-]
+__all__ = ["EndlessProfile", "EndlessStream", "FingerPath", "GeneratingProcess", "TextureProfile", "TextureScene"]
+__all__ += ["TextureStream", "on_time"]

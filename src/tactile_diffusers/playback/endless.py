@@ -57,13 +57,12 @@ class EndlessProfile:
     """
 
     def __init__(self, pipe, ratings, seed=0, fill=True, wait=False, **options):
-        generator = getattr(pipe, "window_generator", None) or partial(WindowGenerator, pipe)
-        self._generator = generator(ratings, seed, fill, **options)
-        self.ratings, self.seed = self._generator.ratings, self._generator.seed
+        make = getattr(pipe, "window_generator", None) or partial(WindowGenerator, pipe)  # in a process, or here
+        generator = make(ratings, seed, fill, **options)
+        self._generator, self.ratings, self.seed = generator, generator.ratings, generator.seed
         self.pipe, self.fill, self.wait, self.options = pipe, fill, wait, options
-        self.reference_speed, self.spacing = self._generator.reference_speed, self._generator.spacing
-        self.window_length = self._generator.window_length
-        self.length = 3 * _AXIS_WINDOWS * self.spacing
+        self.reference_speed, self.spacing = generator.reference_speed, generator.spacing
+        self.window_length, self.length = generator.window_length, 3 * _AXIS_WINDOWS * generator.spacing
         self.substituted, self.windows = 0, {}
         # windows by the number of the read that last needed them, and what stands in for missing ones
         self._reads, self._recent, self._stand_ins = 0, {}, {}
@@ -83,12 +82,9 @@ class EndlessProfile:
     # --- what the generating thread does
 
     def generate(self, *indices, prepare=False):
-        """Generates the windows that are not there yet, in one batch.
+        """Generates the windows of these `indices` that are not there yet, in one batch.
 
-        Args:
-            indices (`int`): of windows.
-            prepare (`bool`, *optional*, defaults to `False`): computes all their resolutions for 20-320 mm/s, too;
-                otherwise each is computed when it is first read.
+        `prepare` also computes all their resolutions for 20-320 mm/s; otherwise each is computed when it is first read.
 
         Returns:
             `dict[int, TextureProfile]`: of `indices`, those that are there now: all, or after `interrupt` those that
@@ -100,7 +96,10 @@ class EndlessProfile:
             if missing:
                 found |= self._generator.generate(missing, prepare)
                 self.windows.update(found)
-                self._forget(missing)
+                # kept: those just generated, those near the finger, and the latest others
+                rank = {index: place for place, index in enumerate([*missing, *self._wanted()])}
+                for old in sorted(reversed(self.windows), key=lambda k: rank.get(k, len(rank)))[LARGEST_CACHE:]:
+                    del self.windows[old]
         return found
 
     def interrupt(self):
@@ -118,12 +117,6 @@ class EndlessProfile:
     def _wanted(self):
         recent = self.near_finger()
         return list(dict.fromkeys(index + near for near in (0, 1, -1) for index in recent))[:LARGEST_CACHE]
-
-    def _forget(self, generated):
-        """Drops all but the windows that were just generated, those near the finger, and the latest others."""
-        rank = {index: place for place, index in enumerate([*generated, *self._wanted()])}
-        for index in sorted(reversed(self.windows), key=lambda index: rank.get(index, len(rank)))[LARGEST_CACHE:]:
-            del self.windows[index]
 
     # --- what the reading thread does
 
@@ -217,13 +210,10 @@ class EndlessStream(TextureStream):
         return self._substituted + self.profile.substituted
 
     def change(self, ratings):
-        """Changes the ratings, with everything else as it was.
+        """Changes the ratings, in the `rating_scale` of the [`EndlessProfile`], with everything else as it was.
 
         Returns at once, and the change is felt, over 20 ms, as soon as one window is generated. With `wait=True` it
         returns when that is done.
-
-        Args:
-            ratings: of one texture, in the `rating_scale` of the [`EndlessProfile`].
 
         Raises:
             ValueError: for impossible ratings; the stream goes on as it was.

@@ -1,10 +1,11 @@
 """Where a finger is at device rate, from a touch sensor that is slow and coarse."""
 
+import warnings
+
 import numpy as np
 from scipy import signal
 
 from ..signal.checks import check_number, check_whole_number
-from .reports import ReportWatch, check_clock, check_reports
 
 #: Low-pass of the path, Hz. The jitter that it leaves of a sensor of 125 Hz and 0.1 mm puts 20 dB less energy into the
 #: force than the texture has (examples/benchmarks/stream.py); a higher one is quicker and coarser.
@@ -20,6 +21,17 @@ _MARGIN = 0.005
 FASTEST = 3000.0
 #: After this time without a report, s, the path begins anew where the finger is seen next: it rested or was lifted.
 LIFTED_SECONDS = 0.1
+#: A report farther from the stream's clock, s, is neither early nor late: it is on another clock, or in another unit.
+FAR_SECONDS = 1.0
+#: By this factor the reports' rate and `sensor_rate` may differ: sensors skip reports while nothing moves.
+RATE_FACTOR = 4.0
+#: The rate is estimated over at least this many s, and this many intervals between reports.
+WATCHED_SECONDS, LEAST_INTERVALS = 1.0, 8
+_CLOCK = (
+    "It is s on the stream's clock: 0 at the first sample that is read, and standing still while nothing is read. "
+    "Divide milliseconds by 1000. For stamps of another clock set `origin = stamp - stream.time` at the first report, "
+    "and again after a pause in reading, and report at `stamp - origin`."
+)
 
 
 class FingerPath:
@@ -55,7 +67,7 @@ class FingerPath:
             raise ValueError(f"`cutoff` must be below half of the sensor's {sensor_rate:g} Hz, got {cutoff:g}.")
         if dimensions not in (1, 2):
             raise ValueError(f"`dimensions` must be 1 or 2, got {dimensions}.")
-        self.sampling_rate, self.dimensions = sampling_rate, dimensions
+        self.sampling_rate, self.sensor_rate, self.dimensions = sampling_rate, sensor_rate, dimensions
         self._wait = 1 / sensor_rate + _MARGIN
         smooth = signal.bessel(_ORDER, cutoff, norm="phase", fs=sampling_rate, output="sos")
         low = cutoff / 100
@@ -70,7 +82,7 @@ class FingerPath:
         self._times, self._places = np.empty(0), np.empty((0, dimensions))
         self._state = self._last = None
         self._landings, self.breaks = [], []
-        self._watch = ReportWatch(sensor_rate)
+        self._intervals, self._warned = [], set()
 
     @property
     def time(self):
@@ -91,15 +103,24 @@ class FingerPath:
                 a first time that is more than 1 s from `time`, or a later one more than 1 s ahead both of it and of
                 the last report. The path is left as it was.
         """
-        times, places = check_reports(time, position, self.dimensions)
+        times, places = _as_reports(time, position, self.dimensions)
         if not len(times):
             return
-        last = self._times[-1:]
+        now, last = self.time, self._times[-1:]
         if not (np.diff(times, prepend=last) > 0).all():
             raise ValueError(f"`time` must ascend, report after report, got {times} after {last}.")
-        check_clock(times[0], self.time, last)
+        # later ones may lag behind (they came late), or follow one another ahead of the clock (a whole recording)
+        if not len(last) and abs(times[0] - now) > FAR_SECONDS:
+            raise ValueError(
+                f"The first `time` must be within {FAR_SECONDS:g} s of {now:.3f} s, got {times[0]:g}. {_CLOCK}"
+            )
+        if len(last) and times[0] - max(now, last[0]) > FAR_SECONDS:
+            raise ValueError(
+                f"`time` must be at most {FAR_SECONDS:g} s ahead of `stream.time`, {now:.3f} s, got {times[0]:g}. "
+                f"{_CLOCK}"
+            )
         self._append(times, places)
-        self._watch.see(times, last, self.time)
+        self._watch(times, last, now)
 
     def _append(self, times, places):
         known = np.concatenate([self._times[-1:], times])
@@ -114,14 +135,35 @@ class FingerPath:
         self._times = np.concatenate([self._times, times])
         self._places = np.concatenate([self._places, places])
 
+    def _watch(self, times, last, now):
+        """Warns, once each, of reports that drift away from the clock, or do not come at the sensor's rate."""
+        if abs(times[0] - now) > FAR_SECONDS:
+            self._warn(
+                "clock",
+                f"The finger is reported for {times[0]:.2f} s while the stream is at {now:.2f} s: what is read belongs "
+                "to another moment of it. Read as many samples as time passes, or shift the times (a recording that is "
+                "read after it was reported needs neither).",
+            )
+        self._intervals.extend(np.diff(times, prepend=last).tolist())
+        if len(self._intervals) < LEAST_INTERVALS or sum(self._intervals) <= WATCHED_SECONDS:
+            return
+        rate = 1 / float(np.median(self._intervals))  # rests and lifted fingers do not count
+        self._intervals = []
+        if not 1 / RATE_FACTOR <= rate / self.sensor_rate <= RATE_FACTOR:
+            self._warn(
+                "rate",
+                f"`sensor_rate` is {self.sensor_rate:g} Hz, but reports come at about {rate:.4g} Hz by their times. "
+                "With too high a rate the finger is taken to rest between reports, with too low a one it is followed "
+                "late. Give the sensor's own rate, and times in s.",
+            )
+
+    def _warn(self, kind, message):
+        if kind not in self._warned:
+            self._warned.add(kind)
+            warnings.warn(message, UserWarning, stacklevel=5)  # where `TextureStream.report` is called
+
     def advance(self, samples):
-        """Position and velocity of the next block.
-
-        Args:
-            samples (`int`): of the block.
-
-        Returns:
-            `tuple[np.ndarray, np.ndarray]`: (samples, dimensions) mm and mm/s.
+        """Position and velocity of the next block of `samples`: (samples, dimensions) each, mm and mm/s.
 
         Raises:
             ValueError: if `samples` is no whole number of at least 1.
@@ -154,3 +196,24 @@ class FingerPath:
         moved = np.diff(place, axis=0, prepend=self._last[None]) * self.sampling_rate
         self._last = place[-1]
         return place, moved
+
+
+def _as_reports(time, position, dimensions):
+    """Times (n,), s, and positions (n, dimensions), mm, float64; refuses other shapes and what is not finite."""
+    try:
+        times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+        places = np.asarray(position, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"`time` and `position` must be numbers, got {time!r} and {position!r}.") from error
+    row = () if dimensions == 1 else (dimensions,)
+    shapes = [(len(times), dimensions), (len(times), *row), *([row] if len(times) == 1 else [])]
+    if times.ndim != 1 or places.shape not in shapes:
+        form = "(n, 2), x and y in mm; for a line leave `dimensions=2` out"
+        if dimensions == 1:
+            form = "(n,), mm; for x and y make it with `dimensions=2`"
+        raise ValueError(
+            f"`time` and `position` must be of equal number, (n,) and {form}. Got {times.shape} and {places.shape}."
+        )
+    if not (np.isfinite(times).all() and np.isfinite(places).all()):
+        raise ValueError("`time` and `position` must be finite: leave out reports without a finger.")
+    return times, places.reshape(-1, dimensions)

@@ -13,18 +13,12 @@ LONGEST_MM = 10_000.0
 class Patches:
     """Patches in mm, each a corner and a size: (x, y, width, height), or (start, length) on a line.
 
-    They may overlap: the later one lies above.
-
-    Args:
-        patches (`Mapping[str, Sequence[float]]`): surface -> patch, all of two numbers or all of four; may be empty.
-        names (`Sequence[str]`): of all surfaces, from below.
+    They may overlap: the later one of `names`, which lists all surfaces, lies above. A ValueError for a patch of
+    another form, of an unknown surface, without extent, or longer than `LONGEST_MM`.
 
     Attributes:
         boxes (`dict[str, tuple[float, ...]]`): the patches, from below.
         dimensions (`int`): of a position, 1 or 2; 0 = there are no patches.
-
-    Raises:
-        ValueError: for a patch of another form, of an unknown surface, without extent, or longer than `LONGEST_MM`.
     """
 
     def __init__(self, patches, names):

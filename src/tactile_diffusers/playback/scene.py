@@ -60,16 +60,9 @@ class TextureScene:
     """
 
     def __init__(
-        self,
-        surfaces,
-        pipe,
-        patches=None,
-        seed=0,
-        num_inference_steps=None,
-        guidance_scale=1.0,
-        cache_size=8,
+        self, surfaces, pipe, patches=None, seed=0, num_inference_steps=None, guidance_scale=1.0, cache_size=8,
         rating_scale="z",
-    ):
+    ):  # fmt: skip
         _check_pipe(pipe)
         pipe.check_inputs(guidance_scale=guidance_scale)
         decoding_steps, self._latent_steps = pipe.resolve_steps(num_inference_steps)
@@ -91,13 +84,9 @@ class TextureScene:
 
     @classmethod
     def load(cls, path, pipe, cache_size=8):
-        """A scene from a file; DALE is not run, nor needed.
+        """A scene from a file that `save` wrote; DALE is not run, nor needed.
 
-        Args:
-            path (`str` or `Path`): that `save` wrote.
-            pipe (`TactileTexturePipeline`): of the checkpoint that the scene was made with, in any precision, with
-                `dale` or without.
-            cache_size (`int`, *optional*, defaults to 8): profiles kept.
+        `pipe` is of the checkpoint that the scene was made with, in any precision, with `dale` or without.
 
         Raises:
             FileNotFoundError: if there is no file.
@@ -125,12 +114,9 @@ class TextureScene:
             return tuple(self._profiles)
 
     def save(self, path):
-        """Writes ratings, patches, seed and latents to one file, 3 kB for each surface of one segment.
+        """Writes ratings, patches, seed and latents to one `.safetensors` file, 3 kB for each surface of one segment.
 
         DALE runs first if it has not run, so that a scene from a file never needs it.
-
-        Args:
-            path (`str` or `Path`): `.safetensors`, written under a temporary name and renamed.
 
         Raises:
             FileNotFoundError: if the folder does not exist.
@@ -141,10 +127,8 @@ class TextureScene:
     def at(self, position):
         """Name of the surface under a position, or `None` outside all patches.
 
-        There a stream goes on with the last surface: read it with `normal_force=0` for no force.
-
-        Args:
-            position (`float` or `Sequence[float]`): (dimensions,), mm.
+        `position` is (dimensions,), mm. Outside a stream goes on with the last surface: read it with `normal_force=0`
+        for no force.
 
         Raises:
             ValueError: if the position is not finite or of other dimensions, or the scene has no patches.
@@ -179,19 +163,11 @@ class TextureScene:
         return names
 
     def profile(self, name):
-        """The texture of a surface over position, decoded if it is not in the cache.
+        """The [`TextureProfile`] of a surface, decoded if it is not in the cache.
 
-        Args:
-            name (`str`): of the surface.
-
-        Returns:
-            [`TextureProfile`]: at least as long as the longest stroke within the surface's patch.
-
-        Raises:
-            ValueError: for an unknown name.
+        It is at least as long as the longest stroke within the surface's patch. A ValueError for an unknown name.
         """
-        index = self._index(name)
-        found = self._cached(name)
+        index, found = self._index(name), self._cached(name)
         if found is not None:
             return found
         self._ensure_latents()
@@ -208,11 +184,7 @@ class TextureScene:
     def friction_coefficient(self, name):
         """Friction coefficient (`float`) of a surface, for `TextureStream`; NaN if the checkpoint does not know it.
 
-        Args:
-            name (`str`): of the surface.
-
-        Raises:
-            ValueError: for an unknown name.
+        A ValueError for an unknown name.
         """
         index = self._index(name)
         self._ensure_latents()

@@ -53,16 +53,9 @@ class TextureStream:
     """
 
     def __init__(
-        self,
-        profile,
-        friction_coefficient,
-        sensor_rate,
-        sampling_rate=DEVICE_RATE,
-        force_exponent=FORCE_EXPONENT,
-        speed_exponent=SPEED_EXPONENT,
-        cutoff=CUTOFF_HZ,
-        dimensions=1,
-    ):
+        self, profile, friction_coefficient, sensor_rate, sampling_rate=DEVICE_RATE, force_exponent=FORCE_EXPONENT,
+        speed_exponent=SPEED_EXPONENT, cutoff=CUTOFF_HZ, dimensions=1,
+    ):  # fmt: skip
         check_number("sampling_rate", sampling_rate, "Hz", above=2 * BAND_HZ[1])
         self._finger = FingerPath(sampling_rate, sensor_rate, cutoff, dimensions)
         self.sampling_rate = sampling_rate

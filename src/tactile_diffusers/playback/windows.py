@@ -21,7 +21,7 @@ _LOCKS = weakref.WeakKeyDictionary()
 
 
 class WindowGenerator:
-    """Generates the windows of one endless surface with a pipeline of this process.
+    """Generates the windows of one endless surface, with a pipeline of this process or (`GeneratingProcess`) another.
 
     Windows begin `spacing` mm after each other and overlap by a quarter. Each is a take of the same ratings, with
     the level, mean spectrum and friction coefficient of take 0. Where two overlap, their latents fade into each other
@@ -138,7 +138,7 @@ class WindowGenerator:
 
 
 def interrupt(pipe):
-    """Interrupts a running pipeline from another thread: diffusers' own way, which otherwise callbacks use."""
+    """Interrupts a running pipeline from another thread, as diffusers' callbacks do."""
     pipe._interrupt = True
 
 
