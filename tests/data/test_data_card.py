@@ -16,7 +16,7 @@ from tactile_diffusers.data.card import describe, write_card
 from tactile_diffusers.data.card.advice import warnings_of
 from tactile_diffusers.data.card.measure import describe_answers, relate
 from tactile_diffusers.data.folder import ConversionReport
-from tactile_diffusers.data.folder.lag import Lag
+from tactile_diffusers.data.folder.clocks import Lag
 from tactile_diffusers.data.splits import HoldOut
 from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.cli.dataset_ratings import read_ratings_file
-from tactile_diffusers.data.folder.layout import load_layout
+from tactile_diffusers.data.folder import load_layout
 from tactile_diffusers.data.folder.rating_tables import read_ratings
 from tactile_diffusers.display import DriveProfile
 from tactile_diffusers.display.drive_files import read_drive_calibration

@@ -25,7 +25,7 @@ from tactile_diffusers.data import (
     SegmentLimits,
     prepare_recordings,
 )
-from tactile_diffusers.data.folder.layout import load_layout
+from tactile_diffusers.data.folder import load_layout
 from tactile_diffusers.data.folder.tables import list_tables
 from tactile_diffusers.display import DriveProfile
 from tactile_diffusers.export import FORMATS, read_generated

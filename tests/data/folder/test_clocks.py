@@ -6,8 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_diffusers.data import RecordingsFile
-from tactile_diffusers.data.folder.clocks import Timed, Unusable, on_one_clock, on_stamps, velocity_from_position, whole
-from tactile_diffusers.data.folder.lag import residual_lag
+from tactile_diffusers.data.folder.clocks import (
+    Timed,
+    Unusable,
+    on_one_clock,
+    on_stamps,
+    residual_lag,
+    velocity_from_position,
+    whole,
+)
 
 
 def column(values):

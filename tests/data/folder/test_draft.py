@@ -13,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_diffusers.data import RecordingsFile
-from tactile_diffusers.data.folder import draft_groups, draft_layout, inspect_folder
+from tactile_diffusers.data.folder import draft_layout, draft_tables, inspect_folder, load_layout
 from tactile_diffusers.data.folder.convert import convert_folder
-from tactile_diffusers.data.folder.layout import load_layout
 
 SECONDS = 2
 UNITS, SIGN = "N, mN, gf, 1 for counts", "1 if pressing is positive in z, else -1"
@@ -332,7 +331,7 @@ def test_what_is_not_looked_at_is_listed(foreign):
     with h5py.File(foreign / "recordings.h5", "w") as file:
         file.attrs["format"] = "tactile-recordings"
     inventory = inspect_folder(foreign, quiet=True)
-    text, reasons = str(inventory), inventory.files.skipped
+    text, reasons = str(inventory), inventory.skipped
     for path, reason in {
         "empty.csv": "empty",
         "gone.csv": "may not be read, or is a broken link",
@@ -368,8 +367,8 @@ def test_no_folder_stops_the_inspection(tmp_path_factory, files):
 def test_few_files_are_opened(tmp_path, monkeypatch):
     for name in (f"texture_{surface}/P1_{kind}.csv" for surface in range(40) for kind in ("force", "position")):
         table(tmp_path / name, {"x": [1.0, 2.0], "y": [3.0, 4.0]})
-    opened, real = [], draft_groups.list_tables
-    monkeypatch.setattr(draft_groups, "list_tables", lambda path, *a, **k: opened.append(path) or real(path, *a, **k))
+    opened, real = [], draft_tables.list_tables
+    monkeypatch.setattr(draft_tables, "list_tables", lambda path, *a, **k: opened.append(path) or real(path, *a, **k))
     inspect_folder(tmp_path, quiet=True)
     assert len(opened) == len(set(opened)) == 6
 
@@ -378,19 +377,18 @@ def test_large_folders_and_tables_are_cut_short(tmp_path, monkeypatch):
     """Many files of one sensor do not hide another."""
     limits = {"MOST_FILES": 25, "MOST_IN_FOLDER": 10, "HEAD_ROWS": 50, "LARGEST_OPENED": 1000}
     for name, limit in limits.items():
-        monkeypatch.setattr(draft_groups, name, limit)
-    monkeypatch.setattr("tactile_diffusers.data.folder.draft_columns.HEAD_ROWS", 50)
+        monkeypatch.setattr(draft_tables, name, limit)
     for kind in ("force", "position", "torque"):
         for surface in range(15):
             table(tmp_path / kind / f"{surface:02d}.csv", {"x": np.arange(100.0), "y": 0.0, "z": 1.0})
     inventory = inspect_folder(tmp_path, quiet=True)
-    assert [len(group.files.names) for group in inventory.groups] == [10, 10, 5] and inventory.files.truncated
+    assert [len(group.files.names) for group in inventory.groups] == [10, 10, 5] and inventory.truncated
     facts = inventory.groups[0].first
     assert facts.table.rows == 50 and not facts.complete and inventory.groups[0].seconds is None
     assert "the folder has more files than are listed" in str(inventory)
     (tmp_path / "npz").mkdir()
     np.savez(tmp_path / "npz" / "felt.npz", force=force())
-    assert "read as a whole: not opened" in inspect_folder(tmp_path / "npz", quiet=True).files.skipped["felt.npz"]
+    assert "read as a whole: not opened" in inspect_folder(tmp_path / "npz", quiet=True).skipped["felt.npz"]
 
 
 @pytest.mark.parametrize("content", [{}, {"alpha": [1.5, 2.5], "beta": [3.5, 1.0]}])

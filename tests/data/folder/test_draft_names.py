@@ -2,10 +2,10 @@
 
 import pytest
 
-from tactile_diffusers.data.folder.draft_columns import split_unit
 from tactile_diffusers.data.folder.draft_names import assign_roles, group_names
-from tactile_diffusers.data.folder.patterns import Pattern
+from tactile_diffusers.data.folder.draft_tables import split_unit
 from tactile_diffusers.data.folder.rating_tables import pair_names
+from tactile_diffusers.data.folder.sources import Pattern
 
 NAMES = {
     "sliding/{surface}/P{explorer}_force.csv": [

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactile_diffusers.data.folder import layout as layout_module
-from tactile_diffusers.data.folder.layout import load_layout
-from tactile_diffusers.data.folder.patterns import Pattern
+from tactile_diffusers.data.folder import layout_text, load_layout
+from tactile_diffusers.data.folder.sources import Pattern
 
 EXAMPLE = textwrap.dedent(layout_module.__doc__.split("\n\n", 1)[1].split("\n\nThe classes below")[0])
 
@@ -164,7 +164,7 @@ def test_any_odd_value_is_accepted_or_named(tmp_path, monkeypatch, path):
         inner[last] = value
         if value is None:  # TOML has none: the key is not there
             del inner[last]
-        monkeypatch.setattr(layout_module.tomllib, "loads", lambda text, content=content: content)
+        monkeypatch.setattr(layout_text.tomllib, "loads", lambda text, content=content: content)
         try:
             assert load_layout(tmp_path / "layout.toml").files
         except ValueError as error:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tactile_diffusers.data.folder.layout import load_layout
+from tactile_diffusers.data.folder import load_layout
 from tactile_diffusers.data.folder.rating_tables import read_ratings
 
 SURFACES = ("felt", "glass", "wood")

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data import RecordingsFile, prepare_recordings
-from tactile_diffusers.data.folder import draft_layout, inspect_folder
+from tactile_diffusers.data.folder import draft_layout, inspect_folder, load_layout
 from tactile_diffusers.data.folder.convert import convert_folder
 from tactile_diffusers.data.folder.folder_export import export_folder
-from tactile_diffusers.data.folder.layout import load_layout
 from tactile_diffusers.virtual import generate_recordings
 
 #: Answers to every TODO in the draft of an exported folder.

@@ -77,7 +77,7 @@ def batch(convert, tmp_path):
 
 def test_every_header_is_read(batch, tmp_path):
     inventory = inspect_folder(tmp_path / "root", quiet=True)
-    found = "denim/P02_1.csv, denim/P02_2.csv; the first of them has t, fx, fy, fz_mN, px."
+    found = "'denim/P02_1.csv', 'denim/P02_2.csv'; the first of them has t, fx, fy, fz_mN, px."
     doubt = f"2 of 12 files have other columns: {found}"
     assert doubt in str(inventory) and doubt in draft_layout(inventory)
 

@@ -14,7 +14,7 @@ from ...io.reading import reading
 from ...signal import RATING_AXES, band_edges, band_levels_db
 from ...signal.rating_scales import RATING_SCALE
 from ..dataset import PreparedDataset
-from ..folder.conversion_report import REPORT_ATTRIBUTE, notes_in_words
+from ..folder.convert import REPORT_ATTRIBUTE, notes_in_words
 from ..ratings import LEAST_COMMON, axis_correlation, rating_reliability
 from ..recordings import RecordingsFile
 from ..segments import SegmentLimits

@@ -8,7 +8,7 @@ import jinja2
 from ...io.files import check_parent, whole_folder
 from ...io.reading import read_json
 from ...signal import RATING_AXES
-from ..folder.conversion_report import notes_in_words
+from ..folder.convert import notes_in_words
 from ..prepare import prepare_recordings
 from ..recordings import RecordingsFile
 from ..segments import limits_in_words

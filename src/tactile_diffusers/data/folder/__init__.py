@@ -1,11 +1,10 @@
 """Anyone's folder of recordings, described by `layout.toml`, and `recordings.h5` written out as such a folder."""
 
-from .conversion_report import ConversionReport
-from .convert import convert_folder
-from .draft import inspect_folder
-from .draft_text import draft_layout
+from .convert import ConversionReport, convert_folder
+from .draft import draft_layout, inspect_folder
 from .folder_export import export_folder
-from .layout import Layout, load_layout
+from .layout import Layout
+from .layout_text import load_layout
 from .recording import read_recording
 
 __all__ = [

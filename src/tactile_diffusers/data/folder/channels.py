@@ -15,10 +15,10 @@ from .clocks import (
     bridged,
     on_one_clock,
     on_stamps,
+    residual_lag,
     velocity_from_position,
     whole,
 )
-from .lag import residual_lag
 
 #: Median speeds of a finger (mm/s) outside of this are probably in another unit (recipe).
 LIKELY_SPEED = (1.0, 1000.0)

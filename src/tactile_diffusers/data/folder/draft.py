@@ -5,22 +5,27 @@ from names, units and numbers. Every guess is reported; what cannot be guessed i
 with a TODO is refused.
 """
 
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePath
 
-from .clocks import SHORTEST_SHARE
-from .draft_groups import FileList, TableGroup, list_files, open_groups
+from .clocks import SHORTEST_SHARE, whole
 from .draft_names import assign_roles, content_of
 from .draft_ratings import RatingsGuess, guess_ratings
-from .draft_text import listing
-from .layout import TODO
-from .patterns import Pattern
+from .draft_tables import HEAD_ROWS, TableGroup, list_files, open_groups
+from .layout import CHANNEL_UNITS, FORMAT, TODO, VERSION, VelocityLayout
+from .layout_text import toml_comment, toml_table
 from .rating_tables import pair_names
-from .tables import read_table
+from .sources import Pattern
+from .tables import few, read_table
 
 #: Rows that are read of each csv file, enough to find its header.
 HEADER_ROWS = 5
+#: Kinds of tables, columns of one, and other things that are listed.
+MOST_GROUPS, MOST_COLUMNS, MOST_LISTED = 40, 24, 12
+#: The mean of z must be this share of its range for its sign to decide which way is pressing (recipe).
+CLEAR_SIGN = 0.1
 
 
 @dataclass
@@ -28,8 +33,10 @@ class FolderInventory:
     """What is in a folder; `str` prints it for a terminal.
 
     Attributes:
-        root (`Path`): the folder.
-        files (`FileList`): its files, and those that were not looked at with the reason.
+        root (`Path`): the folder. Paths in it are relative and written with "/".
+        files, others (`list[str]`): files that may be tables, and other files.
+        skipped (`dict[str, str]`): files that were not looked at -> the reason.
+        truncated (`bool`): there are more files.
         groups (`list[TableGroup]`): tables of one kind each.
         ratings (`RatingsGuess` or `None`): what looks like answers of raters.
         surface_names (`dict[str, str]`): name in the ratings -> name in the recordings, where they differ.
@@ -37,7 +44,10 @@ class FolderInventory:
     """
 
     root: Path
-    files: FileList
+    files: list[str]
+    others: list[str]
+    skipped: dict[str, str]
+    truncated: bool
     groups: list[TableGroup] = field(default_factory=list)
     ratings: RatingsGuess | None = None
     surface_names: dict = field(default_factory=dict)
@@ -49,10 +59,9 @@ class FolderInventory:
         return [group for group in self.groups if group.channels]
 
     @property
-    def unused(self):
-        """Groups that hold neither recordings nor the ratings."""
-        rated = self.ratings.group if self.ratings else None
-        return [group for group in self.groups if not group.channels and group is not rated]
+    def held(self):
+        """Names of all channels."""
+        return {name for group in self.recorded for name in group.channels}
 
     @property
     def surfaces(self):
@@ -60,7 +69,20 @@ class FolderInventory:
         return max((group.surfaces for group in self.recorded), key=len, default=[])
 
     def __str__(self):
-        return listing(self)
+        total = len(self.files) + len(self.others) + len(self.skipped)
+        lines = [f"{self.root}: {total} files, {len(self.groups)} kinds of tables" + " (and more)" * self.truncated]
+        for group in self.groups[:MOST_GROUPS]:
+            lines += ["", *_listed(group, self.ratings)]
+        if len(self.groups) > MOST_GROUPS:
+            lines += ["", f"and {len(self.groups) - MOST_GROUPS} more kinds of tables"]
+        lines.append("")
+        if self.others:
+            endings = Counter(PurePath(path).suffix or path for path in self.others)
+            lines.append("no tables: " + ", ".join(f"{count} {ending}" for ending, count in endings.most_common()))
+        lines += _first(f"not looked at: {path}: {reason}" for path, reason in self.skipped.items())
+        pairs = self.surface_names.items()
+        lines += _first(f"{theirs!r} in the ratings is {ours!r} in the recordings (guess)" for theirs, ours in pairs)
+        return "\n".join(lines + [f"check: {doubt}" for doubt in self.doubts])
 
 
 def inspect_folder(root, quiet=False):
@@ -81,8 +103,8 @@ def inspect_folder(root, quiet=False):
         FileNotFoundError: if there is no folder.
     """
     root = Path(root)
-    inventory = FolderInventory(root, list_files(root))
-    inventory.groups = open_groups(root, inventory.files, quiet)
+    inventory = FolderInventory(root, *list_files(root))
+    inventory.groups = open_groups(root, inventory.files, inventory.skipped, quiet)
     rated = []
     for group in inventory.groups:
         if group.tables and guess_ratings(group, set()) is not None:
@@ -183,20 +205,177 @@ def _doubts_on_headers(root, group):
     usual = group.first.table.names
     odd = {path.relative_to(root).as_posix(): names for path, names in columns.items() if names and names != usual}
     if odd:
-        more = f" and {len(odd) - 3} more" if len(odd) > 3 else ""
         yield (
-            f"{len(odd)} of {len(group.files.names)} files have other columns: {', '.join(sorted(odd)[:3])}{more}; the "
+            f"{len(odd)} of {len(group.files.names)} files have other columns: {few(sorted(odd), 3)}; the "
             f"first of them has {', '.join(odd[min(odd)])}. Give them a [[files]] of their own, with `where`"
         )
 
 
 def _doubts_on_folder(inventory):
-    held = {name for group in inventory.recorded for name in group.channels}
+    held = inventory.held
     if not held & {"force", "lateral"}:
         yield "no force was recognised"
     if "force" in held and not held & {"position", "velocity"}:
         yield "no position or velocity was recognised: the sliding direction is unknown"
     if inventory.ratings is None:
         yield "no ratings were recognised"
-    if inventory.files.truncated:
+    if inventory.truncated:
         yield "the folder has more files than are listed; what does not vary in the names of these may in the others"
+
+
+def _first(lines):
+    lines = list(lines)
+    return lines[:MOST_LISTED] + [f"and {len(lines) - MOST_LISTED} more such lines"] * (len(lines) > MOST_LISTED)
+
+
+def _listed(group, ratings):
+    count = len(group.files.names)
+    lines = [f"{group.place}   {count} file{'s' * (count > 1)}, {group.kind}"]
+    lines += [f"    {item.role or 'varies'}: {item}" for item in group.fields]
+    if not group.tables:
+        return [*lines, "    not opened"]
+    facts, (rate, rate_from) = group.first, group.rate
+    rows = f"{facts.table.rows} rows" if facts.complete else f"{HEAD_ROWS} rows and more"
+    clock = f", {rate:.6g} Hz (from {rate_from})" if rate else ""
+    seconds = f", {group.seconds:.1f} s" if group.seconds else ""
+    lines.append(f"    {rows}{clock}{seconds}; {len(group.tables)} opened, ranges of all of them:")
+    meaning, doubts = ", ".join(group.channels), group.doubts
+    if ratings is not None and ratings.group is group:
+        meaning, doubts = f"ratings ({ratings.keys['form']}) on {', '.join(ratings.axes)}", doubts + ratings.doubts
+    used = {column.name: f"{name} {axis}" for name, axes in group.channels.items() for axis, column in axes.items()}
+    width = max(len(column.name) for column in facts.columns)
+    for column in facts.columns[:MOST_COLUMNS]:
+        same = [other for table in group.tables for other in table.columns if other.name == column.name]
+        span = f"{min(c.low for c in same):.4g} .. {max(c.high for c in same):.4g}"
+        span = f"text, {column.distinct} different" if column.measures == "text" else span
+        span += f", {column.missing} missing" * bool(column.missing)
+        known = "" if column.measures in ("text", "number") else f"({column.measures} {column.axis}".strip() + ")"
+        known = used.get(column.name, known)
+        lines.append(f"      {column.name:<{width}}  {column.unit or '-':<5} {span:<28} {known}".rstrip())
+    more = len(facts.table.names) - MOST_COLUMNS
+    lines += [f"      and {more} more columns"] * (more > 0) + [f"    guess: {meaning or 'not used'}"]
+    return lines + [f"    check: {doubt}" for doubt in doubts]
+
+
+def draft_layout(inventory):
+    """Drafts a `layout.toml`: what was inferred with the evidence, and "TODO: ..." where nothing decides.
+
+    Always to be filled in are the licence, the source, and which word the largest answer on each axis means.
+
+    Args:
+        inventory (`FolderInventory`): of `inspect_folder`.
+
+    Returns:
+        `str`: TOML. `load_layout` refuses it, naming the keys, until no TODO is left.
+    """
+    held, ratings = inventory.held, inventory.ratings
+    blocks = [_head(inventory), *map(_files, inventory.recorded)]
+    if not held & {"force", "lateral"}:
+        missing = {
+            "pattern": f"{TODO}: the files with force, such as {{surface}}/{{explorer}}_force.csv",
+            "force": f"{TODO}: {{ x, y, z = columns, unit, normal_sign }}, or remove this and give lateral",
+        }
+        blocks.append(toml_table("[[files]]", missing))
+    elif "force" in held and not held & {"position", "velocity"}:
+        ask = "the files with position or velocity; or, if x is the sliding direction, give it as lateral above"
+        blocks.append(toml_table("[[files]]", {"pattern": f"{TODO}: {ask}"}))
+    rated = ratings.group if ratings else None
+    unused = [group for group in inventory.groups if not group.channels and group is not rated]
+    if unused:
+        blocks.append("\n".join(["# Not used:", *(toml_comment(group.place) for group in unused)]))
+    if "position" in held:
+        header = "[velocity]  # of the filter that makes velocity from position"
+        blocks.append(toml_table(header, VelocityLayout().model_dump(), {"window": "s"}))
+    if ratings is not None:
+        first_line = rated.first.table.first_line
+        keys = {"pattern": rated.files.pattern, **_inside(rated), **ratings.keys}
+        keys |= {"header": first_line - 1} if first_line not in (None, 2) else {}
+        blocks += ["\n".join([*_checks(ratings.doubts), toml_table("[ratings]", keys, ratings.comments)])]
+        blocks[-1] += "\n" + toml_table("[ratings.axes]", ratings.axes)
+    if inventory.surface_names:
+        header = "# name in the ratings = name in the recordings: paired by numbers or spelling, check them"
+        blocks.append(toml_table(f"{header}\n[surface_names]", inventory.surface_names))
+    return "\n\n".join(blocks) + "\n"
+
+
+def _head(inventory):
+    licences = [path for path in inventory.others if "licen" in path.lower() or "readme" in path.lower()]
+    see = f"; see {', '.join(licences[:2])}" if licences else ""
+    facts = {
+        "format": FORMAT,
+        "version": VERSION,
+        "source": f"{TODO}: what these data are and where they come from",
+        "licence": f"{TODO}: under which licence{see}",
+    }
+    drafted = f"Drafted from {inventory.root.resolve().name}: check every line, fill in what holds {TODO}."
+    return "\n".join([toml_comment(drafted), *_checks(inventory.doubts), toml_table("", facts)])
+
+
+def _checks(doubts):
+    return [toml_comment(f"check: {doubt}") for doubt in doubts]
+
+
+def _files(group):
+    """One `[[files]]`."""
+    facts, comments = group.first, {}
+    rows = f"first {HEAD_ROWS} rows" if not facts.complete else f"{facts.table.rows} rows"
+    lines = [f"# files: {len(group.files.names)}; {rows} of {len(group.tables)} looked at"]
+    lines += [toml_comment(f"{item.role}: {item}") for item in group.fields if item.role]
+    keys = {"pattern": group.files.pattern, **_inside(group)}
+    if group.field_of("surface") is None:
+        keys["pattern"] = f"{TODO}: put {{surface}} where its name stands in {group.files.pattern}"
+    keys |= _clock(group, comments)
+    for name, columns in group.channels.items():
+        keys[name], comments[name] = _channel(group, name, columns)
+    return "\n".join([*lines, *_checks(group.doubts), toml_table("[[files]]", keys, comments)])
+
+
+def _inside(group):
+    key = "sheet" if group.kind == "xlsx" else "inside"
+    return {key: group.inside.pattern} if group.inside else {}
+
+
+def _clock(group, comments):
+    """`time` or `rate`."""
+    facts = group.first
+    time = facts.measuring("time").get("")
+    rate, rate_from = group.rate
+    if rate is not None:
+        rate = float(f"{whole(rate):.6g}")
+    if time is not None and not facts.stamps_coarse and time.high > time.low:
+        comments["time"] = f"{rate:g} Hz" if rate else "the unit is unknown"
+        return {"time": {"column": _column(facts, time), "unit": facts.time_unit or f"{TODO}: s, ms or us"}}
+    if rate is None:
+        return {"rate": f"{TODO}: samples per second"}
+    comments["rate"] = f"Hz, from {rate_from}" + ", whose stamps are coarser than the samples" * facts.stamps_coarse
+    return {"rate": rate}
+
+
+def _column(facts, column):
+    """Its name, or its index where columns have none."""
+    names = facts.table.names
+    return names.index(column.name) if names == [str(i) for i in range(len(names))] else column.name
+
+
+def _channel(group, name, columns):
+    """Inline table of a channel, and the evidence."""
+    axes = {axis or "column": _column(group.first, column) for axis, column in columns.items()}
+    units = {column.unit for column in columns.values()}
+    unit = " and ".join(map(str, sorted(units, key=str))) if len(units) > 1 else units.pop()
+    largest = max(max(abs(column.low), abs(column.high)) for column in columns.values())
+    channel, evidence = axes | {"unit": unit}, f"up to {largest:.3g}"
+    if unit not in CHANNEL_UNITS[name]:
+        named = f"; the name says {unit}" if unit else ""
+        counts = " for counts" if "1" in CHANNEL_UNITS[name] else ""
+        channel["unit"] = f"{TODO}: {', '.join(CHANNEL_UNITS[name])}{counts}{named}"
+    if group.kind == "wav":
+        channel["scale"] = f"{TODO}: N at full scale of the sound file"
+    if name == "force":
+        z = columns["z"]
+        evidence = f"z is {z.mean:.4g} on average, from {z.low:.4g} to {z.high:.4g}"
+        if abs(z.mean) >= CLEAR_SIGN * max(z.high - z.low, 1e-30):
+            channel["normal_sign"] = 1 if z.mean > 0 else -1
+            evidence += f": pressing is {'positive' if z.mean > 0 else 'negative'}"
+        else:
+            channel["normal_sign"] = f"{TODO}: 1 if pressing is positive in z, else -1"
+    return channel, evidence

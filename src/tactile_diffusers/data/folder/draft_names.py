@@ -63,11 +63,6 @@ class NameField:
         parts = {value: re.split(r"(\d+)", value) for value in self.values}
         return sorted(parts, key=lambda value: [(p.isdigit(), int(p) if p.isdigit() else p) for p in parts[value]])
 
-    @property
-    def text(self):
-        """As it stands in the pattern; "*" without a role."""
-        return f"{{{self.role}}}" if self.role else "*"
-
     def __str__(self):
         distinct = self.distinct
         return f"{', '.join(distinct[:3])}{', ..' * (len(distinct) > 3)} ({len(distinct)} values)"
@@ -86,8 +81,14 @@ class NameGroup:
 
     @property
     def pattern(self):
-        """The text of a `Pattern`; "*" stands for characters that have a meaning there."""
-        return "".join(re.sub(r"[{}\\]", "*", item) if isinstance(item, str) else item.text for item in self.items)
+        """The text of a `Pattern`; "*" stands for fields without a role and for characters with a meaning there."""
+        text = ""
+        for item in self.items:
+            if isinstance(item, str):
+                text += re.sub(r"[{}\\]", "*", item)
+            else:
+                text += f"{{{item.role}}}" if item.role else "*"
+        return text
 
     @property
     def words(self):

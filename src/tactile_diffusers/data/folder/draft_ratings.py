@@ -4,8 +4,8 @@ import re
 from dataclasses import dataclass, field
 
 from ...signal import RATING_AXES
-from .draft_groups import TableGroup
 from .draft_names import FIELD_WORDS, words_of
+from .draft_tables import TableGroup
 from .layout import AXIS_WORDS, TODO
 
 #: Words in names of columns, sheets and files for an axis; those of no axis of ours are known as adjectives.

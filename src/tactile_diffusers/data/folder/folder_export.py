@@ -10,8 +10,8 @@ from ...io.files import check_parent, whole_folder
 from ...signal.rating_scales import RATING_SCALE
 from ..recordings import VELOCITY_UNIT, RecordingsFile
 from .layout import AXIS_WORDS, FORMAT, VERSION
+from .layout_text import toml_table, toml_value
 from .sources import HIDDEN_PREFIXES
-from .toml_text import toml_table, toml_value
 
 #: Text with so many digits gives back every float32.
 FLOAT32_TEXT = "%.9g"
@@ -73,28 +73,26 @@ def _check_names(source):
 
 def _write_recording(folder, recording):
     """Writes the files of one recording; returns the `[[files]]` that describe them."""
-    channels = {}
-    if recording.force is None:
-        channels["lateral"] = ({"column": "lateral"}, recording.lateral[:, None], recording.rate, recording.unit)
-    elif recording.velocity is None:
+    if recording.force is not None and recording.velocity is None:
         raise ValueError(
             f"{recording.name} has 3-D `force` but no `velocity`, which a layout cannot describe: store `velocity`, or "
             "the projected force as `lateral`."
         )
-    else:
-        channels["force"] = (dict(x="fx", y="fy", z="fz"), recording.force, recording.rate, recording.unit)
-    if recording.velocity is not None:
-        axes = dict(x="vx", y="vy")
-        channels["velocity"] = (axes, recording.velocity, recording.velocity_rate, VELOCITY_UNIT)
+    described = {  # columns, more keys, values, rate, unit
+        "force": (dict(x="fx", y="fy", z="fz"), {"normal_sign": 1}, recording.force, recording.rate, recording.unit),
+        "lateral": ({"column": "lateral"}, {}, recording.lateral, recording.rate, recording.unit),
+        "velocity": (dict(x="vx", y="vy"), {}, recording.velocity, recording.velocity_rate, VELOCITY_UNIT),
+    }
     place, entries = folder / recording.surface / recording.explorer, []
     place.mkdir(parents=True, exist_ok=True)
-    for name, (axes, values, rate, unit) in channels.items():
-        described = {axis: f"{column}_{_UNIT_NAMES[unit]}" for axis, column in axes.items()}
-        ending = f"{name}_{toml_value(rate)}Hz.csv"
-        _write_csv(place / f"{recording.trial}_{ending}", list(described.values()), values)
-        described |= {"unit": unit} | ({"normal_sign": 1} if name == "force" else {})
-        keys = {"pattern": "{surface}/{explorer}/{trial}_" + ending, "rate": rate, name: described}
-        entries.append(toml_table(keys, header="[[files]]"))
+    for channel, (columns, more, values, rate, unit) in described.items():
+        if values is None:
+            continue
+        columns = {axis: f"{column}_{_UNIT_NAMES[unit]}" for axis, column in columns.items()}
+        ending = f"{channel}_{toml_value(rate)}Hz.csv"
+        _write_csv(place / f"{recording.trial}_{ending}", list(columns.values()), values.reshape(len(values), -1))
+        keys = {"pattern": "{surface}/{explorer}/{trial}_" + ending, "rate": rate}
+        entries.append(toml_table("[[files]]", keys | {channel: columns | {"unit": unit} | more}))
     return entries
 
 
@@ -117,7 +115,7 @@ def _layout_text(source, entries):
     """The whole `layout.toml`."""
     facts = {"format": FORMAT, "version": VERSION}
     facts |= {name: str(source.attributes.get(name, "not stated")) for name in ("source", "licence")}
-    blocks = [toml_table(facts), *entries]
+    blocks = [toml_table("", facts), *entries]
     if source.ratings is not None:
         ratings = {"pattern": "ratings.csv", "form": "long", "rater": "rater", "surface": "surface"}
         ratings["scale"] = list(RATING_SCALE)
@@ -125,5 +123,5 @@ def _layout_text(source, entries):
         for axis in source.ratings.axes:
             words = AXIS_WORDS.get(axis, (f"not {axis}", axis))
             axes[axis] = {"column": axis, "high": words[1], "words": list(words)}
-        blocks += [toml_table(ratings, header="[ratings]"), toml_table(axes, header="[ratings.axes]")]
+        blocks += [toml_table("[ratings]", ratings), toml_table("[ratings.axes]", axes)]
     return "\n\n".join(blocks) + "\n"

@@ -39,37 +39,66 @@ Files of a batch that differ in columns or units get a [[files]] of their own, w
 `where = { surface = "denim", explorer = "02" }`; entries without `where` leave them to it.
 """
 
-import difflib
-import tomllib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    PrivateAttr,
+    field_validator,
+    model_validator,
+)
 
-from ...io.reading import reading
 from ...signal import RATING_AXES
-from .layout_keys import Column, Keys, Positive, TableKeys
+from .sources import Pattern
+from .tables import KINDS, TREE_KINDS, kind_of
 
 FORMAT = "tactile-layout"
 VERSION = 1
 #: What a value or name holds that is still to be filled in.
 TODO = "TODO"
-#: Characters of a line: tomllib takes the square of a key's length, minutes for 200 kB of dots.
-LONGEST_LINE = 10_000
-#: N per unit of force; "1" = uncalibrated counts.
+#: s per unit of time; N per unit of force, where "1" = uncalibrated counts; mm and mm/s per unit of motion.
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 FORCE_UNITS = {"N": 1.0, "mN": 1e-3, "gf": 9.80665e-3, "1": 1.0}
-#: mm per unit of position, and mm/s per unit of velocity.
 LENGTH_UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3}
 SPEED_UNITS = {"mm/s": 1.0, "cm/s": 10.0, "m/s": 1000.0}
-#: s per unit of time.
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 #: The units of each channel.
 CHANNEL_UNITS = {"force": FORCE_UNITS, "lateral": FORCE_UNITS, "position": LENGTH_UNITS, "velocity": SPEED_UNITS}
 #: The words at 0 and at 8 of our axes (pairs of SENS3, arXiv 2401.01818).
 AXIS_WORDS = dict(zip(RATING_AXES, (("smooth", "rough"), ("flat", "bumpy"), ("sticky", "slippery")), strict=True))
 
 
-class _Measured(Keys):
+def _column(value):
+    if not isinstance(value, str) and (type(value) is not int or value < 0):
+        raise ValueError("must be the name of a column, or its number from 0")
+    return value
+
+
+def _pattern(value):
+    if not isinstance(value, str):
+        raise ValueError("must be a text")
+    return Pattern(value)
+
+
+Column = Annotated[Any, PlainValidator(_column)]
+PatternText = Annotated[Pattern, BeforeValidator(_pattern)]
+Positive = Annotated[float, Field(gt=0)]
+Pair = Field(min_length=2, max_length=2)
+
+
+class _Keys(BaseModel):
+    """A table of which every key is known and of the right type."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True
+    )
+
+
+class _Measured(_Keys):
     """Columns with a unit."""
 
     @model_validator(mode="after")
@@ -132,7 +161,49 @@ class Velocity(_Measured):
     unit: Literal[tuple(SPEED_UNITS)]
 
 
-class FilesLayout(TableKeys):
+class _Tables(_Keys):
+    """Which files are meant, and how their tables are stored.
+
+    Attributes:
+        pattern (`Pattern`): relative path with the fields; `*` and fields of other names are ignored.
+        kind (`str`): of `tables.KINDS`; default: by the extension.
+        inside, sheet (`Pattern` or `None`): place inside of mat, hdf5 and npz, or of xlsx; may hold the fields, too.
+        delimiter (`str` or `None`), header (`int` or `None`): of `tables.read_table`.
+    """
+
+    pattern: PatternText
+    kind: Literal[tuple(sorted(set(KINDS.values())))]
+    inside: PatternText | None = None
+    sheet: PatternText | None = None
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    header: Annotated[int, Field(ge=0)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _kind_by_extension(cls, content):
+        if isinstance(content, dict) and isinstance(content.get("pattern"), str):
+            return {"kind": kind_of(content["pattern"])} | content
+        return content
+
+    @model_validator(mode="after")
+    def _check_places(self):
+        for name, kinds in (("inside", TREE_KINDS), ("sheet", ("xlsx",))):
+            if getattr(self, name) is not None and self.kind not in kinds:
+                raise ValueError(f"`{name}` is for {', '.join(kinds)}, not for {self.kind}: remove it")
+        return self
+
+    @property
+    def place(self):
+        """`inside` or `sheet`."""
+        return self.inside or self.sheet
+
+    @property
+    def names(self):
+        """Names of the fields in the pattern and the place inside."""
+        return self.pattern.names + (self.place.names if self.place else ())
+
+
+class FilesLayout(_Tables):
     """One `[[files]]`: files of one kind. At least one of the four channels is there.
 
     Attributes:
@@ -165,8 +236,8 @@ class FilesLayout(TableKeys):
     @property
     def columns(self):
         """All columns that are read."""
-        time = (self.time.column,) if self.time else ()
-        return time + tuple(column for name in self.channels for column in getattr(self, name).columns)
+        read = [getattr(self, name) for name in ("time", *self.channels)]
+        return tuple(column for measured in read if measured for column in measured.columns)
 
     @model_validator(mode="after")
     def _check_channels(self):
@@ -182,22 +253,22 @@ class FilesLayout(TableKeys):
         return self
 
 
-class VelocityLayout(Keys):
+class VelocityLayout(_Keys):
     """Window (s) and order of the Savitzky-Golay filter that makes velocity from position."""
 
     window: Positive = 0.05
     order: Annotated[int, Field(ge=1)] = 2
 
 
-class AxisLayout(Keys):
+class AxisLayout(_Keys):
     """Where the answers on an axis are, its two words, and the one that the largest answer means."""
 
     column: Column
     high: str
-    words: Annotated[list[str], Field(min_length=2, max_length=2)]
+    words: Annotated[list[str], Pair]
 
 
-class RatingsLayout(TableKeys):
+class RatingsLayout(_Tables):
     """`[ratings]`: tables of answers; the pattern may hold `{rater}`, `{surface}` and `{axis}`.
 
     Attributes:
@@ -218,7 +289,7 @@ class RatingsLayout(TableKeys):
     answer: Column | None = None
     rows: Literal["rater", "surface"] | None = None
     columns: Literal["rater", "surface"] | None = None
-    scale: Annotated[list[float], Field(min_length=2, max_length=2)]
+    scale: Annotated[list[float], Pair]
     missing: list[str] = ["", "NA", "-"]
     axes: Annotated[dict[str, AxisLayout], Field(min_length=1)]
 
@@ -229,9 +300,9 @@ class RatingsLayout(TableKeys):
     @field_validator("axes", mode="before")
     @classmethod
     def _known_words(cls, axes):
-        known = {name: {"words": list(words)} for name, words in AXIS_WORDS.items()}
         if not isinstance(axes, dict):
             return axes
+        known = {name: {"words": list(words)} for name, words in AXIS_WORDS.items()}
         return {name: known.get(name, {}) | axis if isinstance(axis, dict) else axis for name, axis in axes.items()}
 
     @model_validator(mode="after")
@@ -251,14 +322,13 @@ class RatingsLayout(TableKeys):
         needed = {name: name not in self.names for name in ("rater", "surface")}
         needed["answer"] = self.axis is not None or "axis" in self.names
         for name, is_needed in needed.items():
-            if is_needed and getattr(self, name) is None:
-                raise ValueError(f"`{name}` is missing: name its column")
-            if not is_needed and getattr(self, name) is not None:
-                raise ValueError(f"`{name}` is not needed here: remove it")
+            if is_needed != (getattr(self, name) is not None):
+                remedy = "is missing: name its column" if is_needed else "is not needed here: remove it"
+                raise ValueError(f"`{name}` {remedy}")
         return self
 
 
-class Layout(Keys):
+class Layout(_Keys):
     """A whole `layout.toml`.
 
     Attributes:
@@ -298,66 +368,3 @@ class Layout(Keys):
         if "1" in units and len(units) > 1:
             raise ValueError(f"the files hold forces in {sorted(units)}: keep counts and newtons in two layouts")
         return self
-
-
-def load_layout(path):
-    """Reads and checks a `layout.toml`.
-
-    Args:
-        path (`str` or `Path`): the file.
-
-    Returns:
-        `Layout`.
-
-    Raises:
-        FileNotFoundError: if there is no file.
-        ValueError: naming the file and every key that is wrong, or still holds "TODO".
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"There is no layout {path}.")
-    with reading(path, "TOML", "Correct it."):
-        text = path.read_text(encoding="utf-8-sig")
-        if max(map(len, text.splitlines()), default=0) > LONGEST_LINE:
-            raise ValueError(f"a line has more than {LONGEST_LINE} characters")
-        content = tomllib.loads(text)
-    faults = list(_todos(content))
-    if not faults:
-        try:
-            layout = Layout.model_validate(content)
-        except ValidationError as error:
-            faults = [_in_words(fault) for fault in error.errors(include_url=False)]
-        else:
-            layout._path = path
-            return layout
-    raise ValueError(f"{path}: " + "\n".join(faults))
-
-
-def _todos(value, keys=()):
-    """A sentence for each key whose name or value is still to be filled in."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for name, item in items:
-        if isinstance(name, str) and TODO in name:
-            yield f"the name of `{_key(keys + (name,))}` is still to be filled in."
-        if isinstance(item, str) and TODO in item:
-            yield f"`{_key(keys + (name,))}` = {item!r} is still to be filled in, or to be removed."
-        yield from _todos(item, keys + (name,))
-
-
-def _in_words(fault):
-    reason = fault["msg"].removeprefix("Value error, ").rstrip(".")
-    if fault["type"] == "extra_forbidden":
-        known = {key for model in (Layout, FilesLayout, RatingsLayout, Force, Lateral) for key in model.model_fields}
-        near = difflib.get_close_matches(fault["loc"][-1], known, n=1)
-        reason = f"is no key of a layout{f', did you mean `{near[0]}`?' if near else ''}"
-    value = f" = {fault['input']!r}" if isinstance(fault["input"], str | int | float | list) else ""
-    return f"`{_key(fault['loc'])}`{value}: {reason}." if fault["loc"] else f"{reason}."
-
-
-def _key(keys):
-    """A key as people find it: "[[files]] 2, time.unit"."""
-    keys = tuple(key for key in keys if key != "[key]")
-    text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)[1:]
-    if keys[0] != "files" or len(keys) < 2:
-        return text
-    return ", ".join([f"[[files]] {keys[1] + 1}", *([_key(keys[2:])] if keys[2:] else [])])

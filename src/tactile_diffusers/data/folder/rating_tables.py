@@ -1,7 +1,7 @@
 """Tables of raters' answers, long or wide, as `RaterScores` on the 0-8 scale."""
 
-import difflib
 import re
+from difflib import SequenceMatcher
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,8 @@ from .tables import few
 
 #: So many answers, or more, that use a smaller share of the scale are probably on another one (recipe).
 LEAST_ANSWERS, LEAST_USED = 10, 0.5
+#: Names of surfaces less alike than this (`SequenceMatcher.ratio`) are not paired (recipe).
+LEAST_ALIKE = 0.6
 _KEY = ["rater", "surface", "axis"]
 
 
@@ -36,10 +38,10 @@ def read_ratings(root, layout, surfaces):
         ValueError: naming file, line, value and remedy, if no table matches, a column is missing, an answer is no
             number, off the scale or given twice, or names of surfaces do not match on both sides.
     """
-    root, ratings, parts = Path(root), layout.ratings, []
-    for path, inside, fields in matching_places(root, files_below(root), ratings, f"{layout.path}: [ratings]"):
-        table = Source(ratings, path, inside).table()
-        parts.append((_wide if ratings.form == "wide" else _long)(table, ratings, fields))
+    root, ratings = Path(root), layout.ratings
+    places = matching_places(root, files_below(root), ratings, f"{layout.path}: [ratings]")
+    read = _wide if ratings.form == "wide" else _long
+    parts = [read(Source(ratings, path, inside).table(), ratings, fields) for path, inside, fields in places]
     answers = pd.concat(parts, ignore_index=True)
     answers = answers[(answers["text"] != "") & ~answers["text"].isin(ratings.missing)]
     ours = {str(axis.column): name for name, axis in ratings.axes.items()}
@@ -55,13 +57,16 @@ def read_ratings(root, layout, surfaces):
             there = f"; the tables have {few(ignored)}" if ignored else ""
             raise ValueError(f"{layout.path}: [ratings.axes] {axis} = {theirs.column!r} has no answer{there}.")
     answers = answers.assign(number=_numbers(answers, ratings))
-    notes += _unused_scale(answers["number"], ratings.scale)
+    low, high = ratings.scale
+    least, most = answers["number"].min(), answers["number"].max()
+    if len(answers) >= LEAST_ANSWERS and most - least < LEAST_USED * (high - low):
+        used = f"the answers run from {least:g} to {most:g}, less than half of `scale` = [{low:g}, {high:g}]"
+        notes.append(f"{used}: is `scale` right?")
     axes = tuple(sorted(ratings.axes, key=lambda axis: (RATING_AXES + (axis,)).index(axis)))
     scores = _scores(answers, ratings, surfaces, axes)
     if missing := int(np.isnan(scores.values).sum()):
         notes.append(f"{missing} of {scores.values.size} answers (raters x surfaces x axes) are missing")
-    absent = [axis for axis in RATING_AXES if axis not in axes]
-    if absent:
+    if absent := [axis for axis in RATING_AXES if axis not in axes]:
         notes.append(f"the layout names no {' and no '.join(absent)}")
     if ignored:
         notes.append(f"axes that the layout does not name are ignored: {few(ignored)}")
@@ -84,27 +89,25 @@ def _long(table, ratings, fields):
 
 def _wide(table, ratings, fields):
     """Answers of a table of one axis, raters x surfaces or the other way round; the first column names the rows."""
-    rows, columns = table.text(0), []
+    columns = [pd.DataFrame(columns=[*_KEY, "text", "place"], dtype=object)]
     for name in table.names[1:]:
         places = [f"{table.where}, {table.place(row)}, column {name!r}" for row in range(table.rows)]
-        columns.append(pd.DataFrame({"place": places, "text": table.text(name)}, dtype=object))
-        columns[-1] = columns[-1].assign(**{ratings.rows: rows, ratings.columns: name, "axis": fields["axis"]})
-    return pd.concat(columns) if columns else pd.DataFrame(columns=[*_KEY, "text", "place"])
+        answers = pd.DataFrame({"place": places, "text": table.text(name), ratings.rows: table.text(0)}, dtype=object)
+        columns.append(answers.assign(**{ratings.columns: name, "axis": fields["axis"]}))
+    return pd.concat(columns)
 
 
 def _on_recorded(answers, layout, surfaces):
     """The answers on recorded surfaces, under the names of the recordings, and notes on the others."""
     renamed = layout.surface_names
-    rated = list(answers["surface"].unique())
-    unused = [name for name in renamed if name not in rated]
-    if unused:
+    rated = {name: renamed.get(name, name) for name in answers["surface"].unique()}
+    if unused := [name for name in renamed if name not in rated]:
         raise ValueError(
             f"{layout.path}: [surface_names] renames {unused}, which the ratings do not hold: {few(rated)}."
         )
     # "" as a new name means: leave these answers out
-    recorded, meant = {*surfaces, ""}, {renamed.get(name, name) for name in rated}
-    unknown = [name for name in rated if renamed.get(name, name) not in recorded]
-    unrated = [name for name in surfaces if name not in meant]
+    unknown = [name for name, meant in rated.items() if meant not in {*surfaces, ""}]
+    unrated = [name for name in surfaces if name not in rated.values()]
     if unknown and unrated:
         suggested = pair_names(unknown, unrated)
         lines = "\n".join(f'    "{name}" = "{suggested[name]}"' for name in unknown[:8])
@@ -115,36 +118,30 @@ def _on_recorded(answers, layout, surfaces):
         )
     notes = [f"answers on {few(unknown)} left out: there is no recording"] if unknown else []
     notes += [f"{len(unrated)} recorded surfaces have no answers: {few(unrated)}"] if unrated else []
-    answers = answers.assign(surface=answers["surface"].map(lambda name: renamed.get(name, name)))
+    answers = answers.assign(surface=answers["surface"].map(rated))
     return answers[answers["surface"].isin(surfaces)], notes
 
 
 def pair_names(names, candidates):
     """What each name of a surface probably means: name -> a candidate, or "".
 
-    It has the same numbers, or without numbers a close spelling. No candidate is given twice, which would merge the
-    answers on two surfaces.
+    The most alike are paired first, the same numbers before a close spelling. No candidate is given twice, which would
+    merge the answers on two surfaces.
     """
-    free, paired = list(candidates), dict.fromkeys(names, "")
-    for closest in (0.9, 0.6):  # what is spelt almost alike comes first
-        for name in names:
-            if not paired[name]:
-                paired[name] = _nearest(name, free, closest)
-                free = [other for other in free if other != paired[name]]
+    alike = [(_likeness(name, other), name, other) for name in names for other in candidates]
+    paired = dict.fromkeys(names, "")
+    for likeness, name, other in sorted(alike, key=lambda pair: -pair[0]):
+        if likeness >= LEAST_ALIKE and not paired[name] and other not in paired.values():
+            paired[name] = other
     return paired
 
 
-def _nearest(name, candidates, closest):
-    numbers = _numbers_in(name)
-    same = [other for other in candidates if numbers and _numbers_in(other) == numbers]
-    without = [other for other in candidates if not (numbers and _numbers_in(other))]
-    spelt = {other.casefold(): other for other in same or without}
-    near = difflib.get_close_matches(name.casefold(), spelt, n=1, cutoff=closest)
-    return spelt[near[0]] if near else same[0] if len(same) == 1 else ""
-
-
-def _numbers_in(name):
-    return [int(digits) for digits in re.findall(r"\d+", name)]
+def _likeness(name, other):
+    """Share of letters in common; 1 more for the same numbers, 0 for other numbers."""
+    numbers, others = ([int(digits) for digits in re.findall(r"\d+", text)] for text in (name, other))
+    if numbers and others and numbers != others:
+        return 0.0
+    return bool(numbers and others) + SequenceMatcher(None, name.casefold(), other.casefold()).ratio()
 
 
 def _numbers(answers, ratings):
@@ -169,14 +166,6 @@ def _numbers(answers, ratings):
             "stands for no answer to `missing`."
         )
     return numbers
-
-
-def _unused_scale(numbers, scale):
-    """A note where answers on all axes together leave more than half of the scale unused."""
-    if len(numbers) < LEAST_ANSWERS or np.ptp(numbers) >= LEAST_USED * (scale[1] - scale[0]):
-        return []
-    used = f"the answers run from {numbers.min():g} to {numbers.max():g}"
-    return [f"{used}, less than half of `scale` = [{scale[0]:g}, {scale[1]:g}]: is `scale` right?"]
 
 
 def _scores(answers, ratings, surfaces, axes):

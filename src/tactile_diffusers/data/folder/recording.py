@@ -10,7 +10,7 @@ from ..projection import channels
 from ..recordings import FORMAT, RecordingsFile
 from ..segments import SegmentLimits
 from .clocks import on_stamps
-from .draft_columns import UNITS, describe_table, split_unit
+from .draft_tables import UNITS, describe_table, split_unit
 from .layout import FORCE_UNITS, TIME_UNITS
 from .tables import few, kind_of, list_tables, read_table
 from .trees import open_tree

@@ -1,25 +1,92 @@
-"""Which file of a folder holds which channel of which recording."""
+"""Patterns of paths, and which file of a folder holds which channel of which recording."""
 
 import difflib
 import os
+import re
+import unicodedata
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from .layout import FilesLayout
 from .tables import few, paths_inside, read_table
 
 #: Files of other programs, not of the person who recorded.
 HIDDEN_PREFIXES = (".", "__", "~$")
 #: Rows that are read of the first file of each kind, to see its columns before anything is converted.
 GLANCE_ROWS = 100
+_PARTS = re.compile(r"\{([^{}]*)\}|\*")
+_FIELD = re.compile(r"[A-Za-z]\w*(\.\w+)?")
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Matches paths written with "/" and reads the named fields.
+
+    `{name}` stands for one or more characters without "/", as few as possible, and `*` for any number of them. A name
+    that occurs twice must have the same value in both places. `{trial.speed}_{trial.force}` makes one field `trial` of
+    several parts, joined by "_".
+
+    Args:
+        text (`str`): the pattern, relative.
+
+    Raises:
+        ValueError: if a field has no valid name, or the path is absolute or leaves its folder.
+    """
+
+    text: str
+    fields: tuple[str, ...] = field(init=False)
+    _regex: re.Pattern = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        if not self.text or self.text.startswith("/") or "\\" in self.text or ".." in self.text.split("/"):
+            raise ValueError("must be a relative path written with '/' and without '..'")
+        fields, regex, end = {}, "", 0
+        for part in _PARTS.finditer(self.text):
+            regex += re.escape(self.text[end : part.start()])
+            end = part.end()
+            name = part.group(1)
+            if name is None:
+                regex += "[^/]*"
+            elif not _FIELD.fullmatch(name):
+                raise ValueError(f"{{{name}}} is no name for a field, write for example {{surface}}")
+            else:
+                group = name.replace(".", "__")
+                regex += f"(?P={group})" if name in fields else f"(?P<{group}>[^/]+?)"
+                fields[name] = True
+        regex += re.escape(self.text[end:])
+        if set("{}") & set(_PARTS.sub("", self.text)):
+            raise ValueError("has a brace without its partner")
+        object.__setattr__(self, "fields", tuple(fields))
+        object.__setattr__(self, "_regex", re.compile(regex))
+
+    @property
+    def names(self):
+        """Names of the fields, parts joined: a tuple in the order of appearance."""
+        return tuple(dict.fromkeys(name.partition(".")[0] for name in self.fields))
+
+    @property
+    def literal(self):
+        """Whether it matches its own text only."""
+        return not _PARTS.search(self.text)
+
+    def match(self, path):
+        """The fields of a path: `dict[str, str]`, or `None` if it does not match."""
+        found = self._regex.fullmatch(path)
+        if found is None:
+            return None
+        values = {}
+        for name in self.fields:
+            value = found.group(name.replace(".", "__"))
+            # macOS stores "é" as two characters: one spelling, so that names compare
+            values.setdefault(name.partition(".")[0], []).append(unicodedata.normalize("NFC", value))
+        return {name: "_".join(parts) for name, parts in values.items()}
 
 
 @dataclass(eq=False)
 class Source:
     """One table: a file, or a place inside one, with what the layout says about it."""
 
-    files: FilesLayout
+    files: object  # `FilesLayout` or `RatingsLayout`
     path: Path
     inside: str | None
 
@@ -29,15 +96,8 @@ class Source:
 
     def table(self, max_rows=None):
         """Opens it as a `Table`."""
-        files = self.files
-        return read_table(
-            self.path,
-            files.kind,
-            inside=self.inside,
-            delimiter=files.delimiter,
-            header=files.header,
-            max_rows=max_rows,
-        )
+        options = {name: getattr(self.files, name) for name in ("kind", "delimiter", "header")}
+        return read_table(self.path, inside=self.inside, max_rows=max_rows, **options)
 
 
 def files_below(root):
@@ -94,10 +154,8 @@ def find_recordings(root, layout):
         where = f"{layout.path}: [[files]] {number}"
         places = _meant(matching_places(root, paths, files, where), files, where, claimed)
         for path, inside, fields in places:
-            source = Source(files, path, inside)
             name = fields["surface"], fields.get("explorer", "0"), fields.get("trial", "0")
-            for channel in files.channels:
-                _add(recordings[name], channel, source, name, where)
+            _add(recordings[name], Source(files, path, inside), name, where)
         if places:
             _check_columns(Source(files, *places[0][:2]), where)
     complete, left_out = {}, {}
@@ -111,7 +169,7 @@ def find_recordings(root, layout):
         name, reason = next(iter(left_out.items()))
         raise ValueError(
             f"{layout.path}: no recording in {root} has all its files; {name}, for example, has {reason}. Names found: "
-            f"{list(left_out)[:5]}. Let the fields of the patterns agree between the kinds of files."
+            f"{few(left_out, 5)}. Let the fields of the patterns agree between the kinds of files."
         )
     return complete, left_out
 
@@ -132,16 +190,18 @@ def _meant(places, files, where, claimed):
     return meant
 
 
-def _add(channels, channel, source, name, where):
+def _add(channels, source, name, where):
+    """Adds a source to the channels of a recording; force and lateral, position and velocity exclude each other."""
     rivals = {"force": "lateral", "lateral": "force", "position": "velocity", "velocity": "position"}
-    for taken in (channel, rivals[channel]):
-        if taken in channels:
+    for channel in source.files.channels:
+        taken = channels.get(channel) or channels.get(rivals[channel])
+        if taken:
             raise ValueError(
-                f"{where}: recording {'/'.join(name)} has two files for its {channel}: {channels[taken].where} and "
+                f"{where}: recording {'/'.join(name)} has two files for its {channel}: {taken.where} and "
                 f"{source.where}. Make the pattern narrower, or make what distinguishes them part of a name: "
                 "{trial.speed}_{trial.repeat} joins two fields to one trial."
             )
-    channels[channel] = source
+        channels[channel] = source
 
 
 def _missing(channels):

@@ -3,10 +3,14 @@
 A layout says which column is what; nothing is guessed here. Pickles are never read.
 """
 
+import codecs
+import csv
 import difflib
+import re
 import unicodedata
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +18,6 @@ import pandas as pd
 
 from ...io.reading import check_archive, check_size, reading
 from ...io.wav_header import check_wav
-from .text_tables import HEAD_ROWS, find_header, text_format
 from .trees import Tree, open_tree
 
 #: Kind of a file by its extension (lower case).
@@ -25,6 +28,12 @@ KINDS |= {".mat": "mat", ".npy": "npy", ".npz": "npz", ".wav": "wav", ".parquet"
 TREE_KINDS = ("mat", "hdf5", "npz")
 #: Cells of a column of numbers that are empty rather than unreadable.
 EMPTY = ("", "nan", "NaN", "NA")
+#: Delimiters that are tried, the likeliest first; " " stands for any white space.
+DELIMITERS = ("\t", ";", "|", ",", " ")
+#: Rows in which the delimiter and the names are looked for.
+HEAD_ROWS = 60
+#: A number, also with a decimal comma, or what stands for a missing one.
+_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?|-?nan|-?inf|na|n/a|null|none|", re.IGNORECASE)
 _REMEDY = "Check that it is whole, and what its layout says about it."
 
 
@@ -152,15 +161,12 @@ def list_tables(path, kind=None, **options):
 
     Takes the options of `read_table`, and raises the same.
     """
-    path = Path(path)
-    kind = kind or kind_of(path)
+    path, kind, inside = Path(path), kind or kind_of(path), [None]
     if kind == "xlsx" and path.is_file():
-        return [read_table(path, kind, inside=sheet, **options) for sheet in paths_inside(path, kind)]
-    if kind in TREE_KINDS:
-        with reading(path, kind, _REMEDY):
-            tree = open_tree(path, kind)
-            return [_tree_table(path, tree, place) for place in tree.tables]
-    return [read_table(path, kind, **options)]
+        inside = paths_inside(path, kind)
+    elif kind in TREE_KINDS:
+        inside = open_tree(path, kind).tables
+    return [read_table(path, kind, inside=place, **options) for place in inside]
 
 
 def paths_inside(path, kind=None):
@@ -175,49 +181,44 @@ def paths_inside(path, kind=None):
 
 
 def _read_csv(path, delimiter, header, max_rows):
-    found = text_format(path, delimiter, header)
-    if not found.names:
+    separator, encoding, header, names = _text_format(path, delimiter, header)
+    if not names:
         return Table(path, None, [], None, 0, first_line=1)
-    common = dict(sep=found.separator, header=None, skiprows=found.header, encoding=found.encoding)
-    common |= dict(nrows=max_rows, skipinitialspace=True)
+    common = dict(sep=separator, header=None, skiprows=header, encoding=encoding, nrows=max_rows, skipinitialspace=True)
     try:
-        frame = pd.read_csv(path, names=found.names, decimal=found.decimal, low_memory=False, **common)
+        frame = pd.read_csv(path, names=names, low_memory=False, **common)
     except pd.errors.EmptyDataError:  # names without any row
-        frame = pd.DataFrame(columns=found.names, dtype=np.float64)
+        frame = pd.DataFrame(columns=names, dtype=np.float64)
     if not isinstance(frame.index, pd.RangeIndex):
         raise ValueError(
-            f"{path}, line {found.header + 1}: has more than the {len(found.names)} columns of the other lines. Correct"
-            " it, or give `header`, the lines before the data."
+            f"{path}, line {header + 1}: has more than the {len(names)} columns of the other lines. Correct it, or "
+            "give `header`, the lines before the data."
         )
 
     def load(name):  # the first decimal comma may stand behind many whole numbers
         column = frame[name]
-        words = column.dtype.kind not in "fiub" and found.separator != ","
+        words = column.dtype.kind not in "fiub" and separator != ","
         return (column.str.replace(",", ".", regex=False) if words else column).to_numpy()
 
-    def load_text(name):
-        # read again: the numbers 1 and 01 are the same, the names are not
-        column = found.names.index(name)
+    def load_text(name):  # read again: the numbers 1 and 01 are the same, the names are not
+        column = names.index(name)
         again = pd.read_csv(path, usecols=[column], dtype=str, keep_default_na=False, **common)
         return again.iloc[:, 0].to_numpy(dtype=object)
 
-    return Table(path, None, found.names, None, len(frame), found.header + 1, load, load_text)
+    return Table(path, None, names, None, len(frame), header + 1, load, load_text)
 
 
 def _read_xlsx(path, sheet, header, max_rows):
-    check_archive(path)
+    sheets = paths_inside(path, "xlsx")
+    sheet = sheets[0] if sheet is None else sheet
+    if sheet not in sheets:
+        raise ValueError(f"{path}: there is no sheet {sheet!r}, only {few(sheets, 12)}")
     rows = None if max_rows is None else max_rows + HEAD_ROWS
-    with pd.ExcelFile(path, engine="openpyxl") as book:
-        sheet = book.sheet_names[0] if sheet is None else sheet
-        if sheet not in book.sheet_names:
-            raise ValueError(f"there is no sheet {sheet!r}, only {few(book.sheet_names, 12)}")
-        cells = pd.read_excel(
-            book, sheet_name=sheet, header=None, dtype=object, nrows=rows, keep_default_na=False, na_values=[""]
-        )
+    options = dict(header=None, dtype=object, nrows=rows, keep_default_na=False, na_values=[""], engine="openpyxl")
+    cells = pd.read_excel(path, sheet_name=sheet, **options)
     head = [[_as_text(value) for value in row] for row in cells.head(HEAD_ROWS).itertuples(index=False)]
-    lines, names = find_header(head, header)
-    frame = cells.iloc[lines:].reset_index(drop=True)
-    frame.columns = names
+    lines, names = _find_header(head, header)
+    frame = cells.iloc[lines:].set_axis(names, axis=1)
     return _frame_table(path, sheet, frame if max_rows is None else frame.head(max_rows), lines + 1)
 
 
@@ -286,3 +287,86 @@ def _as_text(value):
     if isinstance(value, float | np.floating) and float(value).is_integer():
         return str(int(value))
     return str(value).strip()
+
+
+def _text_format(path, delimiter, header):
+    """Separator, encoding, lines before the data, and names of columns (none = an empty file) of a text table."""
+    encoding = _encoding(path)
+    with path.open(encoding=encoding, newline="") as file:
+        lines = [line.rstrip("\r\n") for line in islice(file, HEAD_ROWS + (header or 0))]
+    filled = [line for line in lines if line.strip()]
+    sample = filled[len(filled) // 2 :]  # behind what may stand before the data
+    delimiter = delimiter or max(DELIMITERS, key=lambda candidate: _fit(sample, candidate))
+    header, names = _find_header([_split(line.lstrip("#% "), delimiter) for line in lines], header)
+    return r"\s+" if delimiter == " " else delimiter, encoding, header, names
+
+
+def _find_header(rows, header=None):
+    """Finds the lines before the data, and the names of the columns, from the first rows of a table.
+
+    Without `header`, a table of numbers starts with the first row of numbers; a table with words has at least one line
+    of names. The names are in the last line before the data that has as many different names as there are columns (a
+    line of units has not), else "0", "1", ..
+    """
+    if not any(rows):
+        return 0, []
+    filled = [row for row in (rows if header is None else rows[header:] or rows) if row]
+    body = filled[len(filled) // 2 :]
+    columns = Counter(map(len, body)).most_common(1)[0][0]
+    if header is None:
+        header = _lines_before_data(rows, [row for row in body if len(row) == columns])
+    for row in reversed(rows[:header]):
+        if len(row) == columns and len(set(row)) == columns:
+            return header, row
+    return header, [str(column) for column in range(columns)]
+
+
+def _is_number(text):
+    """Whether a cell can stand in a column of numbers: a number, also with a decimal comma, or a missing one."""
+    return bool(_NUMBER.fullmatch(text))
+
+
+def _lines_before_data(rows, body):
+    columns = len(body[0])
+    only_numbers = all(Counter(tuple(map(_is_number, row)) for row in body).most_common(1)[0][0])
+    for line, row in enumerate(rows):
+        numbers = [bool(value) and _is_number(value) for value in row]
+        if len(row) < columns or not any(numbers):  # a row with too many cells is faulty, and will be refused
+            continue
+        if only_numbers and numbers[0] and sum(numbers) > columns / 2:
+            return line
+        if not only_numbers:
+            return max(line, 1)
+    return 1
+
+
+def _encoding(path):
+    with path.open("rb") as file:
+        start = file.read(1 << 16)
+    if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    if b"\0" in start:
+        raise ValueError("it holds zero bytes, which no text does")
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)  # a character cut at the end is no error
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8-sig"
+
+
+def _split(line, delimiter):
+    if delimiter == " ":
+        return line.split()
+    return [value.strip() for row in csv.reader([line], delimiter=delimiter, skipinitialspace=True) for value in row]
+
+
+def _fit(lines, delimiter):
+    """How well a delimiter explains lines: 1 if most have as many columns, and the share of cells that are numbers."""
+    rows = [_split(line, delimiter) for line in lines]
+    if not rows:
+        return 0, 0
+    count, times = Counter(map(len, rows)).most_common(1)[0]
+    if count < 2 or times < 0.6 * len(rows):
+        return 0, 0
+    cells = [value for row in rows for value in row]
+    return 1, sum(_is_number(value) and not (delimiter == "," and "," in value) for value in cells) / len(cells)

@@ -41,7 +41,7 @@ class Tree:
         for place, array in self.arrays.items():
             group, _, name = place.rpartition("/")
             members[group][name] = array
-        return dict(members)
+        return members
 
     @property
     def places(self):

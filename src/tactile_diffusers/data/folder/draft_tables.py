@@ -1,16 +1,22 @@
-"""What the columns of a table look like: units in names, ranges, rates, and what each probably measures.
+"""What a few tables of each kind in a folder look like: units, ranges, rates, and what each column probably measures.
 
 Everything here is a guess from names and numbers (recipe), and is reported as one.
 """
 
+import os
 import re
-from dataclasses import dataclass, field
+from collections import Counter
+from copy import copy
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from tqdm import tqdm
 
-from .draft_names import content_of, words_of
+from .draft_names import NameGroup, content_of, group_names, words_of
 from .layout import TIME_UNITS
-from .tables import Table
+from .sources import files_below
+from .tables import Table, kind_of, list_tables
+from .trees import open_tree
 
 #: Units as people write them in names of columns -> ours; units that a layout cannot use are shown as they are.
 UNITS = {unit: unit for unit in "N mN gf s ms us mm cm m um mm/s cm/s m/s Nm Nmm V mV g deg rad Hz".split()} | {
@@ -39,16 +45,24 @@ NAMES = {
     "position": rf"(p|pos|position|positions|coord|stage|displacement){_LAST}?|{_AXIS}(pos|position|coord)",
     "bare": rf"(ch|channel|col|column|var|data|values?)?{_LAST}",
 }
-#: Rows of a text table that are looked at.
-HEAD_ROWS = 50_000
-#: Arrays with more rows are not read.
-MOST_ROWS = 20_000_000
-#: Columns of a table that are looked at.
-MOST_COLUMNS = 200
+#: No more files than this are listed, nor more of one folder, so that one sensor's files do not hide another's.
+MOST_FILES, MOST_IN_FOLDER = 5000, 1000
+#: Text files that are no tables.
+TEXT_NAMES = ("readme", "license", "licence", "changelog", "requirements")
+#: Files that are opened in all; of each kind the first, the one in the middle and the last.
+MOST_OPENED = 90
+#: Files of kinds that are read as a whole are opened up to this size (bytes).
+LARGEST_OPENED = 500_000_000
+READ_WHOLE = ("mat", "npz", "parquet", "xlsx")
+#: Rows of a text table and columns of any table that are looked at; arrays with more rows are not read.
+HEAD_ROWS, MOST_COLUMNS, MOST_ROWS = 50_000, 200, 20_000_000
+#: Names that may turn out to be of several kinds, such as "forces.csv" beside "subjects.csv".
+MOST_SPLIT = 6
 #: Rates (Hz) between which time stamps without a unit must lie.
 LIKELY_RATES = (20.0, 60_000.0)
 #: Time stamps with a larger share of repeated ones are coarser than the samples.
 MOST_REPEATED = 0.1
+_HERTZ = re.compile(r"(\d+(?:\.\d+)?)[ _]?(k?)Hz", re.IGNORECASE)
 
 
 @dataclass
@@ -93,6 +107,152 @@ class TableFacts:
         return {column.axis: column for column in reversed(self.columns) if column.measures == measures}
 
 
+@dataclass
+class TableGroup:
+    """Tables of one kind.
+
+    `files` are the names of the files, `inside` those of places or sheets in a file (`None` = a file is one table),
+    `tables` the facts of those that were opened, `channels` "force", "lateral", "position", "velocity" -> axis ->
+    column, and `doubts` what was only guessed, or looks wrong.
+    """
+
+    files: NameGroup
+    kind: str
+    inside: NameGroup | None = None
+    tables: list[TableFacts] = field(default_factory=list)
+    channels: dict[str, dict[str, Column]] = field(default_factory=dict)
+    doubts: list[str] = field(default_factory=list)
+
+    @property
+    def fields(self):
+        """Fields of the names of the files, then of the places inside."""
+        return self.files.fields + (self.inside.fields if self.inside else [])
+
+    @property
+    def first(self):
+        """Facts of the first table."""
+        return self.tables[0]
+
+    @property
+    def place(self):
+        """Its name in messages."""
+        return self.files.pattern + (f" [{self.inside.pattern}]" if self.inside else "")
+
+    @property
+    def surfaces(self):
+        """Names of the surfaces: `list[str]`, each once."""
+        surface = self.field_of("surface")
+        return surface.distinct if surface is not None else []
+
+    def field_of(self, role):
+        """The `NameField` with a role, or `None`."""
+        return next((item for item in self.fields if item.role == role), None)
+
+    @property
+    def rate(self):
+        """Hz and where it is known from: `tuple[float | None, str]`; the name of the file is asked last."""
+        if self.first.rate is not None:
+            return self.first.rate, self.first.rate_from
+        rates = {float(number) * (1000 if kilo else 1) for number, kilo in _HERTZ.findall(self.files.pattern)}
+        return (rates.pop(), "the name of the file") if len(rates) == 1 else (None, "")
+
+    @property
+    def seconds(self):
+        """Length of the first table, s; `None` if that is unknown."""
+        rate, _ = self.rate
+        return self.first.table.rows / rate if rate and self.first.complete else None
+
+
+def list_files(root):
+    """Files of a folder that may be tables, other files, skipped files with the reason, and whether there are more.
+
+    Raises:
+        FileNotFoundError: if there is no folder.
+    """
+    files, others, skipped, listed, more = [], [], {}, Counter(), False
+    for path in files_below(root):
+        folder, _, name = path.rpartition("/")
+        if listed.total() >= MOST_FILES or listed[folder] >= MOST_IN_FOLDER:
+            more = True
+            continue
+        listed[folder] += 1
+        if (readable := path.encode(errors="replace").decode()) != path:
+            skipped[readable] = "its name is not valid UTF-8"
+        elif kind_of(name) is None or name.lower().startswith(TEXT_NAMES):
+            others.append(path)
+        elif not os.access(root / path, os.R_OK):
+            skipped[path] = "may not be read, or is a broken link"
+        elif not (root / path).stat().st_size:
+            skipped[path] = "empty"
+        else:
+            files.append(path)
+    return files, others, skipped, more
+
+
+def open_groups(root, files, skipped, quiet):
+    """Groups files by their names, and opens a few of each kind: `list[TableGroup]`.
+
+    Files that cannot be read are added to those that are `skipped`, with the reason.
+    """
+    groups, waiting, opened = [], group_names(files), {}
+    with tqdm(desc="looking at files", unit="file", disable=quiet) as bar:
+        while waiting:
+            names = waiting.pop(0)
+            for path in (names.names[0], names.names[(len(names.names) - 1) // 2], names.names[-1]):
+                if path not in opened and len(opened) < MOST_OPENED:
+                    opened[path] = _open(root, path, names.words, skipped)
+                    bar.update()
+            found = [opened[path] for path in names.names if opened.get(path)]
+            varying = _varying_kind(names, found)
+            if varying is not None:
+                waiting = names.by_value(varying) + waiting
+            else:
+                groups += _groups_inside(names, found)
+    return groups
+
+
+def _open(root, path, words, skipped):
+    """Tables of a file that were looked at: place inside -> `TableFacts`; {} if it cannot be read."""
+    kind, size, facts = kind_of(path), (root / path).stat().st_size, {}
+    if kind in READ_WHOLE and size > LARGEST_OPENED:
+        skipped[path] = f"{size / 1e6:.0f} MB of a kind that is read as a whole: not opened"
+        return {}
+    try:
+        if kind == "hdf5" and str(open_tree(root / path, kind).attributes.get("format", "")).startswith("tactile-"):
+            skipped[path] = "a file of this package, already converted"
+            return {}
+        tables = {table.inside or "": table for table in list_tables(root / path, kind, max_rows=HEAD_ROWS)}
+        firsts = {places.names[0]: places.words for places in group_names(list(tables))}
+        for place, table in tables.items():  # of places of one kind the first is enough
+            is_read = place in firsts and table.names and table.rows
+            facts[place] = describe_table(table, words + firsts[place]) if is_read else TableFacts(table)
+        return facts
+    except Exception as error:  # readers of ten formats, and files of anyone: the other files are to be listed
+        kind_of_error = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+        skipped[path] = kind_of_error + str(error).replace(f"{root}/", "")
+        return {}
+
+
+def _varying_kind(names, found):
+    """A field by whose values files with other columns differ, or `None`."""
+    shapes = {frozenset(tuple(facts.table.names) for facts in tables.values()) for tables in found}
+    words = [i for i in names.fields if 1 < len(set(i.values)) <= MOST_SPLIT and not i.values[0].isdigit()]
+    return min(words, key=lambda item: len(set(item.values))) if len(shapes) > 1 and words else None
+
+
+def _groups_inside(names, found):
+    """One `TableGroup` for each kind of place inside the files; one without tables if none was opened."""
+    groups, kind = [], kind_of(names.names[0])
+    for places in group_names(list(found[0])) if found else ():
+        first = places.names[0]
+        tables = [tables[first] for tables in found if first in tables and tables[first].columns]
+        if tables:
+            files = replace(names, items=list(map(copy, names.items)))
+            is_whole = not first or (kind == "xlsx" and len(found[0]) == 1)
+            groups.append(TableGroup(files, kind, None if is_whole else places, tables))
+    return groups or [TableGroup(names, kind)]
+
+
 def split_unit(name):
     """The unit in the name of a column: `tuple[str, str | None]`, name without it and unit as in `UNITS`."""
     if name.lower() in ("f_n", "f_t"):  # normal and tangential
@@ -104,12 +264,10 @@ def split_unit(name):
     return base, UNITS.get(unit) or _LOWER_UNITS.get(unit.lower(), unit)  # names are often in lower case
 
 
-def describe_table(table, words=(), head_only=False):
-    """Looks at the columns of a table: `TableFacts`.
-
-    `words` of the name of its file say what "x" measures; with `head_only` there may be more than `HEAD_ROWS` rows.
-    """
-    facts = TableFacts(table, complete=not (head_only and table.rows >= HEAD_ROWS))
+def describe_table(table, words=()):
+    """Looks at the columns of a table: `TableFacts`; `words` of the name of its file say what "x" measures."""
+    cut_off = table.first_line is not None and table.rows == HEAD_ROWS
+    facts = TableFacts(table, complete=not cut_off)
     for name in table.names[:MOST_COLUMNS]:
         base, unit = split_unit(name)
         column = Column(name, unit, *_measured(base))
