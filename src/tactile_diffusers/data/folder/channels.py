@@ -20,25 +20,21 @@ from .clocks import (
     whole,
 )
 
-#: Median speeds of a finger (mm/s) outside of this are probably in another unit (recipe).
-LIKELY_SPEED = (1.0, 1000.0)
-#: Likewise of the normal force (N, median of the size) of a finger (recipe).
-LIKELY_FORCE = (0.01, 30.0)
+#: Median speeds of a finger (mm/s), and normal forces (N, median of the size), outside of these are probably in another
+#: unit (recipe).
+LIKELY_SPEED, LIKELY_FORCE = (1.0, 1000.0), (0.01, 30.0)
 #: No finger that explores a surface moves faster (mm/s, median): the unit is wrong (recipe).
 LARGEST_SPEED = 10_000.0
 
 
 def read_channels(name, channels, filter, report):
-    """Reads one recording.
+    """Reads one recording: keyword arguments of `RecordingsWriter.add_recording`.
 
     Args:
         name (`str`): "surface/explorer/trial".
         channels (`dict[str, Source]`): the tables that hold "force" or "lateral", and "position" or "velocity".
         filter (`VelocityLayout`): makes velocity from position.
         report (`ConversionReport`): receives notes and the lag.
-
-    Returns:
-        `dict`: keyword arguments of `RecordingsWriter.add_recording`.
 
     Raises:
         Unusable: if it is to be left out.
@@ -48,8 +44,8 @@ def read_channels(name, channels, filter, report):
     for source in dict.fromkeys(channels.values()):
         read |= _read_source(source, [channel for channel in channels if channels[channel] is source], report)
     kind = "force" if "force" in read else "lateral"
-    force, unit = read[kind], "1" if getattr(channels[kind].files, kind).unit == "1" else "N"
-    motion = read.get("velocity")
+    files, unit = channels[kind].files, "1" if getattr(channels[kind].files, kind).unit == "1" else "N"
+    force, motion = read[kind], read.get("velocity")
     if "position" in read:
         position = read["position"]
         _check_usable(position)
@@ -66,9 +62,9 @@ def read_channels(name, channels, filter, report):
             _check_usable(channel)
             report.note_counts(channel.counts, channel.where)  # of the common clock
     force = _without_faults(force, kind, unit, report)
-    if (wanted := channels[kind].files.resample) not in (None, force.rate):
-        report.note(f"recordings resampled to {wanted:g} Hz", 1, f"{force.where} ({force.rate:g} Hz)")
-        force = _resampled(force, wanted)
+    if files.resample not in (None, force.rate):
+        report.note(f"recordings resampled to {files.resample:g} Hz", 1, f"{force.where} ({force.rate:g} Hz)")
+        force = _resampled(force, files.resample)
     arrays = {kind: _shaped(force.values, kind), f"{kind}_rate": force.rate, "unit": unit}
     if motion is not None:
         _check_speed(motion, channels, report)
@@ -86,9 +82,7 @@ def _read_source(source, channels, report):
     try:
         columns = [table.name(column) for channel in channels for column in getattr(files, channel).columns]
     except ValueError as error:
-        raise ValueError(
-            f"{error} Files with other columns or units need a [[files]] of their own, with `where`."
-        ) from error
+        raise ValueError(f"{error} Files with other columns need a [[files]] of their own, with `where`.") from error
     values = [table.numbers(column) for column in columns]
     stamps = table.numbers(files.time.column) * files.time.scale if files.time else None
     lengths = {len(column) for column in values} | ({len(stamps)} if files.time else set())
@@ -110,9 +104,8 @@ def _read_source(source, channels, report):
     parts, start = {}, 0
     for channel in channels:
         described = getattr(files, channel)
-        part = clock.values[:, start : start + len(described.columns)]
+        part = clock.values[:, start : start + len(described.columns)] * described.scale
         start += len(described.columns)
-        part = part if described.scale == 1 else part * described.scale
         part = part * [1, 1, described.normal_sign] if channel == "force" else part
         parts[channel] = replace(clock, values=part, counts={})
     return parts
@@ -120,8 +113,7 @@ def _read_source(source, channels, report):
 
 def _on_clock(values, stamps, table, files):
     if stamps is not None:
-        clock = on_stamps(values, stamps, files.rate, table.where, table.place)
-        return replace(clock, offset=files.offset)
+        return replace(on_stamps(values, stamps, files.rate, table.where, table.place), offset=files.offset)
     # a declared rate is meant as it is written; one from a file's header may carry rounding
     rate = files.rate or (whole(table.rate) if table.rate else None)
     if rate is None:
@@ -166,17 +158,16 @@ def _without_faults(force, kind, unit, report):
     faults = {"saturated, NaN": np.any([saturated(column, force.rate) for column in force.values.T], axis=0)}
     if unit == "N":
         faults[f"above {LARGEST_FORCE_N:.0f} N, NaN"] = over_range(values)
-    faulty = np.any(list(faults.values()), axis=0)
-    if faulty.any():
-        for fault, mask in faults.items():
-            if mask.any():
-                report.note(f"samples {fault}", mask.sum(), f"{force.where} at {mask.argmax() / force.rate:.4f} s")
-        force = replace(force, values=np.where(faulty[:, None], np.nan, force.values))
+    for fault, mask in faults.items():
+        if mask.any():
+            report.note(f"samples {fault}", mask.sum(), f"{force.where} at {mask.argmax() / force.rate:.4f} s")
+            force = replace(force, values=np.where(mask[:, None], np.nan, force.values))
+    if np.any(list(faults.values())):
         _check_usable(force)
         notes = check_forces(_shaped(force.values, kind), force.where, unit)
     for note in notes:  # "what (numbers)"
-        kind, _, detail = note.partition(" (")
-        report.note(f"recordings: {kind}", 1, f"{force.where} ({detail}")
+        what, _, detail = note.partition(" (")
+        report.note(f"recordings: {what}", 1, f"{force.where} ({detail}")
     return force
 
 
@@ -186,8 +177,7 @@ def _resampled(channel, rate):
     mean = filled.mean(axis=0)  # the filter takes what is beyond the ends for zero
     values = resample((filled - mean).T, channel.rate, rate).T + mean
     gaps = np.isnan(channel.values).any(axis=1)
-    places = np.arange(len(values)) * (channel.rate / rate)
-    beside = np.interp(places, np.arange(len(gaps)), gaps) > 0
+    beside = np.interp(np.arange(len(values)) * (channel.rate / rate), np.arange(len(gaps)), gaps) > 0
     true_rate = channel.true_rate * rate / channel.rate
     return replace(channel, values=np.where(beside[:, None], np.nan, values), rate=rate, true_rate=true_rate)
 

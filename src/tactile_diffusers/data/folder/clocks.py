@@ -72,11 +72,6 @@ class Timed:
     def seconds(self):
         return len(self.values) / self.rate
 
-    @property
-    def clock_error(self):
-        """Clock of the stamps over nominal clock."""
-        return self.true_rate / self.rate
-
 
 def whole(rate):
     """`rate` as a whole number of Hz if it is within 0.1 % of one."""
@@ -176,28 +171,26 @@ def on_one_clock(force, motion):
     Raises:
         Unusable: if they do not overlap.
     """
-    start = {id(one): _start(one, other) for one, other in ((force, motion), (motion, force))}
-    slow, fast = (motion, force) if motion.true_rate <= force.true_rate else (force, motion)
-    first = max(start.values())
-    skip = {id(slow): int(np.ceil((first - start[id(slow)]) * slow.true_rate - START_TOLERANCE))}
-    instant = start[id(slow)] + skip[id(slow)] / slow.true_rate
-    skip[id(fast)] = max(0, int(round((instant - start[id(fast)]) * fast.true_rate)))
-    if any(skip[id(channel)] >= len(channel.values) for channel in (force, motion)):
-        spans = [f"{c.where} {start[id(c)]:.3f} to {start[id(c)] + c.seconds:.3f} s" for c in (force, motion)]
+    known = [channel.start for channel in (force, motion) if channel.start is not None] or [0.0]
+    starts = [(known[0] if c.start is None else c.start) + c.offset for c in (force, motion)]
+    rates = force.true_rate, motion.true_rate
+    slow = int(rates[1] <= rates[0])
+    first = np.ceil((max(starts) - starts[slow]) * rates[slow] - START_TOLERANCE)
+    instant = starts[slow] + first / rates[slow]
+    skips = [max(0, int(round((instant - start) * rate))) for start, rate in zip(starts, rates, strict=True)]
+    if any(skip >= len(channel.values) for skip, channel in zip(skips, (force, motion), strict=True)):
+        channels = zip((force, motion), starts, strict=True)
+        spans = [f"{channel.where} {start:.3f} to {start + channel.seconds:.3f} s" for channel, start in channels]
         raise Unusable(f"force and motion do not overlap in time: {', '.join(spans)}; check `time` and `offset`")
     rate, counts = motion.rate, dict(motion.counts)
-    ratio = 1.0 if None in (force.start, motion.start) else motion.clock_error / force.clock_error
-    drift = (ratio - 1) * min(force.seconds, motion.seconds)
-    if abs(drift) * rate > 1:
-        rate *= ratio
-        counts["by which the clocks of force and motion run apart, compensated"] = math.ceil(abs(drift) * rate), ""
-    cropped = replace(motion, values=motion.values[skip[id(motion)] :], rate=rate, counts=counts)
-    return replace(force, values=force.values[skip[id(force)] :]), cropped
-
-
-def _start(channel, other):
-    known = [one.start for one in (channel, other) if one.start is not None]
-    return (known[0] if known else 0.0) + channel.offset
+    if force.start is not None and motion.start is not None:
+        ratio = (motion.true_rate / motion.rate) / (force.true_rate / force.rate)
+        drift = abs(ratio - 1) * min(force.seconds, motion.seconds) * rate
+        if drift > 1:
+            rate *= ratio
+            counts["by which the clocks of force and motion run apart, compensated"] = math.ceil(drift), ""
+    cropped = replace(motion, values=motion.values[skips[1] :], rate=rate, counts=counts)
+    return replace(force, values=force.values[skips[0] :]), cropped
 
 
 def velocity_from_position(position, rate, window=0.05, order=2):

@@ -67,11 +67,10 @@ def guess_ratings(group, surfaces):
     if not answers or not (ours or naming or by_name):
         return None
     for item in group.fields:
-        item.role = "axis" if item is by_name else {"explorer": "rater"}.get(item.hint, item.hint or "")
-        item.role *= item.role in ("axis", "rater", "surface")
+        role = "axis" if item is by_name else {"explorer": "rater"}.get(item.hint, item.hint)
+        item.role = role if role in ("axis", "rater", "surface") else ""
     guess = RatingsGuess(group, {"form": "long"})
-    worded = {role: _by_words(facts.columns, role) for role in ROLE_WORDS}
-    if by_name and not (worded["rater"] and worded["surface"]):
+    if by_name and not all(_by_words(facts.columns, role) for role in ("rater", "surface")):
         answers, theirs = _wide(guess, answers, surfaces), {axis_of(value): value for value in by_name.values}
     elif ours and not by_name:
         named = [column for column in answers if axis_of(column.name)]
@@ -80,16 +79,15 @@ def guess_ratings(group, surfaces):
         if unused := [column.name for column in named if column not in answers]:
             guess.doubts.append(f"axes that are not used: {', '.join(unused)}")
     else:  # a row an answer
-        answer = _by_words(answers, "answer") or answers[-1]
+        answers = [_by_words(answers, "answer") or answers[-1]]
         values = by_name.values if by_name else facts.table.text(naming.name)
         theirs = {axis_of(value): value for value in reversed(values)}
-        _long(guess, [answer] if by_name else [answer, naming], surfaces)
-        guess.keys |= ({} if by_name else {"axis": naming.name}) | {"answer": answer.name}
-        answers = [answer]
-    for axis in (axis for axis in RATING_AXES if axis in theirs):
-        words = list(AXIS_WORDS[axis])
-        ask = f"{TODO}: {' or '.join(words)}? what the largest number means"
-        guess.axes[axis] = {"column": theirs[axis], "high": ask, "words": words}
+        _long(guess, answers if by_name else [*answers, naming], surfaces)
+        guess.keys |= ({} if by_name else {"axis": naming.name}) | {"answer": answers[0].name}
+    for axis, words in AXIS_WORDS.items():
+        if axis in theirs:
+            ask = f"{TODO}: {' or '.join(words)}? what the largest number means"
+            guess.axes[axis] = {"column": theirs[axis], "high": ask, "words": list(words)}
     _set_scale(guess, answers)
     return guess
 
@@ -118,15 +116,14 @@ def _wide(guess, answers, surfaces):
 
 def _long(guess, taken, surfaces):
     """Sets who answered about what: a part of the name of the file, or a column."""
-    group, table = guess.group, guess.group.first.table
+    group, texts = guess.group, guess.group.first.table.text
     free = [column for column in group.first.columns if column not in taken]
     unnamed = [item for item in group.fields if not item.role]
     for role in ("surface", "rater"):
         item, column = group.field_of(role), _by_words(free, role)
-        if role == "surface":  # a column with recorded names is it, whatever it is called
-            overlap = {id(other): len(surfaces & set(table.text(other.name))) for other in free}
-            best = max(free, key=lambda other: overlap[id(other)], default=None)
-            column = best if best is not None and overlap[id(best)] else column
+        if role == "surface" and free:  # a column with recorded names is it, whatever it is called
+            best = max(free, key=lambda other: len(surfaces & set(texts(other.name))))
+            column = best if surfaces & set(texts(best.name)) else column
         if item is None and column is not None:
             guess.keys[role] = column.name
             free.remove(column)
@@ -137,22 +134,19 @@ def _long(guess, taken, surfaces):
         elif item is None:
             there = ", ".join(other.name for other in free)
             guess.keys[role] = f"{TODO}: the column that names the {role}; there are {there}"
-        if role == "surface" and item is not None:
-            guess.surfaces = item.distinct
-        elif role == "surface" and column is not None:
-            guess.surfaces = [text for text in dict.fromkeys(table.text(column.name)) if text]
+        if role == "surface" and (item or column):
+            guess.surfaces = item.distinct if item else list(dict.fromkeys(filter(None, texts(column.name))))
 
 
 def _set_scale(guess, columns):
     """The scale by the smallest and largest answer, in all files that were opened, and what stands for none."""
-    names = {column.name for column in columns}
-    found = [column for facts in guess.group.tables for column in facts.columns if column.name in names]
+    names, group = {column.name for column in columns}, guess.group
+    found = [column for facts in group.tables for column in facts.columns if column.name in names]
     low, high = min(column.low for column in found), max(column.high for column in found)
-    seen = f"answers from {low:g} to {high:g}"
-    fits = (low, high) in SCALES
+    seen, fits = f"answers from {low:g} to {high:g}", (low, high) in SCALES
     guess.keys["scale"] = [low, high] if fits else [low, f"{TODO}: the ends of the scale; {seen}"]
     guess.comments["scale"] = f"the {seen} reach both ends of a usual scale" if fits else seen
-    texts = {text for column in columns for text in guess.group.first.table.text(column.name)}
+    texts = {text for name in names for text in group.first.table.text(name)}
     missing = sorted(text for text in texts if text and not re.fullmatch(r"[+-]?(\d+[.,]?\d*|[.,]\d+)", text))
     if missing:
         guess.keys["missing"] = ["", *missing]
