@@ -291,7 +291,7 @@ def test_what_the_conversion_noted_is_told(slides, tmp_path, undrawn):
     )
     report.note("samples saturated, NaN", 40, "a.csv at 0.2 s")
     with h5py.File(recordings, "a") as file:
-        file.attrs["conversion"] = report.as_json()
+        file.attrs["conversion"] = json.dumps(report.facts)
     write_card(recordings, tmp_path / "card", prepared, quiet=True)
     text = (tmp_path / "card/card.md").read_text()
     for line in ("40 samples saturated, NaN; first a.csv at 0.2 s", "left out: b/0/0: no file with force", "+20.0 ms"):
