@@ -165,7 +165,8 @@ def list_tables(path, kind=None, **options):
     if kind == "xlsx" and path.is_file():
         inside = paths_inside(path, kind)
     elif kind in TREE_KINDS:
-        inside = open_tree(path, kind).tables
+        with reading(path, kind, _REMEDY):
+            inside = open_tree(path, kind).tables
     return [read_table(path, kind, inside=place, **options) for place in inside]
 
 
