@@ -14,7 +14,6 @@ from tactile_diffusers.evaluation.baselines import (
     Decimated,
     KnnBlend,
     MeanSpectrum,
-    NineBandNoise,
     PhaseRandomised,
     Ridge,
     TrainingTextures,
@@ -119,12 +118,6 @@ def test_descriptions_keep_level_and_scale_and_do_not_look_at_other_rows(slug, t
     assert (rms(baseline.sample(silent, seeded())) < 1e-12).all()
 
 
-def test_silence_and_other_take(training, request_):
-    made = default_baselines(1, 1)
-    assert (snr_db(made["silence"].fit(training).sample(request_, seeded()), request_.textures) == 0).all()
-    np.testing.assert_array_equal(made["other_take"].fit(training).sample(request_, seeded()), request_.other_takes)
-
-
 def test_random_phases_keep_the_spectrum_and_lose_the_waveform(training, held_out):
     made = PhaseRandomised().fit(training).sample(BaselineRequest(np.zeros((100, 3)), held_out), seeded())
     inside = np.fft.rfftfreq(SEGMENT_SAMPLES, 1 / DEVICE_RATE) < 1050
@@ -184,7 +177,7 @@ def test_nine_band_noise_has_the_nine_levels(training, held_out):
         inside = (GRID.frequencies >= edges[band]) & (GRID.frequencies < edges[band + 1])
         np.testing.assert_allclose(10 * np.log10(density[:, inside].sum(-1) * width), wanted[:, band], atol=1e-3)
     request = BaselineRequest(np.zeros((100, 3)), held_out)
-    made = NineBandNoise().fit(training).sample(request, seeded())
+    made = default_baselines(1, 1)["nine_band_noise"].fit(training).sample(request, seeded())
     # under a Hann window 18 bins of noise, the lowest band, scatter by 1.4 dB; mean error over nine such bands 0.56 dB
     assert nine_band_error_db(made, held_out, DEVICE_RATE).mean() < 0.7
 
@@ -278,12 +271,6 @@ def test_ratings_move_level_tilt_and_friction_as_planted(baseline, tolerance, pl
     assert slope_on_rating(2, lambda _, mu: np.log(mu), baseline) == pytest.approx(-0.4, rel=tolerance)
 
 
-def test_ridge_scatters_as_segments_of_a_surface_do(planted):
-    levels = levels_db(Ridge().fit(planted).sample(BaselineRequest(np.zeros((200, 3))), seeded()))
-    # 1 dB planted; 200 draws give it to 5 %, the 160 degrees of freedom of the fit to 6 %
-    assert levels.std() == pytest.approx(1.0, abs=0.2)
-
-
 def test_ridge_draws_what_is_not_specified_given_the_rest(planted):
     ridge = Ridge().fit(planted)
     ratings = np.full((600, 3), nan)
@@ -338,42 +325,31 @@ def test_another_rate_and_band():
             assert made.shape == textures.shape and np.isfinite(made).all(), slug
 
 
-@pytest.mark.parametrize("slug", SLUGS)
-def test_misuse_is_refused(slug, training, request_):
-    baseline, name = default_baselines(500, 2.0)[slug], "other_takes" if slug == "other_take" else "textures"
-    cases = [(BaselineRequest(np.zeros(3)), r"`request.ratings` must have the shape \(n, 3\)")]
-    if baseline.knows == "recording":
-        cases += [
-            (BaselineRequest(request_.ratings), f"'{slug}' needs `request.{name}`, got None"),
-            (replace(request_, **{name: request_.textures[:, :-1]}), f"`request.{name}` must have the shape"),
-            (replace(request_, **{name: np.full((12, SEGMENT_SAMPLES), inf)}), f"`request.{name}` must be finite"),
-        ]
-    with pytest.raises(ValueError, match=f"'{slug}' is not fitted. Call `fit"):
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"ratings": np.zeros(3)}, r"`request.ratings` must have the shape \(n, 3\)"),
+        ({"textures": None}, "needs `request.textures`, got None"),
+        ({"textures": np.zeros((12, 7))}, "`request.textures` must have the shape"),
+        ({"textures": np.full((12, SEGMENT_SAMPLES), inf)}, "`request.textures` must be finite"),
+    ],
+)
+def test_bad_requests_are_refused(change, message, training, request_):
+    baseline = default_baselines(500, 2.0)["lpc20"]
+    with pytest.raises(ValueError, match="'lpc20' is not fitted. Call `fit"):
         baseline.sample(request_, seeded())
-    baseline.fit(training)
-    for bad, message in cases:
-        with pytest.raises(ValueError, match=message):
-            baseline.sample(bad, seeded())
+    with pytest.raises(ValueError, match=message):
+        baseline.fit(training).sample(replace(request_, **change), seeded())
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    (
-        ({"textures": np.full((150, 100), nan)}, "`training.textures` must be finite"),
+    [
         ({"textures": np.zeros((150, 100))}, "too short"),
         ({"ratings": np.zeros((149, 3))}, "`training.ratings` must have one row for each of the 150"),
-        ({"ratings": np.full((150, 3), inf)}, "`training.ratings` must be finite, or NaN"),
-        ({"friction_coefficients": np.zeros(150)}, "must be .*above 0, got 0.0. Set unknown ones to NaN"),
-        ({"surface_ids": np.zeros(3)}, "`training.surface_ids` must have one row"),
-    ),
+        ({"friction_coefficients": np.zeros(150)}, "must be .*above 0, got 0.0"),
+    ],
 )
 def test_bad_training_textures_are_refused(change, message, training):
     with pytest.raises(ValueError, match=message):
         MeanSpectrum().fit(replace(training, **change))
-
-
-def test_bad_settings_are_refused():
-    for make in (lambda value: Decimated(value, 1), lambda value: Decimated(1, value), KnnBlend, Ridge):
-        for value in (0, -1, nan):
-            with pytest.raises(ValueError, match="must be .*above 0"):
-                make(value)

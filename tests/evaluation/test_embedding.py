@@ -1,7 +1,5 @@
 """The 53 features, and what the distances on them see."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from tactile_diffusers.evaluation import (
     kernel_tactile_distance,
     tactile_features,
 )
-from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, WORKING_RATE, band_pass, resample, rms
+from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, WORKING_RATE, resample
 
 SECONDS = np.arange(SEGMENT_SAMPLES) / DEVICE_RATE
 
@@ -106,53 +104,11 @@ def test_width_is_the_median_distance(embedding, embedded_reference):
     assert embedding.width == pytest.approx(np.median(np.concatenate(pairs)))
 
 
-def test_state_survives_json(embedding, held_out):
-    state = json.loads(json.dumps(embedding.to_dict()))
-    np.testing.assert_array_equal(TactileEmbedding.from_dict(state)(held_out[:3]), embedding(held_out[:3]))
-    state["features"][0] = "other"
-    with pytest.raises(ValueError, match="another version"):
-        TactileEmbedding.from_dict(state)
-
-
 def test_held_out_textures_are_near(distances, held_out):
     # 150 and 100 draws of one distribution: FTD is biased upwards, about 7 here; KTD is not, standard error about 2
     ftd, ktd = distances(held_out)
     assert 0 < ftd < 12
     assert abs(ktd) < 6
-
-
-def _lows_weakened(textures, rng):
-    return textures - 0.5 * band_pass(textures, DEVICE_RATE, (2.0, 100.0))
-
-
-def _noise_above_the_band(textures, rng):
-    noise = band_pass(rng.normal(size=textures.shape), DEVICE_RATE, (1300.0, 4900.0))
-    return textures + noise / rms(noise)[:, None] * rms(textures)[:, None] * 10 ** (-30 / 20)
-
-
-def _one_texture_repeated(textures, rng):
-    return np.repeat(textures[:1], len(textures), axis=0)
-
-
-def _half_the_level(textures, rng):
-    return 0.5 * textures
-
-
-@pytest.mark.parametrize(
-    ("failure", "least_ftd", "least_ktd"),
-    [
-        # half of what they measure with 400 and 300 textures: FTD 17, 88, 113, 34; KTD 99, 458, 739, 153
-        (_lows_weakened, 8, 50),
-        (_noise_above_the_band, 44, 229),
-        (_one_texture_repeated, 56, 370),
-        (_half_the_level, 17, 76),
-    ],
-)
-def test_planted_failures_are_caught(distances, held_out, failure, least_ftd, least_ktd):
-    good_ftd, good_ktd = distances(held_out)
-    ftd, ktd = distances(failure(held_out, np.random.default_rng(9)))
-    assert ftd - good_ftd > least_ftd
-    assert ktd - good_ktd > least_ktd
 
 
 def test_bad_input_is_refused(embedding, held_out):

@@ -62,6 +62,11 @@ def test_real_textures_are_close_to_the_reference(world, frozen):
     assert abs(ktd["mean"]) < 10
 
 
+def test_half_the_level_is_seen(world, frozen):
+    held_out = world["held_out"]
+    assert _ktd(frozen, 0.5 * held_out.textures, held_out.surface_ids)["mean"] > 60
+
+
 def test_lost_lows_are_seen(world, frozen):
     """-6 dB below 100 Hz: FIELD.md has KTD 89; the bands below 100 Hz say -6 dB."""
     held_out = world["held_out"]

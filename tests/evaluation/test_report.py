@@ -15,9 +15,7 @@ from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli import evaluate
 from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.data.splits import SPLITS
-from tactile_diffusers.evaluation import TactileEmbedding
 from tactile_diffusers.evaluation.baselines import SLUGS
-from tactile_diffusers.evaluation.held_out import HeldOutData
 from tactile_diffusers.evaluation.metrics.statistics import is_leaf
 from tactile_diffusers.evaluation.report import folder_digest, leaves, run_sections
 from tactile_diffusers.evaluation.report_tables import report_markdown
@@ -156,22 +154,6 @@ def test_done_sections_are_read_not_run_again(evaluable_pipe, prepared, tmp_path
         next(pipe.lctg.parameters()).add_(1.0)
     pipe.save_pretrained(tmp_path / "checkpoint")
     assert _report(pipe, prepared, tmp_path, ["speed"], seed=1)["speed"] == "other weights"
-
-
-@pytest.mark.usefixtures("blank_pictures")
-def test_embedding_is_that_of_the_report_and_kept(evaluable_pipe, prepared, tmp_path, monkeypatch):
-    pipe, path = evaluable_pipe(dale=False), tmp_path / "out" / "embedding.json"
-    monkeypatch.setitem(SECTIONS, "speed", lambda context: {"speed": "measured"})
-    _report(pipe, prepared, tmp_path, ["speed"])
-    first = path.read_text()
-    path.unlink()
-    with monkeypatch.context() as patched:
-        patched.setattr(HeldOutData, "reference", property(lambda data: pytest.fail("embedded the reference again")))
-        _report(pipe, prepared, tmp_path, ["speed"])
-    assert path.read_text() == first
-    assert TactileEmbedding.from_dict(json.loads(first)).sampling_rate == 10_000
-    _report(pipe, prepared, tmp_path, ["speed"], seed=1)  # other training segments
-    assert path.read_text() != first
 
 
 @pytest.mark.usefixtures("blank_pictures")

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tactile_diffusers.evaluation.training_record import training_facts
+from tactile_diffusers.evaluation.report import training_facts
 
 
 def _training(folder, steps, seconds, before=None, **arguments):

@@ -8,7 +8,7 @@ from scipy import stats
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation import truth
 from tactile_diffusers.evaluation import virtual_truth as virtual
-from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, RatedTextures, log_kernel, recorded_truth
+from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, RatedTextures, recorded_truth
 from tactile_diffusers.evaluation.virtual_truth import draw_surfaces, truth_of, virtual_truth
 from tactile_diffusers.signal import level
 from tactile_diffusers.virtual import FIRST_FRESH, VirtualSurface, fresh_ratings, fresh_textures, generate_recordings
@@ -124,45 +124,6 @@ def test_drawn_ratings_are_distributed_as_those_that_count(gaussian, axis, value
     assert drawn.std() == pytest.approx(spread, rel=0.05)
 
 
-def test_importance_counts_in_what_is_drawn():
-    ratings = np.array([[-0.1, 0, 0], [0.1, 0, 0], [0.1, 9, 9]])
-    textures = RatedTextures({}, np.arange(3), ratings, np.array([6.0, 1.0, 1.0]))
-    drawn = textures.draw_ratings([0.0, None, FREE], 40)[:, 0]
-    assert (drawn == -0.1).sum() == 30 and (drawn == 0.1).sum() == 10
-
-
-def test_nothing_is_drawn_where_nothing_is_specified(gaussian):
-    assert np.isnan(gaussian.draw_ratings(POPULATION, 7)).all() and gaussian.draw_ratings(POPULATION, 7).shape == (7, 3)
-    with pytest.raises(ValueError, match="`request` must specify one axis at most"):
-        gaussian.draw_ratings([0.0, 1.0, FREE], 7)
-
-
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        ({"ratings": np.zeros((2, 2))}, "`ratings` must have the shape"),
-        ({"importance": np.array([1.0, 0.0])}, "`importance` must be finite and above zero"),
-        ({"measures": {"x": np.zeros(4)}}, "`measures\\['x'\\]` has 4 rows for 3 textures"),
-        ({"surface_ids": [0, 0, 0]}, "each of the 2 surfaces at least once"),
-        ({"surface_ids": [0, 1, 2]}, "each of the 2 surfaces at least once"),
-    ],
-)
-def test_parts_that_do_not_fit_are_refused(arguments, message):
-    good = {"measures": {}, "surface_ids": [0, 0, 1], "ratings": np.zeros((2, 3)), "importance": np.ones(2)}
-    RatedTextures(**good)
-    with pytest.raises(ValueError, match=message):
-        RatedTextures(**{**good, **arguments})
-
-
-def test_bad_requests_are_refused(gaussian):
-    with pytest.raises(ValueError, match="`request` must be 3 ratings"):
-        gaussian.mean("line", [1.0, 2.0])
-    with pytest.raises(ValueError, match="`request` must be 3 ratings"):
-        gaussian.mean("line", [1.0, 2.0, np.inf])
-    with pytest.raises(ValueError, match="`width`"):
-        log_kernel(gaussian.ratings, POPULATION, width=0)
-
-
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("truth")
@@ -226,44 +187,6 @@ def _without_limits(recordings, prepared, **options):
     limits = SegmentLimits().without_conditions()
     prepare_recordings(recordings, prepared, limits, validation=1, test=1, quiet=True, **options)
     return prepared
-
-
-def test_surfaces_without_a_segment_are_tried_again_then_dropped(prepared, monkeypatch):
-    tried = []
-
-    def some_fail(number, trial, **settings):
-        tried.append((number, trial))
-        count = {0: 0 if trial == 0 else 1, 1: 0}.get((number - FIRST_FRESH) % 4, 2)
-        return (np.zeros((count, 8), np.float32), *(np.full(count, value, np.float32) for value in (0.5, -5.0, 80.0)))
-
-    monkeypatch.setattr(virtual, "fresh_textures", some_fail)
-    data = PreparedDataset(prepared, "test")
-    rated = virtual_truth(data, REQUESTS, describe, surfaces=20, candidates=40)
-    first = np.array([number for number, trial in tried if trial == 0])
-    second = np.array([number for number, trial in tried if trial == 1])
-    np.testing.assert_array_equal(second, first[first % 4 < 2])
-    assert rated.dropped == np.sum(first % 4 == 1) > 0
-    training = np.unique(PreparedDataset(prepared, "train", "full").surface_ids)
-    ratings = fresh_ratings(40, seed=4, agreement=2.0, training=training)
-    drawn, importance = draw_surfaces(ratings, REQUESTS, 20)
-    np.testing.assert_array_equal(rated.ratings, ratings[drawn[drawn % 4 != 1]])
-    np.testing.assert_array_equal(rated.importance, importance[drawn % 4 != 1])
-    monkeypatch.setattr(virtual, "fresh_textures", lambda number, **settings: some_fail(FIRST_FRESH + 1, 0))
-    with pytest.raises(ValueError, match="No fresh surface has a segment"):
-        virtual_truth(data, [POPULATION], describe, surfaces=3, candidates=40)
-
-
-def test_full_subset_has_no_limits(prepared, monkeypatch):
-    limits = []
-
-    def note(number, trial, **settings):
-        limits.append(settings["limits"])
-        return np.zeros((1, 8), np.float32), *np.ones((3, 1), np.float32)
-
-    monkeypatch.setattr(virtual, "fresh_textures", note)
-    for subset in ("filtered", "full"):
-        virtual_truth(PreparedDataset(prepared, "train", subset), [POPULATION], describe, surfaces=1, candidates=40)
-    assert tuple(limits[0].speed) == (66.0, 99.0) and limits[1].speed is None and limits[1].normal_force is None
 
 
 def test_recorded_truth_takes_all_surfaces_as_they_are(prepared, monkeypatch):

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 from ablate_training import training_facts as facts_of_a_row
 
-from tactile_diffusers.evaluation.training_record import training_facts
+from tactile_diffusers.evaluation.report import training_facts
 from tactile_diffusers.training.card import describe_run
 from tactile_diffusers.training.record import (
     count_seen,

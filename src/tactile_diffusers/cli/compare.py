@@ -61,7 +61,7 @@ def main(argv=None):
         `int`: 0, or 2 if a report was refused (one line on stderr, and nothing written).
     """
     arguments = parse_arguments(argv)
-    from ..evaluation.comparison import comparison_markdown, plot_axis_spectra, plot_data
+    from ..evaluation.comparison import comparison_markdown, plot_axis_spectra
     from ..io.files import write_text
 
     try:
@@ -71,7 +71,6 @@ def main(argv=None):
         return refuse("compare.py", error)
     arguments.output.mkdir(parents=True, exist_ok=True)
     plot_axis_spectra(reports, arguments.output / "axes.png")
-    plot_data(reports, arguments.output / "data.png")
     write_text(arguments.output / "report.md", text)
     print(text)
     return 0

@@ -118,11 +118,7 @@ class OtherTake(Baseline):
 
 
 class PhaseRandomised(Baseline):
-    """The recording's own amplitude spectrum with random phases.
-
-    Bins above 1.05 times the band are left out: they hold little but the jump from a texture's last sample to its
-    first, which random phases would turn into noise.
-    """
+    """The recording's own amplitude spectrum with random phases, up to 1.05 times the band."""
 
     slug, knows = "phase_randomised", "recording"
 
@@ -149,41 +145,30 @@ class MeanSpectrum(Baseline):
 
 
 class EnvelopeNoise(Baseline):
-    """Gaussian noise under an envelope fitted to the recording, with the recording's RMS.
+    """Gaussian noise under a density fitted to the recording.
 
     Args:
         slug (`str`): of the baseline.
         density (`Callable`): (textures (n, samples), grid) -> power spectra (n, bins).
+        scaled (`bool`): whether the noise has the recording's RMS, or that of the density.
     """
 
     knows = "recording"
 
-    def __init__(self, slug, density):
-        self.slug, self._density = slug, density
+    def __init__(self, slug, density, scaled=True):
+        self.slug, self._density, self._scaled = slug, density, scaled
 
     def _sample(self, request, rng):
         textures = self._recordings(request)
-        return self.grid.noise(self._density(textures, self.grid), rng, rms(textures))
-
-
-class NineBandNoise(Baseline):
-    """Gaussian noise whose expected levels in the nine bands are the recording's: 9 numbers a texture."""
-
-    slug, knows = "nine_band_noise", "recording"
-
-    def _sample(self, request, rng):
-        levels = envelopes.nine_band_levels_db(self._recordings(request), self.grid)
-        return self.grid.noise(envelopes.nine_band_density(levels, self.grid), rng)
+        return self.grid.noise(self._density(textures, self.grid), rng, rms(textures) if self._scaled else None)
 
 
 class Decimated(Baseline):
     """The recording low-passed and quantised to as many bits a second as a latent carries.
 
-    It keeps the lowest coefficients of the cosine transform from the band's lower edge up, at most to 1.05 times the
-    band. Each is whitened by the training textures' mean spectrum and gets Gaussian noise at the signal-to-noise ratio
-    s for which such a channel carries `1/2 log2(1 + s)` bits; the signal is the texture's own whitened power, its level
-    counting as known. Undoing the whitening gives the noise the colour of the mean spectrum, so that weak bands
-    survive as they do in a latent of whitened textures.
+    It keeps the lowest coefficients of the cosine transform from the band's lower edge up. Each is whitened by the
+    training textures' mean spectrum and gets Gaussian noise at the signal-to-noise ratio s for which such a channel
+    carries `1/2 log2(1 + s)` bits; the texture's level counts as known.
 
     Args:
         numbers_per_second (`float`): real numbers a second; 500 reach 250 Hz up.
@@ -225,9 +210,6 @@ def latent_rate(latents, sigma):
 
     Returns:
         `float`: bits per number; an upper bound where numbers are correlated.
-
-    Raises:
-        ValueError: if the latents are not (n, channels, frames) or not finite, or `sigma` is not above 0.
     """
     latents = check_textures("latents", latents, rank=3).astype(np.float64)
     sigma = check_number("sigma", sigma, above=0)
@@ -239,10 +221,7 @@ class KnnBlend(Baseline):
 
     They interpolate models of neighbouring textures in a perceptual space (10.1109/TIE.2019.2914572). Here the
     surfaces' spectra, level included, are averaged in dB with weights of one over the distance in the specified axes.
-    Where no axis is specified, the surfaces are drawn at random for each texture and weigh the same.
-
-    Args:
-        neighbours (`int`): surfaces to blend.
+    Where no axis is specified, `neighbours` surfaces are drawn at random for each texture and weigh the same.
     """
 
     slug, knows = "knn_blend", "ratings"
@@ -262,10 +241,7 @@ class KnnBlend(Baseline):
         return self.grid.noise(self.grid.interpolate_db(self._points, decibels), rng)
 
     def friction_coefficients(self, request, rng):
-        """Friction coefficients of the same surfaces, blended in log: (n,); NaN where none is known.
-
-        Where nothing is specified, a generator in the state of that for `sample` draws the same surfaces.
-        """
+        """Friction coefficients of the same surfaces, blended in log: (n,); NaN where none is known."""
         weights = self._weights(self._checked_request(request).ratings, rng)
         known = np.isfinite(self._log_friction)
         total = weights @ known
@@ -285,12 +261,9 @@ class KnnBlend(Baseline):
 class Ridge(Baseline):
     """Ridge regression from ratings to the nine band levels and the log friction coefficient, then noise.
 
-    Fitted over surfaces (means of their segments). The scatter of segments about their surface's mean is added as one
-    draw from the Gaussian with its covariance. Ratings that are not specified are drawn from the training surfaces'
-    Gaussian given the specified ones, so that sets of textures spread as surfaces do.
-
-    Args:
-        penalty (`float`): ridge, in surfaces whose ratings lie one z-score from the mean.
+    Fitted over surfaces (means of their segments), with a `penalty` in surfaces whose ratings lie one z-score from the
+    mean. The scatter of segments about their surface's mean is added as one draw from the Gaussian with its covariance.
+    Ratings that are not specified are drawn from the training surfaces' Gaussian given the specified ones.
     """
 
     slug, knows = "ridge", "ratings"
@@ -314,10 +287,7 @@ class Ridge(Baseline):
         return self.grid.noise(envelopes.nine_band_density(levels, self.grid), rng)
 
     def friction_coefficients(self, request, rng):
-        """Friction coefficients: (n,); NaN if no training surface's is known.
-
-        A generator in the state of that for `sample` gives the friction that belongs to those textures.
-        """
+        """Friction coefficients: (n,); NaN if no training surface's is known."""
         return np.exp(self._targets(self._checked_request(request).ratings, rng)[:, 9])
 
     def _targets(self, ratings, rng):
@@ -336,7 +306,12 @@ def default_baselines(numbers_per_second, bits_per_number):
         EnvelopeNoise(
             "slope_envelope", lambda rows, grid: envelopes.slope_density(envelopes.fit_slope(rows, grid), grid)
         ),
-        *(NineBandNoise(), Decimated(numbers_per_second, bits_per_number), KnnBlend(), Ridge()),
+        EnvelopeNoise(
+            "nine_band_noise",
+            lambda rows, grid: envelopes.nine_band_density(envelopes.nine_band_levels_db(rows, grid), grid),
+            scaled=False,
+        ),
+        *(Decimated(numbers_per_second, bits_per_number), KnnBlend(), Ridge()),
     )
     return {baseline.slug: baseline for baseline in baselines}
 

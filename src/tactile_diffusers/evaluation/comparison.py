@@ -1,13 +1,11 @@
 """Reports of several checkpoints side by side: the effect of ratings in each."""
 
-from collections import Counter
-
 import numpy as np
 
 from ..signal import RATING_AXES
-from .control_summary import comparisons, matrix_difference
+from .control_tables import matrix_difference, share_right
 from .labels import default_guidance
-from .report_figures import figure_panels, share_limits
+from .report_figures import figure_panels, leaf_mean, share_limits
 from .tables import markdown_table
 
 _TICKS_HZ = (30, 100, 300, 1000)
@@ -29,7 +27,7 @@ _LABELS = {
 
 
 def comparison_markdown(reports):
-    """A table of all reports and links to the pictures.
+    """A table of all reports and a link to the picture.
 
     Args:
         reports (`dict[str, dict]`): name -> report.json.
@@ -52,11 +50,9 @@ def comparison_markdown(reports):
         "change is right within 20 % of that between real surfaces with such ratings, or within its 95 % interval. "
         "Diagonals and alpha: roughness, bumpiness, slipperiness."
     )
-    parts = [note, markdown_table({name: _row(report) for name, report in reports.items()}, labels=_LABELS)]
+    parts = [note, markdown_table({name: report_row(report) for name, report in reports.items()}, labels=_LABELS)]
     if len(_with_spectra(reports)) > 1:
         parts.append("![spectra over one axis at a time](axes.png)")
-    if _series(reports):
-        parts.append("![over the number of training surfaces and the agreement of raters](data.png)")
     return "\n\n".join(parts) + "\n"
 
 
@@ -70,51 +66,29 @@ def check_report(report):
     for axes in _with_spectra({"one": report}).values():
         for axis in RATING_AXES:
             for value, bands in axes[axis].items():
-                numbers = [float(value), *(_centre(band) for band in bands)]
+                numbers = [float(value), *map(_centre, bands)]
                 numbers += [leaf["mean"] for leaf in bands.values() if leaf["mean"] is not None]
                 if not np.isfinite(numbers).all():
                     raise ValueError(f"the spectra over {axis} hold what is no number")
 
 
-def _series(reports):
-    """What the data differ in: label of the abscissa -> {name: abscissa}, of reports that share all else.
-
-    Reports over the number of training surfaces share the raters of most reports; reports over the agreement of raters
-    share the number of surfaces that comes with most different values of alpha.
-    """
-    size = {name: report["data"]["training_surfaces"] for name, report in reports.items()}
-    alpha = {name: _mean_alpha(report) for name, report in reports.items()}
-    usual = Counter(alpha.values()).most_common(1)[0][0]
-    by_size = {name: size[name] for name in reports if alpha[name] == usual}
-    groups = {
-        count: {name: alpha[name] for name in reports if size[name] == count and alpha[name]} for count in size.values()
-    }
-    by_alpha = max(groups.values(), key=lambda group: len(set(group.values())))
-    series = {"training surfaces": by_size, "Cronbach's alpha of ratings, mean over axes": by_alpha}
-    return {label: points for label, points in series.items() if len(set(points.values())) > 1}
-
-
-def _mean_alpha(report):
-    values = [value for value in (report["data"].get("rater_alpha") or {}).values() if value is not None]
-    return round(float(np.mean(values)), 3) if values else None
-
-
-def _row(report):
+def report_row(report):
+    """The row of a report: column of the table -> text, number or leaf."""
     guidance = default_guidance(report)
     control, generation, unseen = report["control"], report["generation"][guidance], report["unseen_surfaces"]
-    changes = comparisons(control[guidance]["axes"], control["truth"]["fewest_surfaces"]["mean"])
+    ours = control[guidance]
     ends = [
         entry["latent_shift_percent"]["mean"]
-        for values in control[guidance]["axes"].values()
+        for values in ours["axes"].values()
         for value, entry in values.items()
         if abs(float(value)) == 2 and entry["latent_shift_percent"]["mean"] is not None
     ]
     return {
         "surfaces": report["data"]["training_surfaces"],
         "alpha": _listed((report["data"].get("rater_alpha") or {}).values()) or None,
-        "changes": f"{sum(item['right'] for item in changes)} of {len(changes)}",
-        "matrix": matrix_difference(control[guidance]["response"], control["response_real"]),
-        "diagonal": _diagonal(control[guidance]["response"]),
+        "changes": share_right(ours, control),
+        "matrix": matrix_difference(ours["response"], control["response_real"]),
+        "diagonal": _diagonal(ours["response"]),
         "diagonal_real": _diagonal(control["response_real"]),
         "nine_band_db": unseen["nine_band_db"]["model"],
         "ridge": unseen["nine_band_db"].get("ridge"),
@@ -151,14 +125,12 @@ def plot_axis_spectra(reports, output_path):
                 values = sorted(axes[axis], key=float)
                 low, high = float(values[0]), float(values[-1])
                 for value in values:
-                    bands = axes[axis][value]
-                    means = [np.nan if leaf["mean"] is None else leaf["mean"] for leaf in bands.values()]
-                    colour = colours((float(value) - low) / (high - low))
+                    bands, colour = axes[axis][value], colours((float(value) - low) / (high - low))
+                    means = list(map(leaf_mean, bands.values()))
                     panel.semilogx(list(map(_centre, bands)), means, color=colour, label=f"{float(value):+.1f}")
                 panel.set(title=f"{name}: {axis}", xlabel="Hz", ylabel="dB re 1 N²")
                 panel.set_xticks(_TICKS_HZ, labels=[str(tick) for tick in _TICKS_HZ])
                 panel.minorticks_off()
-                panel.grid(alpha=0.3)
         share_limits(panels.ravel())  # with one scale, a checkpoint that hardly responds is seen
         panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
 
@@ -166,29 +138,3 @@ def plot_axis_spectra(reports, output_path):
 def _centre(band):
     low, high = (float(edge) for edge in band.removesuffix(" Hz").split("-"))
     return (low * high) ** 0.5
-
-
-def plot_data(reports, output_path):
-    """Error on unseen surfaces and difference of the response matrix, over what the training data differ in."""
-    series, rows = _series(reports), {name: _row(report) for name, report in reports.items()}
-    if not series:
-        return
-    drawn = {"nine_band_db": "unseen surfaces, dB", "matrix": "response matrix, largest difference"}
-    with figure_panels(output_path, len(series), len(drawn), (9, 3.4 * len(series))) as panels:
-        for row, (abscissa, points) in zip(panels, series.items(), strict=True):
-            for panel, (key, label) in zip(row, drawn.items(), strict=True):
-                _draw_points(panel, points, rows, key, "DALE", marker="o", color="C0")
-                if key == "nine_band_db":
-                    _draw_points(panel, points, rows, "ridge", "ridge regression, same data", marker="x", color="C1")
-                panel.set(xlabel=abscissa, ylabel=label, xscale="log" if "surfaces" in abscissa else "linear")
-                if key == "matrix":
-                    panel.set_ylim(0, 1.25 * panel.get_ylim()[1])
-                panel.grid(alpha=0.3)
-                panel.legend(fontsize=7)
-
-
-def _draw_points(panel, points, rows, key, label, **style):
-    found = [(points[name], rows[name][key]) for name in points]
-    found = [(place, value["mean"] if isinstance(value, dict) else value) for place, value in found]
-    found = [point for point in found if point[1] is not None]
-    panel.plot(*np.array(found).reshape(-1, 2).T, linestyle="none", label=label, **style)

@@ -39,9 +39,8 @@ _CHUNK = 256
 
 @dataclass(frozen=True)
 class Grid:
-    """The frequency bins of a texture that lie inside its band, and noise made of them.
-
-    Noise has no power at all outside the band, where recordings have little (their filter's slopes), and is periodic.
+    """The frequency bins of a texture that lie inside its band, and noise made of them, periodic and empty outside of
+    it.
 
     Args:
         samples (`int`): of a texture.
@@ -70,15 +69,9 @@ class Grid:
         return self.bins * self.sampling_rate / self.samples
 
     def noise(self, density, rng, level=None):
-        """Gaussian noise of a given power spectral density and RMS.
+        """Gaussian noise of a power spectral density (n, bins), N^2/Hz, and an RMS (n,), N: (n, samples) float64.
 
-        Args:
-            density (`np.ndarray`): (n, bins) at `frequencies`, N^2/Hz; with `level` any unit, and its shape counts.
-            rng (`np.random.Generator`): source of the noise; the first rows do not depend on how many follow.
-            level (`np.ndarray`, *optional*, defaults to what the density adds up to): (n,) RMS of each texture, N.
-
-        Returns:
-            `np.ndarray`: (n, samples) float64, N; zeros where density or RMS is 0.
+        `level`, the RMS, is by default what the density adds up to. The first rows do not depend on how many follow.
         """
         if level is None:
             level = np.sqrt(density.sum(-1) * self.sampling_rate / self.samples)
@@ -105,10 +98,7 @@ def in_chunks(function, textures):
 
 
 def spectrum_db(textures, grid):
-    """Welch's density of textures (m, samples) N inside the band.
-
-    Frequencies (points,) in Hz, 5 Hz apart, and density (m, points), dB re 1 N^2/Hz.
-    """
+    """Frequencies (points,) in Hz, 5 Hz apart, and Welch's density (m, points), dB re 1 N^2/Hz, inside the band."""
     rate = grid.sampling_rate
     frequencies = power_spectral_density(textures[:1], rate)[0]
     inside = (frequencies >= grid.band[0]) & (frequencies <= grid.band[1])
@@ -125,8 +115,8 @@ def nine_band_levels_db(textures, grid):
 def fit_beta(textures, grid):
     """Beta distribution with the mean and variance of each amplitude spectrum over linear frequency: (n, 2), a and b.
 
-    With u = (f - low) / (high - low), mean m and variance v of u under the amplitude spectrum (the root of Welch's
-    density): kappa = m (1 - m) / v - 1, a = m kappa, b = (1 - m) kappa. Silence gives about (1, 1).
+    With u = (f - low) / (high - low), mean m and variance v of u under the amplitude spectrum: kappa = m (1 - m) / v -
+    1, a = m kappa, b = (1 - m) kappa. Silence gives about (1, 1).
     """
     frequencies, decibels = spectrum_db(textures, grid)
     amplitude = 10 ** (decibels / 20)
@@ -153,8 +143,7 @@ def _relative(frequencies, grid):
 def fit_slope(textures, grid):
     """Asymmetric band-pass through each spectrum: (n, 3), corner frequency in Hz, high-pass and low-pass order.
 
-    Least squares of decibels over logarithmic bands, so that each octave weighs the same. The gain is left to the
-    level.
+    Least squares of decibels over logarithmic bands, so that each octave weighs the same, the gain left free.
     """
     edges = band_edges(SLOPE_BANDS, grid.band)
     levels = in_chunks(lambda rows: band_levels_db(rows, grid.sampling_rate, edges), textures)
@@ -174,10 +163,7 @@ def fit_slope(textures, grid):
 
 
 def slope_density(parameters, grid):
-    """Power spectra (n, bins) of the band-pass: `1 / ((1 + (fc/f)^(2 n_hp)) (1 + (f/fc)^(2 n_lp)))`.
-
-    Parameters (n, 3): corner fc in Hz, orders n_hp and n_lp.
-    """
+    """Power spectra (n, bins) of band-passes (n, 3): `1 / ((1 + (fc/f)^(2 n_hp)) (1 + (f/fc)^(2 n_lp)))`."""
     return 10 ** (_slope_db(parameters.T[..., None], grid.frequencies) / 10)
 
 
@@ -192,8 +178,7 @@ def _slope_db(parameters, frequencies):
 def lpc_density(textures, grid, order=LPC_ORDER):
     """Power spectra (n, bins) of autoregressive models: `1 / |1 - sum_k a_k exp(-2 pi i k f / rate)|^2`.
 
-    Linear prediction by the autocorrelation method, hence stable, at `WORKING_RATE`: at 10 kHz the poles would go to
-    the empty four fifths of the spectrum.
+    Linear prediction by the autocorrelation method at `WORKING_RATE`: at 10 kHz the poles would go to the empty part.
     """
     rate = min(grid.sampling_rate, WORKING_RATE)
     rows = in_chunks(lambda part: _autocorrelation(resample(part, grid.sampling_rate, rate), order + 1), textures)
@@ -214,7 +199,7 @@ def nine_band_density(levels_db, grid, iterations=20):
     """Smooth power spectra (n, bins), N^2/Hz, with given levels (n, 9), dB re 1 N^2, in the nine bands.
 
     Linear in dB over log frequency between band centres. The levels at the centres are shifted until each band holds
-    its power; each of the `iterations` halves what is missing, a decibel or two at first.
+    its power; each of the `iterations` halves what is missing.
     """
     edges = band_edges(levels_db.shape[-1], grid.band)
     centres = np.sqrt(edges[:-1] * edges[1:])
@@ -228,11 +213,7 @@ def nine_band_density(levels_db, grid, iterations=20):
 
 
 def ridge_fit(inputs, targets, penalty):
-    """Ridge regression of targets (surfaces,) on inputs (surfaces, 3): intercept and slopes (3,).
-
-    Rows whose target is NaN are left out; the intercept is NaN where no target is known. `penalty` is added to the sums
-    of squares of the centred inputs.
-    """
+    """Ridge regression of targets (surfaces,), NaN left out, on inputs (surfaces, 3): intercept and slopes (3,)."""
     known = np.isfinite(targets)
     if not known.any():
         return np.nan, np.zeros(inputs.shape[-1])
@@ -243,10 +224,7 @@ def ridge_fit(inputs, targets, penalty):
 
 
 def draw_missing(values, mean, covariance, normal):
-    """Fills NaN in values (n, d) by draws from a Gaussian, given the known values of the same row.
-
-    The mean (d,) and covariance (d, d) are the Gaussian's; `normal` (n, d) holds standard normal numbers.
-    """
+    """Fills NaN in values (n, d) by draws from a Gaussian given the row's known values; normal (n, d) is the noise."""
     offsets = values - mean
     for pattern in np.unique(np.isnan(values), axis=0):
         rows = np.flatnonzero((np.isnan(values) == pattern).all(-1))

@@ -126,17 +126,12 @@ class HeldOutData:
 
 
 def open_held_out(data, split, per_surface, seed=0, baseline_surfaces=None):
-    """Opens a prepared data set for an evaluation.
+    """Opens a prepared data set for an evaluation: `HeldOutData`.
 
     Args:
         data (`str` or `Path`): a prepared data set.
         split (`str`): the held-out surfaces: "validation", "test" or, where the data have it, "hard".
-        per_surface (`int`): non-overlapping segments per surface.
-        seed (`int`): of every choice.
-        baseline_surfaces (`int`, *optional*): training surfaces that the baselines learn from; all by default.
-
-    Returns:
-        `HeldOutData`
+        per_surface, seed, baseline_surfaces: of `HeldOutData`.
 
     Raises:
         ValueError: if the split is unknown or "train", shares surfaces with training, or has fewer than two surfaces
@@ -169,11 +164,7 @@ def _two_halves(dataset, per_surface, seed):
 
 
 def check_unseen(held_out, train):
-    """Refuses held-out segments of surfaces that are also in training.
-
-    Raises:
-        ValueError: if the two views of a data set share a surface.
-    """
+    """Raises a ValueError if two views of a data set share a surface: one held out, one of training."""
     shared = np.intersect1d(held_out.surface_ids, train.surface_ids)
     if len(shared):
         raise ValueError(
@@ -183,11 +174,7 @@ def check_unseen(held_out, train):
 
 
 def check_fit(pipe, dataset, name="checkpoint"):
-    """Refuses a checkpoint and data that cannot be compared; `name` is what the message calls the checkpoint.
-
-    Raises:
-        ValueError: if their bands, rates or lengths differ.
-    """
+    """A ValueError if bands, rates or lengths of checkpoint and data differ; `name` is the checkpoint's in it."""
     extractor = pipe.feature_extractor
     band = tuple(float(edge) for edge in extractor.band)
     if band != tuple(dataset.band):

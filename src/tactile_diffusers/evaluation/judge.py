@@ -55,8 +55,7 @@ class Judge:
         error on surfaces left out, in five folds.
 
         Args:
-            points (`np.ndarray`): (n, features) z-scores of training surfaces' textures, from `TactileEmbedding`. They
-                are not scaled again: its floors keep features that hardly vary from counting.
+            points (`np.ndarray`): (n, features) z-scores of training surfaces' textures, from `TactileEmbedding`.
             log_friction (`np.ndarray`): (n,) natural log of the friction coefficient; all NaN = unknown, not used.
             ratings (`np.ndarray`): (n, 3) of each texture's surface; textures with a NaN are left out.
             surface_ids (`np.ndarray`): (n,) which textures belong together.
@@ -66,68 +65,50 @@ class Judge:
             ValueError: if shapes do not fit together, a feature is not finite, log friction is known of some textures
                 only, or fewer than ten surfaces are rated on all axes.
         """
-        points, log_friction = np.asarray(points, dtype=np.float64), np.asarray(log_friction, dtype=np.float64)
-        _check_lengths(points, log_friction=log_friction, surface_ids=surface_ids)
-        ratings = _checked_ratings("ratings", ratings, points)
+        points, log_friction = _checked(points, log_friction)
+        ratings, surface_ids = _checked_ratings("ratings", ratings, points), np.asarray(surface_ids)
         rated = ~np.isnan(ratings).any(1)
-        columns = (points, log_friction, ratings, np.asarray(surface_ids))
-        points, log_friction, ratings, surface_ids = (values[rated] for values in columns)
-        names, surface = np.unique(surface_ids, return_inverse=True)
+        points, log_friction, ratings = points[rated], log_friction[rated], ratings[rated]
+        names, surface = np.unique(surface_ids[rated], return_inverse=True)
         if len(names) < FEWEST_SURFACES:
             raise ValueError(
                 f"`ratings` of {len(names)} surfaces are known on all axes; a judge needs at least {FEWEST_SURFACES}."
             )
-        _check_finite("points", points)
-        friction = None
-        if not np.isnan(log_friction).all():
-            _check_finite("log_friction", log_friction[:, None])
-            friction = (float(log_friction.mean()), float(log_friction.std()) or 1.0)
-        centre = points.mean(0)
+        known, centre = not np.isnan(log_friction).all(), points.mean(0)
+        friction = (float(log_friction.mean()), float(log_friction.std()) or 1.0) if known else None
         inputs = _inputs(points, log_friction, centre, friction)
         fold = (np.random.default_rng(seed).permutation(len(names)) % FOLDS)[surface]
         choices = _cross_validated(inputs, ratings, fold)
         intercept = ratings.mean(0)
-        coefficients = np.empty_like(ratings)
-        for axis, choice in enumerate(choices):
-            kernel = _kernel(inputs, inputs, choice["width"])
-            coefficients[:, axis] = _solve(kernel, ratings[:, axis] - intercept[axis], choice["regularisation"])
-        return cls(inputs, centre, friction, intercept, coefficients, choices)
+        coefficients = [
+            _solve(_kernel(inputs, inputs, choice["width"]), ratings[:, axis] - mean, choice["regularisation"])
+            for axis, (choice, mean) in enumerate(zip(choices, intercept, strict=True))
+        ]
+        return cls(inputs, centre, friction, intercept, np.stack(coefficients, 1), choices)
 
     def predict(self, points, log_friction):
-        """Estimates the ratings of textures.
+        """Estimated ratings (n, 3), z-scores, of embedded textures (n, features) and their log friction (n,).
 
-        Args:
-            points (`np.ndarray`): (n, features), by the embedding that `fit` was given.
-            log_friction (`np.ndarray`): (n,); ignored where `friction` is None.
-
-        Returns:
-            `np.ndarray`: (n, 3) z-scores. They spread less than ratings: their slope on them is about R².
+        They spread less than ratings: their slope on them is about R². Log friction is ignored where `friction` is
+        None.
 
         Raises:
             ValueError: if shapes do not fit together or a feature that is used is not finite.
         """
-        points, log_friction = np.asarray(points, dtype=np.float64), np.asarray(log_friction, dtype=np.float64)
-        _check_lengths(points, log_friction=log_friction)
-        inputs = _inputs(points, log_friction, self.centre, self.friction)
-        ratings = np.empty((len(points), len(RATING_AXES)))
-        for axis, choice in enumerate(self.choices):
-            kernel = _kernel(inputs, self.inputs, choice["width"])
-            ratings[:, axis] = self.intercept[axis] + kernel @ self.coefficients[:, axis]
-        return ratings
+        inputs = _inputs(*_checked(points, log_friction), self.centre, self.friction)
+        ratings = [
+            _kernel(inputs, self.inputs, choice["width"]) @ self.coefficients[:, axis]
+            for axis, choice in enumerate(self.choices)
+        ]
+        return self.intercept + np.stack(ratings, 1)
 
     def r2(self, points, log_friction, ratings):
-        """Share of the variance of ratings over textures that the judge explains: (3,), at most 1.
-
-        Args:
-            points, log_friction: as in `predict`.
-            ratings (`np.ndarray`): (n, 3) of each texture's surface; NaN is left out.
-        """
+        """Share of the variance of ratings (n, 3), NaN left out, over textures that the judge explains: (3,)."""
         return _r2(self.predict(points, log_friction), _checked_ratings("ratings", ratings, points))
 
     def r2_interval(self, points, log_friction, ratings, surface_ids):
         """95 % interval of `r2` by leaving out one surface at a time: low and high, (3,) each."""
         predicted, ratings = self.predict(points, log_friction), _checked_ratings("ratings", ratings, points)
-        _check_lengths(predicted, surface_ids=surface_ids)
         return jackknife(lambda mask: _r2(predicted[mask], ratings[mask]), surface_ids)[1]
 
 
@@ -147,8 +128,7 @@ def response_matrix(estimated, requested):
 
     Args:
         estimated (`np.ndarray`): (n, 3), from `Judge.predict`.
-        requested (`np.ndarray`): (n, 3), all specified; for requests that leave axes free, the ratings that come along
-            with them (`RatedTextures.mean_rating`).
+        requested (`np.ndarray`): (n, 3), all specified.
 
     Returns:
         `np.ndarray`: (3, 3) slopes, [estimated axis, requested axis].
@@ -169,21 +149,14 @@ def response_matrix(estimated, requested):
 
 
 def response_interval(estimated, requested, surface_ids):
-    """95 % interval of `response_matrix` by leaving out one surface, or one request, at a time.
+    """95 % interval of `response_matrix` by leaving out one surface at a time: (2, 3, 3), low and high.
 
-    Args:
-        estimated, requested: as in `response_matrix`.
-        surface_ids (`np.ndarray`): (n,) which textures belong together: takes of one request, or of one surface.
-
-    Returns:
-        `np.ndarray`: (2, 3, 3) low and high.
+    `surface_ids` (n,) says which textures belong together: takes of one request, or of one surface.
 
     Raises:
-        ValueError: also if the requests vary along fewer axes when one surface is left out, or there are fewer than
-            three surfaces.
+        ValueError: as `response_matrix`, also with one surface left out, or if there are fewer than three surfaces.
     """
     estimated, requested = np.asarray(estimated), np.asarray(requested)
-    _check_lengths(requested, surface_ids=surface_ids)
     if len(np.unique(surface_ids)) < 3:
         raise ValueError("`surface_ids` must name at least 3 surfaces for an interval.")
     return jackknife(lambda mask: response_matrix(estimated[mask], requested[mask]), surface_ids)[1]
@@ -193,10 +166,13 @@ def _inputs(points, log_friction, centre, friction):
     """(n, features) centred embedding, and weighted log friction where it is used."""
     if points.shape[1] != len(centre):
         raise ValueError(f"`points` must have {len(centre)} features, as in `fit`, got {points.shape[1]}.")
-    _check_finite("points", points)
+    used = {"points": points} if friction is None else {"points": points, "log_friction": log_friction[:, None]}
+    for name, values in used.items():
+        bad = ~np.isfinite(values).all(1)
+        if bad.any():
+            raise ValueError(f"`{name}` must be finite, but texture {np.argmax(bad)} ({bad.sum()} in all) is not.")
     if friction is None:
         return points - centre
-    _check_finite("log_friction", log_friction[:, None])
     mean, scale = friction
     return np.concatenate([points - centre, FRICTION_WEIGHT * (log_friction[:, None] - mean) / scale], axis=1)
 
@@ -216,22 +192,16 @@ def _cross_validated(inputs, ratings, fold):
     """Per axis the width and regularisation of the least squared error over all folds: a tuple of dicts."""
     spaced = inputs[np.linspace(0, len(inputs) - 1, min(len(inputs), 1000)).round().astype(int)]
     distance = np.median(cdist(spaced, spaced))
-    widths = [None if factor is None else float(factor * distance) for factor in KERNEL_WIDTHS]
-    settings = [(width, regularisation) for width in widths for regularisation in REGULARISATIONS]
-    errors = []
-    for width in widths:
+    settings, errors = [], []
+    for width in (None if factor is None else float(factor * distance) for factor in KERNEL_WIDTHS):
         kernel = _kernel(inputs, inputs, width)
         for regularisation in REGULARISATIONS:
+            settings.append({"width": width, "regularisation": regularisation})
             errors.append(_left_out_errors(kernel, ratings, fold, regularisation))
-    errors = np.array(errors)
-    best, variance = errors.argmin(0), ratings.var(0)
+    errors, variance = np.array(errors), ratings.var(0)
+    best = errors.argmin(0)
     return tuple(
-        {
-            "axis": name,
-            "width": settings[best[axis]][0],
-            "regularisation": settings[best[axis]][1],
-            "r2": float(1 - errors[best[axis], axis] / variance[axis]),
-        }
+        {"axis": name, **settings[best[axis]], "r2": float(1 - errors[best[axis], axis] / variance[axis])}
         for axis, name in enumerate(RATING_AXES)
     )
 
@@ -247,26 +217,21 @@ def _left_out_errors(kernel, ratings, fold, regularisation):
     return squares / len(ratings)
 
 
-def _check_finite(name, values):
-    bad = ~np.isfinite(values).all(1)
-    if bad.any():
-        raise ValueError(f"`{name}` must be finite, but texture {np.argmax(bad)} ({bad.sum()} in all) is not.")
+def _checked(points, log_friction):
+    """Both as float64, one entry of log friction for each row of points."""
+    points, log_friction = np.asarray(points, dtype=np.float64), np.asarray(log_friction, dtype=np.float64)
+    if points.ndim != 2 or log_friction.shape != points.shape[:1] or not len(points):
+        raise ValueError(
+            f"`points` and `log_friction` must have the shapes (n, features) and (n,), got {points.shape} and "
+            f"{log_friction.shape}."
+        )
+    return points, log_friction
 
 
 def _checked_ratings(name, ratings, points, complete=False):
     """Ratings (n, 3) as float64, one row for each of `points`; `complete`: without NaN."""
-    ratings = np.asarray(ratings, dtype=np.float64)
-    if ratings.ndim != 2 or ratings.shape[1] != len(RATING_AXES) or np.isinf(ratings).any():
-        raise ValueError(f"`{name}` must have the shape (n, {len(RATING_AXES)}) and no infinity, got {ratings.shape}.")
-    if complete and np.isnan(ratings).any():
-        raise ValueError(f"`{name}` must not hold NaN: leave such rows out, or fill in the ratings of the truth.")
-    _check_lengths(np.asarray(points), **{name: ratings})
+    ratings, shape = np.asarray(ratings, dtype=np.float64), (len(points), len(RATING_AXES))
+    if ratings.shape != shape or np.isinf(ratings).any() or (complete and np.isnan(ratings).any()):
+        finite = "finite" if complete else "without infinity"
+        raise ValueError(f"`{name}` must have the shape {shape} and be {finite}, got {ratings.shape}.")
     return ratings
-
-
-def _check_lengths(points, **others):
-    if points.ndim != 2 or not len(points):
-        raise ValueError(f"`points` must have the shape (n, features) and not be empty, got {points.shape}.")
-    for name, values in others.items():
-        if len(values) != len(points):
-            raise ValueError(f"`{name}` must have one entry per texture, {len(points)}, got {len(values)}.")

@@ -1,4 +1,4 @@
-"""Names of rows, columns and metrics in tables."""
+"""Columns of the tables of a report: key of a metric -> heading, or (heading, digits after the point)."""
 
 from .metrics.errors import SIGNED_BANDS_HZ, signed_band_key
 
@@ -16,21 +16,9 @@ NAMES = {
     "knn_blend": "blend of 5 nearest surfaces (from ratings)",
     "ridge": "ridge regression and noise (from ratings)",
 }
-#: What the paper reports (sections 3.1 to 3.4), on SENS3.
-PAPER = {
-    "rmse_n": "11.4 (6.2–18.1)",
-    "snr_db": "−1.87 (−2.36 to −1.21)",
-    "power_difference_n2": "5.0e-05, max 1.0e-04",
-    "power_difference_percent": "59 (from its power difference, RMSE and SNR)",
-    "best_steps": "10",
-    "real_time_steps": "over 50 (RTX 4060)",
-    "rmse_protocol_mn": "5.57",
-    "latent_shift_percent": "0–2",
-}
 #: Steps at which configurations are compared: the paper's best (section 3.3).
 COMPARED_STEPS = "10"
-#: Metrics of a reconstruction.
-SPECTRAL = {
+RECONSTRUCTION = {
     "nine_band_db": "nine-band error, dB",
     "lsd_db": "LSD, dB",
     "gfc": "GFC",
@@ -45,7 +33,25 @@ SPECTRAL = {
     "ktd_excess": "KTD over real",
 }
 BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
-#: Metrics of a set of generated textures.
+STEPS = {
+    "nine_band_db": "nine-band error, dB",
+    "ktd": "KTD",
+    "snr_db": "SNR, dB",
+    "rmse_n": ("RMSE, N", 5),
+    "seconds_per_segment": ("s per segment", 4),
+    "efficiency_score": ("efficiency score (RMSE × s), N·s", 6),
+}
+ANCHORS = {
+    "optimiser_steps": "optimiser steps",
+    "minutes": ("training, minutes", 0),
+    "parameters": "parameters, million",
+    "kilobits_per_second": "latents, kbit/s",
+    "nine_band_db": "nine-band error, dB",
+    "ktd_excess": "KTD over real",
+    "snr_db": "SNR, dB",
+    "power_bias_percent": "difference of the mean power, %",
+    "seconds_per_segment": ("s per segment", 4),
+}
 SETS = {
     "ftd": "FTD",
     "ftd_excess": "FTD over real",
@@ -59,6 +65,53 @@ SETS = {
     "novelty_share_embedding": "embedding (reference only)",
     "novelty_share_latent": "latent (reference only)",
     "out_of_band_db": "above 1.05 kHz, dB",
+}
+UNSEEN = {
+    "nine_band_db": "error of the mean spectrum, dB",
+    "level_r": "r of level",
+    "log_friction_r": "r of log friction",
+}
+EFFECTS = {
+    "changes": "changes as between real surfaces",
+    "matrix": "response matrix, largest difference from real",
+    "spearman": "least Spearman over the sweeps",
+    "nine_band_db": "unseen surfaces, dB",
+    "ktd_excess": "KTD over real",
+    "ftd": "FTD",
+    "diversity_of_rating": "diversity over that of real textures of such ratings",
+    "diversity": "over that of takes of one surface",
+    "precision": "precision",
+    "recall": "recall",
+    "novelty_share": "closer to training than the real 1st percentile",
+}
+ONE_RATING = {
+    "rating_truth": "rating of the real",
+    "level_db": "level, dB re 1 N",
+    "level_db_truth": "real",
+    "shape_db": "shape change, dB",
+    "shape_db_truth": "real",
+    "shape_difference_db": "shape against real, dB",
+    "shape_difference_knn_blend": "blend",
+    "shape_difference_ridge": "ridge",
+    "log_friction": "log friction",
+    "log_friction_truth": "real",
+    "latent_shift_percent": "latent shift, %",
+    "latent_shift_dprime": "latent shift, d′",
+    "latent_shift_dprime_truth": "real",
+}
+NOVEL = {
+    "levels": "level, dB re 1 N",
+    "level_inside": "share of levels within those of training",
+    "frictions": "friction coefficient",
+    "beyond": "share farther from training than 99 % of real",
+    "crest": "crest factor",
+    "finite": "finite",
+}
+SPEED = {
+    "duration_s": ("lasts, s", 4),
+    "seconds_per_step": ("s per step", 4),
+    "real_time_steps": ("real-time steps", 0),
+    "seconds": ("s", 4),
 }
 
 

@@ -14,29 +14,26 @@ from tqdm.auto import tqdm
 from ..checkpoints import DISTILLED
 from ..io.files import write_text
 from ..io.reading import read_json
-from ..training.record import count_seen, surfaces_of, trained_on
+from ..training.record import count_seen, phases, read_losses, read_record, surfaces_of, trained_on
 from .metrics.statistics import is_leaf
 from .report_figures import plot_beside
 from .result_files import machine_facts
 from .sections import SECTIONS, WITHOUT_RATINGS
 from .sections.reconstruction import measure_anchor
-from .training_record import training_facts
 
 #: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
 METRICS_VERSION = 1
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
-MEASURED = (
-    *("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper"),
-    *("novel", "regression"),
-)
+MEASURED = ("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "novel", "regression")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
+# only training DALE has this argument
+_DALE_ARGUMENT = "condition_dropout"
 
 
 def run_sections(context, names, checkpoint, training=()):
     """Runs sections one after the other; those already done under the same conditions are read instead.
 
-    Each result is a file `sections/<name>.json` in the output folder, so that an interrupted run continues. The
-    embedding of the distances is kept there too, and written to `embedding.json`.
+    Each result is a file `sections/<name>.json` in the output folder, so that an interrupted run continues.
 
     Args:
         context (`Context`): what is evaluated.
@@ -48,8 +45,7 @@ def run_sections(context, names, checkpoint, training=()):
         `dict`: the report. Sections that are not in `names`, or have nothing to measure, are None; "anchors" holds the
         leaves and training facts of each of the context's anchors, or is None.
     """
-    conditions = _conditions(context, checkpoint)
-    folder = context.output / "sections"
+    conditions, folder = _conditions(context, checkpoint), context.output / "sections"
     folder.mkdir(parents=True, exist_ok=True)
     report = {
         "checkpoint": {"name": Path(checkpoint).name, "sha256": conditions["checkpoint"]},
@@ -71,21 +67,11 @@ def run_sections(context, names, checkpoint, training=()):
         report["anchors"] = _anchors(context, conditions, folder)
         if report["reconstruction"]:
             plot_beside(report["reconstruction"], report["anchors"], context.output / "beside.png")
-    embedding = _kept(folder / "embedding.json", conditions, lambda: context.data.reference.embedding.to_dict())
-    write_text(context.output / "embedding.json", json.dumps(embedding))
     return report
 
 
 def seen_in_training(context, folders):
-    """How many of the held-out surfaces the checkpoint was trained on; `None` where that is not recorded.
-
-    Args:
-        context (`Context`): with the held-out surfaces.
-        folders (`Sequence[str` or `Path]`): the checkpoint's, and those of its trainings.
-
-    Returns:
-        `int` or `None`
-    """
+    """How many of the context's held-out surfaces the trainings in some folders used; `None` if not recorded."""
     found, _ = trained_on(folders)
     return count_seen(surfaces_of(context.data.dataset, context.data.rows), found) if found else None
 
@@ -102,6 +88,30 @@ def _anchors(context, conditions, folder):
 
 def _training(pipe, folders):
     return training_facts(folders) | {"parameters": pipe.lctg.num_parameters()}
+
+
+def training_facts(folders):
+    """Cost of one training of LCTG, summed over its phases.
+
+    Args:
+        folders (`Sequence[str` or `Path`]): output folders of its phases, in order. A single folder is followed back
+            through what it was trained from; phases that trained DALE are left out.
+
+    Returns:
+        `dict`: "phases" (names of folders), "optimiser_steps" and "seconds" (wall time); None where a phase is not
+        known.
+    """
+    folders = [Path(folder) for folder in folders]
+    of_training = phases(folders[0]) if len(folders) == 1 else [(folder, read_record(folder)) for folder in folders]
+    known = [(folder, record) for folder, record in of_training if _DALE_ARGUMENT not in record.get("arguments", {})]
+    logs = [read_losses(folder) for folder, _ in known]
+    steps = [log[-1]["step"] if log else record.get("steps") for log, (_, record) in zip(logs, known, strict=True)]
+    seconds = [log[-1].get("seconds") if log else None for log in logs]
+    return {
+        "phases": [folder.name for folder, record in known if record],
+        "optimiser_steps": sum(steps) if steps and None not in steps else None,
+        "seconds": sum(seconds) if seconds and None not in seconds else None,
+    }
 
 
 def _has_ratings(context):
@@ -143,14 +153,7 @@ def _conditions(context, checkpoint):
 
 
 def folder_digest(folder):
-    """SHA-256 over the configs and weights of a checkpoint folder; reports and training checkpoints there do not count.
-
-    Args:
-        folder (`str` or `Path`): of a pipeline.
-
-    Returns:
-        `str`
-    """
+    """SHA-256 over the configs and weights of a checkpoint folder; reports and training checkpoints do not count."""
     folder, digest = Path(folder), hashlib.sha256()
     index = folder / "model_index.json"
     components = read_json(index, "the index of a checkpoint") if index.is_file() else ()

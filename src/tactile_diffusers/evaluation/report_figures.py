@@ -9,11 +9,12 @@ from ..signal import RATING_AXES, nine_band_error_db, power_spectral_density
 from .labels import BANDS, compared_steps
 
 _DPI = 90
+_DOTS = {"marker": "o", "markersize": 3}
 
 
 @contextmanager
 def figure_panels(output_path, rows, columns, size):
-    """Yields an array of panels, then writes the PNG."""
+    """Yields an array of panels (rows, columns), then gives each a grid and writes the PNG; `size` in inches."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -21,6 +22,8 @@ def figure_panels(output_path, rows, columns, size):
 
     figure, panels = plt.subplots(rows, columns, figsize=size, constrained_layout=True, squeeze=False)
     try:
+        for panel in panels.flat:
+            panel.grid(alpha=0.3)
         yield panels
         with atomic_path(output_path) as temporary:
             figure.savefig(temporary, dpi=_DPI, format="png")
@@ -28,11 +31,29 @@ def figure_panels(output_path, rows, columns, size):
         plt.close(figure)
 
 
+def leaf_mean(leaf):
+    """Mean of a leaf, NaN where there is none."""
+    return np.nan if leaf["mean"] is None else leaf["mean"]
+
+
+def share_limits(row):
+    """Gives the panels of a row one vertical scale, so that axes can be compared."""
+    limits = np.array([panel.get_ylim() for panel in row])
+    for panel in row:
+        panel.set_ylim(limits[:, 0].min(), limits[:, 1].max())
+
+
+def _step_ticks(panel, counts):
+    panel.set(xscale="log", xlabel="steps")
+    panel.set_xticks(counts, [str(count) for count in counts], fontsize=6)
+    panel.minorticks_off()
+
+
 def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, seconds=0.2):
     """Best, median and worst segment by nine-band error: original and reconstruction in time and frequency.
 
     Args:
-        real, reconstructed (`np.ndarray`): (n, samples).
+        real, reconstructed (`np.ndarray`): (n, samples), N.
         sampling_rate (`float`): Hz.
         edges (`np.ndarray`): of the nine bands, Hz.
         output_path (`Path`): the PNG.
@@ -52,14 +73,12 @@ def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, second
                 spectra.semilogx(frequencies[1:], 10 * np.log10(density[1:] + 1e-20), linewidth=0.9, label=label)
             waves.set(title=f"{name}: nine-band error {errors[row]:.2f} dB", xlabel="s", ylabel="mN")
             spectra.set(xlim=(15, 2000), ylim=(-130, -40), xlabel="Hz", ylabel="dB re 1 N²/Hz")
-            spectra.grid(alpha=0.3)
         panels[0, 0].legend(fontsize=8)
 
 
 def plot_steps(result, output_path):
     """Error, distance and cost against the number of steps, beside another take of the surface."""
-    steps = np.array([int(count) for count in result["steps"]])
-    other = result["baselines"]["other_take"]
+    steps = {int(count): entry for count, entry in result["steps"].items()}
     quantities = {
         "nine_band_db": "nine-band error, dB",
         "ktd": "KTD to the training surfaces",
@@ -69,17 +88,14 @@ def plot_steps(result, output_path):
     }
     with figure_panels(output_path, 1, len(quantities), (3.4 * len(quantities), 3.2)) as panels:
         for panel, (name, label) in zip(panels[0], quantities.items(), strict=True):
-            means = [_mean(result["steps"][str(count)][name]) for count in steps]
-            panel.plot(steps, means, marker="o", markersize=3, label="LCTG")
-            reference = other.get(name)
-            if reference is not None and reference["mean"] is not None:
-                panel.axhline(reference["mean"], color="grey", linestyle="--", linewidth=1, label="another take")
+            panel.plot(list(steps), [leaf_mean(entry[name]) for entry in steps.values()], label="LCTG", **_DOTS)
+            other = result["baselines"]["other_take"].get(name)
+            if other is not None and other["mean"] is not None:
+                panel.axhline(other["mean"], color="grey", linestyle="--", linewidth=1, label="another take")
             if name == "ktd":
-                panel.axhline(_mean(result["real"]["ktd"]), color="green", linewidth=1, label="real, held out")
-            panel.set(xscale="log", xlabel="steps", title=label)
-            panel.set_xticks(steps, [str(count) for count in steps], fontsize=6)
-            panel.minorticks_off()
-            panel.grid(alpha=0.3)
+                panel.axhline(leaf_mean(result["real"]["ktd"]), color="green", linewidth=1, label="real, held out")
+            panel.set_title(label)
+            _step_ticks(panel, list(steps))
             panel.legend(fontsize=7)
 
 
@@ -95,55 +111,42 @@ def plot_beside(reconstruction, anchors, output_path):
     top = 1.0  # dB; a single step is far off and would set the scale
     with figure_panels(output_path, 1, 2, (12, 3.8)) as (panels,):
         for index, (name, steps) in enumerate(sweeps.items()):
-            errors = [_mean(entry["nine_band_db"]) for entry in steps.values()]
-            panels[0].plot([int(count) for count in steps], errors, marker="o", markersize=3, label=name)
+            errors = [leaf_mean(entry["nine_band_db"]) for entry in steps.values()]
+            panels[0].plot([int(count) for count in steps], errors, label=name, **_DOTS)
             shown = compared_steps(steps)
             leaves = [steps[shown][key] for key in BANDS]
-            means = np.array([_mean(leaf) for leaf in leaves])
-            bounds = np.array([leaf["interval"] or [_mean(leaf)] * 2 for leaf in leaves]).T
+            means = np.array([leaf_mean(leaf) for leaf in leaves])
+            bounds = np.array([leaf["interval"] or [leaf_mean(leaf)] * 2 for leaf in leaves]).T
             # side by side, so that intervals do not hide each other
             places = np.arange(len(BANDS)) + 0.12 * (index - (len(sweeps) - 1) / 2)
-            reach, top = np.abs(bounds - means), max(top, 2 * np.nan_to_num(_mean(steps[shown]["nine_band_db"])))
+            reach, top = np.abs(bounds - means), max(top, 2 * np.nan_to_num(leaf_mean(steps[shown]["nine_band_db"])))
             panels[1].errorbar(places, means, reach, fmt="o", markersize=4, capsize=2, label=f"{name}, {shown} steps")
-        panels[0].set(xscale="log", xlabel="steps", ylabel="nine-band error, dB", ylim=(0, top))
-        ticks = sorted({int(count) for steps in sweeps.values() for count in steps})
-        panels[0].set_xticks(ticks, [str(count) for count in ticks], fontsize=7)
-        panels[0].minorticks_off()
+        panels[0].set(ylabel="nine-band error, dB", ylim=(0, top))
+        _step_ticks(panels[0], sorted({int(count) for steps in sweeps.values() for count in steps}))
         panels[1].axhline(0, color="grey", linewidth=1)
         panels[1].set_xticks(range(len(BANDS)), BANDS.values(), fontsize=8)
         panels[1].set(ylabel="signed error of the band, dB")
         for panel in panels:
-            panel.grid(alpha=0.3)
             panel.legend(fontsize=8)
-
-
-def share_limits(row):
-    """Gives the panels of a row one vertical scale, so that axes can be compared."""
-    limits = [panel.get_ylim() for panel in row]
-    for panel in row:
-        panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
 
 
 def plot_control(control, guidance, output_path):
     """Level, shape and friction against one requested rating: generated, ridge baseline, and the truth."""
     quantities = {"level_db": "level, dB re 1 N", "shape_db": "shape change, dB", "log_friction": "log friction"}
-    sources = {"generated": control[str(guidance)]["axes"], "ridge": control["baselines"]["ridge"]["axes"]}
+    generated, ridge = control[str(guidance)]["axes"], control["baselines"]["ridge"]["axes"]
     with figure_panels(output_path, len(quantities), len(RATING_AXES), (12, 8.5)) as panels:
         for row, (name, label) in zip(panels, quantities.items(), strict=True):
             for panel, axis in zip(row, RATING_AXES, strict=True):
-                values = [float(value) for value in sources["generated"][axis]]
-                for source, axes in sources.items():
-                    means = [_mean(entry[name]) for entry in axes[axis].values()]
-                    style = {"color": "C0"} if source == "generated" else {"color": "C1", "linestyle": ":"}
-                    panel.plot(values, means, marker="o", markersize=3, label=source, **style)
-                leaves = [entry[f"{name}_truth"] for entry in sources["generated"][axis].values()]
-                panel.plot(
-                    values, [_mean(leaf) for leaf in leaves], color="black", marker="s", markersize=3, label="real"
-                )
-                bounds = np.array([leaf["interval"] or [np.nan] * 2 for leaf in leaves], dtype=float)
-                panel.fill_between(values, *bounds.T, color="black", alpha=0.15, linewidth=0)
+                values, truth = [float(v) for v in generated[axis]], f"{name}_truth"
+                for entries, key, style in (
+                    (generated, name, {"color": "C0", "marker": "o", "label": "generated"}),
+                    (ridge, name, {"color": "C1", "marker": "o", "linestyle": ":", "label": "ridge"}),
+                    (generated, truth, {"color": "black", "marker": "s", "label": "real"}),
+                ):
+                    panel.plot(values, [leaf_mean(e[key]) for e in entries[axis].values()], markersize=3, **style)
+                bounds = [entry[truth]["interval"] or [np.nan] * 2 for entry in generated[axis].values()]
+                panel.fill_between(values, *np.transpose(bounds), color="black", alpha=0.15, linewidth=0)
                 panel.set(xlabel=f"requested {axis}, z", ylabel=label)
-                panel.grid(alpha=0.3)
             share_limits(row)
         panels[0, 0].legend(fontsize=8)
 
@@ -157,37 +160,29 @@ def plot_responses(control, guidance, output_path):
     }
     with figure_panels(output_path, 1, len(matrices), (3.4 * len(matrices), 3.3)) as panels:
         for panel, (name, matrix) in zip(panels[0], matrices.items(), strict=True):
-            slopes = np.array([[_mean(leaf) for leaf in row] for row in matrix])
+            slopes = np.array([[leaf_mean(leaf) for leaf in row] for row in matrix])
             panel.imshow(slopes, cmap="RdBu_r", vmin=-1, vmax=1)
             for (i, j), slope in np.ndenumerate(slopes):
-                panel.text(
-                    j, i, f"{slope:.2f}", ha="center", va="center", color="white" if abs(slope) > 0.6 else "black"
-                )
+                colour = "white" if abs(slope) > 0.6 else "black"
+                panel.text(j, i, f"{slope:.2f}", ha="center", va="center", color=colour)
             panel.set_xticks(range(3), RATING_AXES, fontsize=8)
             panel.set_yticks(range(3), RATING_AXES, fontsize=8, rotation=90, va="center")
             panel.set(title=name, xlabel="requested", ylabel="estimated")
+            panel.grid(False)
 
 
 def plot_latent_shift(shift, output_path):
     """The paper's Figure 2: shift of the latent against one rating, the noise fixed."""
-    with figure_panels(output_path, 1, 1, (5.5, 3.6)) as panels:
-        panel = panels[0, 0]
+    with figure_panels(output_path, 1, 1, (5.5, 3.6)) as ((panel,),):
         for axis, values in shift.items():
-            panel.plot(
-                [float(v) for v in values],
-                [_mean(leaf) for leaf in values.values()],
-                marker="o",
-                markersize=3,
-                label=axis,
-            )
+            panel.plot([float(v) for v in values], list(map(leaf_mean, values.values())), label=axis, **_DOTS)
         panel.axhspan(0, 2, color="grey", alpha=0.3, linewidth=0, label="range in the paper")
         panel.set(xlabel="rating, z (others 0)", ylabel="latent shift, %", ylim=(0, None))
-        panel.grid(alpha=0.3)
         panel.legend(fontsize=8)
 
 
 def plot_spectra(densities, frequencies, output_path):
-    """Average spectra while one rating runs (paper section 3.4)."""
+    """Average spectra, dB re 1 N²/Hz, while one rating runs (paper section 3.4)."""
     import matplotlib
 
     colours = matplotlib.colormaps["coolwarm"]
@@ -198,28 +193,15 @@ def plot_spectra(densities, frequencies, output_path):
                 colour = colours((value - low) / (high - low))
                 panel.semilogx(frequencies[1:], density[1:], color=colour, label=f"{value:+.1f}")
             panel.set(title=axis, xlim=(15, 1300), ylim=(-115, -45), xlabel="Hz", ylabel="dB re 1 N²/Hz")
-            panel.grid(alpha=0.3)
         panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
 
 
 def plot_unseen(bands, output_path):
-    """Mean spectra of unseen surfaces: real against generated, one dot a surface and band.
-
-    Args:
-        bands (`dict[str, tuple]`): name -> (real, generated), each (surfaces, 9) dB.
-        output_path (`Path`): the PNG.
-    """
+    """Mean spectra of unseen surfaces, real against generated, one dot a surface and band: name -> two (n, 9) dB."""
     with figure_panels(output_path, 1, len(bands), (3.6 * len(bands), 3.6)) as panels:
         for panel, (name, (real, generated)) in zip(panels[0], bands.items(), strict=True):
             colour = np.tile(np.arange(real.shape[1]), (len(real), 1))
             panel.scatter(real, generated, c=colour, cmap="viridis", s=6)
-            ends = [real.min(), real.max()]
-            panel.plot(ends, ends, color="grey", linewidth=1)
-            panel.set(
-                title=f"{name}: {np.abs(generated - real).mean():.2f} dB", xlabel="real, dB re 1 N²", ylabel="generated"
-            )
-            panel.grid(alpha=0.3)
-
-
-def _mean(leaf):
-    return np.nan if leaf["mean"] is None else leaf["mean"]
+            panel.plot([real.min(), real.max()], [real.min(), real.max()], color="grey", linewidth=1)
+            panel.set(title=f"{name}: {np.abs(generated - real).mean():.2f} dB")
+            panel.set(xlabel="real, dB re 1 N²", ylabel="generated")

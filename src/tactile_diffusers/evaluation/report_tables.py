@@ -1,19 +1,29 @@
-"""report.md: the tables of a report."""
+"""report.md: the rows of its tables; the text around them is in `report.jinja`."""
+
+import re
+from pathlib import Path
+
+import jinja2
 
 from ..training.record import warning
-from .control_tables import (
-    control_effect_markdown,
-    control_markdown,
-    generation_markdown,
-    novel_markdown,
-    response_markdown,
-    unseen_markdown,
-)
-from .labels import BANDS, COMPARED_STEPS, NAMES, PAPER, SPECTRAL, compared_steps, default_guidance, default_steps
-from .tables import markdown_table, text, title
+from . import control_tables, labels
+from .labels import NAMES, compared_steps, default_guidance, default_steps
+from .tables import markdown_table, text
 
+TEMPLATE = Path(__file__).parent / "report.jinja"
 #: Fewer held-out surfaces than this are too few for distances between distributions.
 ENOUGH_SURFACES = 5
+#: What the paper reports (sections 3.1 to 3.4), on SENS3.
+PAPER = {
+    "rmse_n": "11.4 (6.2–18.1)",
+    "snr_db": "−1.87 (−2.36 to −1.21)",
+    "power_difference_n2": "5.0e-05, max 1.0e-04",
+    "power_difference_percent": "59 (from its power difference, RMSE and SNR)",
+    "best_steps": "10",
+    "real_time_steps": "over 50 (RTX 4060)",
+    "rmse_protocol_mn": "5.57",
+    "latent_shift_percent": "0–2",
+}
 
 
 def report_markdown(report, pictures=".", level=1, short=False):
@@ -28,51 +38,33 @@ def report_markdown(report, pictures=".", level=1, short=False):
     Returns:
         `str`
     """
-    writers = {
-        "reconstruction": (_reconstruction, _bands, _steps, *((_anchors,) if report.get("anchors") else ())),
-        "generation": (generation_markdown,),
-        "unseen_surfaces": (unseen_markdown,),
-        "control": (control_effect_markdown, control_markdown, response_markdown),
-        "novel": (novel_markdown,),
-        "paper": (_paper,),
-        "speed": (_speed,),
-    }
-    parts = [_head(report, level), _overview(report, level + 1)]
-    for key, section in writers.items():
-        if report.get(key):
-            parts += [write(report, level + 1, pictures) for write in section if not (short and write in _LONG)]
-    return "\n\n".join(parts) + "\n"
-
-
-def _head(report, level):
-    data, machine = report["data"], report["machine"]
-    facts = (
-        f"Checkpoint `{report['checkpoint']['name']}` on {data['segments']} segments of {data['surfaces']} surfaces of "
-        f"the split {data['split']}; {data['source']}. Reference of the distances: {data['reference_segments']} "
-        f"segments of {data['reference_surfaces']} training surfaces. Seed {report['seed']}; {machine['processor']}, "
-        f"{machine['threads']} threads. Brackets: 95 % intervals over surfaces. Silence has an SNR of 0 dB, another "
-        "take of the same surface about −3 dB."
-    )
-    return title("Report" if level == 1 else "Measured", level) + "\n\n".join([*_warnings(report), facts])
+    template = jinja2.Template(TEMPLATE.read_text(encoding="utf-8"), trim_blocks=True, lstrip_blocks=True)
+    tables = vars(labels) | vars(control_tables) | globals()  # columns, and functions that make rows
+    arguments = {"report": report, "pictures": pictures, "level": level, "short": short}
+    shown = template.render(tables | arguments, h="#" * (level + 1), warnings=list(_warnings(report)))
+    return re.sub(r"\n{3,}", "\n\n", shown).strip() + "\n"
 
 
 def _warnings(report):
     count = report["data"]["surfaces"]
     if seen := warning(report.get("seen_in_training"), count):
-        yield f"**Warning: {seen}.**"
+        yield seen
     if count < ENOUGH_SURFACES:
-        yield f"**Warning: too few surfaces to judge distances by ({count}): differences between them are chance.**"
+        yield f"too few surfaces to judge distances by ({count}): differences between them are chance"
 
 
-def _overview(report, level):
-    """The paper's figures beside silence, another take, and the checkpoint."""
-    columns, rows = ["paper, on SENS3", "silence", "another take", "this checkpoint"], {}
+def overview(report):
+    """The paper's figures beside silence, another take, and the checkpoint: Markdown."""
+    paper, ours = "paper, on SENS3", "this checkpoint"
+    columns, rows = [paper, "silence", "another take", ours], {}
     if report.get("reconstruction"):
-        section, default = report["reconstruction"], default_steps(report)
-        counts = dict.fromkeys([default, compared_steps(section["steps"])])
-        columns = [*columns[:3], *(f"this checkpoint, {count} steps" for count in counts)]
+        section = report["reconstruction"]
+        counts = list(dict.fromkeys([default_steps(report), compared_steps(section["steps"])]))
+        columns = [*columns[:3], *(f"{ours}, {count} steps" for count in counts)]
+        ours = columns[3]
         rows |= _overview_of_reconstruction(report, columns, counts)
-    paper, ours = columns[0], columns[3]
+        fewest = text(section["steps_within_5_percent"], 0)
+        rows["fewest steps within 5 % of the best nine-band error"] = {paper: PAPER["best_steps"], ours: fewest}
     if report.get("speed"):
         for key, label in (("segment", "real-time steps, segment"), ("block_100ms", "real-time steps, 0.1 s block")):
             steps = text(report["speed"][key]["real_time_steps"], 0)
@@ -86,7 +78,7 @@ def _overview(report, level):
         shifts = [values[end]["mean"] for values in sweeps for end in ("-2.0", "2.0")]
         shown = f"{min(shifts):.0f}–{max(shifts):.0f}"
         rows["latent shift at ±2, %"] = {paper: PAPER["latent_shift_percent"], ours: shown}
-    return title("Overview", level) + markdown_table(rows, labels={column: column for column in columns})
+    return markdown_table(rows, labels={column: column for column in columns})
 
 
 def _overview_of_reconstruction(report, columns, counts):
@@ -103,12 +95,11 @@ def _overview_of_reconstruction(report, columns, counts):
         means = [source[key]["mean"] for source in sources]
         shown = [text(None if mean is None else scale * mean, digits) for mean in means]
         rows[label] = dict(zip(columns, [PAPER[key], *shown], strict=True))
-    fewest = text(section["steps_within_5_percent"], 0)
-    rows["fewest steps within 5 % of the best nine-band error"] = {columns[0]: PAPER["best_steps"], columns[3]: fewest}
     return rows
 
 
-def _reconstruction_rows(report):
+def reconstruction_rows(report):
+    """LCTG at some numbers of steps beside real segments, anchors and baselines."""
     section = report["reconstruction"]
     shown = [count for count in ("2", "3", "5", "10", "25") if count in section["steps"]] or list(section["steps"])
     rows = {"real, held out": section["real"]}
@@ -120,32 +111,12 @@ def _reconstruction_rows(report):
     return rows | {"a different surface": section["different_surface"]}
 
 
-def _reconstruction(report, level, pictures):
-    note = "The level of a reconstruction is set after decoding: its error is zero by construction."
-    table = markdown_table(_reconstruction_rows(report), labels=SPECTRAL)
-    picture = f"![best, median and worst segment]({pictures}/overlays.png)"
-    return title("Reconstruction (LCTG)", level) + f"{note}\n\n{table}\n\n{picture}"
+def step_rows(report):
+    """The sweep over LCTG's steps."""
+    return {f"{count} steps": entry for count, entry in report["reconstruction"]["steps"].items()}
 
 
-def _bands(report, level, pictures):
-    table = markdown_table(_reconstruction_rows(report), labels=BANDS)
-    return title("Signed level error by band, dB", level) + table
-
-
-def _steps(report, level, pictures):
-    labels = {
-        "nine_band_db": "nine-band error, dB",
-        "ktd": "KTD",
-        "snr_db": "SNR, dB",
-        "rmse_n": ("RMSE, N", 5),
-        "seconds_per_segment": ("s per segment", 4),
-        "efficiency_score": ("efficiency score (RMSE × s), N·s", 6),
-    }
-    rows = {f"{count} steps": entry for count, entry in report["reconstruction"]["steps"].items()}
-    return title("Steps", level) + markdown_table(rows, labels=labels) + f"\n\n![steps]({pictures}/steps.png)"
-
-
-def _anchors(report, level, pictures):
+def anchor_rows(report):
     """The checkpoint and the anchors at one number of steps, with the cost of their trainings."""
     section, rows = report["reconstruction"], {}
     ours = {key: section[key] for key in ("steps", "kilobits_per_second")} | {"training": report["training"]}
@@ -157,44 +128,46 @@ def _anchors(report, level, pictures):
             "parameters": facts["parameters"] / 1e6,
             "kilobits_per_second": entry["kilobits_per_second"],
         }
-    labels = {
-        "optimiser_steps": "optimiser steps",
-        "minutes": ("training, minutes", 0),
-        "parameters": "parameters, million",
-        "kilobits_per_second": "latents, kbit/s",
-        "nine_band_db": "nine-band error, dB",
-        "ktd_excess": "KTD over real",
-        "snr_db": "SNR, dB",
-        "power_bias_percent": "difference of the mean power, %",
-        "seconds_per_segment": ("s per segment", 4),
+    return rows
+
+
+def generation_rows(report):
+    """Sets of textures: real, generated at each guidance scale, baselines."""
+    section = report["generation"]
+    rows = {"real, held out": section["real"]}
+    for scale, entry in section.items():
+        if scale not in ("real", "baselines"):
+            rows[f"**generated from ratings, guidance {scale}**"] = entry
+    return rows | {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
+
+
+def unseen_rows(report):
+    """Textures from the ratings of held-out surfaces, beside baselines."""
+    section, rows = report["unseen_surfaces"], {}
+    for slug in section["nine_band_db"]:
+        name = "**generated from ratings**" if slug == "model" else NAMES[slug]
+        rows[name] = {metric: section[metric][slug] for metric in labels.UNSEEN}
+    for scale, entry in section["guidance"].items():
+        if scale != default_guidance(report):
+            rows[f"**guidance {scale}**"] = entry
+    return rows
+
+
+def novel_rows(report):
+    """Textures from ratings outside of training, with the ranges of their levels and friction coefficients."""
+
+    def between(leaf, digits):
+        return f"{text(leaf['min'], digits)} to {text(leaf['max'], digits)}"
+
+    return {
+        name: entry | {"levels": between(entry["level_db"], 1), "frictions": between(entry["friction"], 2)}
+        for name, entry in report["novel"].items()
+        if name != "range_db"
     }
-    note = (
-        f"The same segments, {COMPARED_STEPS} steps where they were measured. Training counts all phases of LCTG. The "
-        "rate counts the noise that the latents were trained with, or half precision."
-    )
-    table, picture = markdown_table(rows, labels=labels), f"![beside the anchors]({pictures}/beside.png)"
-    return title("Beside other checkpoints", level) + f"{note}\n\n{table}\n\n{picture}"
 
 
-def _paper(report, level, pictures):
-    note = (
-        "Mean spectra while one rating runs and the others are drawn at random (section 3.4), and the shift of the "
-        "latent (section 3.3)."
-    )
-    shown = f"![mean spectra]({pictures}/spectra.png)\n\n![latent shift]({pictures}/latent_shift.png)"
-    return title("The paper's protocols", level) + f"{note}\n\n{shown}"
-
-
-def _speed(report, level, pictures):
+def speed_rows(report):
+    """Real-time steps of a segment and of a block, and how long each part of the pipeline takes."""
     speed = report["speed"]
-    labels = {
-        "duration_s": ("lasts, s", 4),
-        "seconds_per_step": ("s per step", 4),
-        "real_time_steps": ("real-time steps", 0),
-    }
     rows = {"segment": speed["segment"], "block": speed["block_100ms"]}
-    others = [f"{key.replace('_', ' ')} {text(leaf, 4)}" for key, leaf in speed.items() if "mean" in leaf]
-    return title("Speed", level) + markdown_table(rows, labels=labels) + "\n\n" + "; ".join(others) + "."
-
-
-_LONG = (_bands, _steps, _speed)
+    return rows | {key.replace("_", " "): {"seconds": leaf} for key, leaf in speed.items() if "mean" in leaf}

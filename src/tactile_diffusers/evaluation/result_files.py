@@ -28,15 +28,7 @@ def machine(computing=None):
 
 
 def write_results(output, name, report, text, indent=2):
-    """Writes NAME.json and NAME.md.
-
-    Args:
-        output (`Path`): a folder, made where it is missing.
-        name (`str`): of both files.
-        report (`dict`): for JSON.
-        text (`str`): Markdown.
-        indent (`int`): of the JSON.
-    """
+    """Writes a report (dict) as NAME.json and its Markdown text as NAME.md to a folder, made where it is missing."""
     output.mkdir(parents=True, exist_ok=True)
     write_text(output / f"{name}.json", json.dumps(report, indent=indent) + "\n")
     write_text(output / f"{name}.md", text)

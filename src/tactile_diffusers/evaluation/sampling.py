@@ -50,21 +50,13 @@ def generate(
         decode (`bool`): `False` = latents only; `textures` is then empty.
         batch (`int`): textures at once.
         quiet (`bool`): no progress bar.
-
-    Returns:
-        `Generated`
     """
     parts = []
     for start in tqdm(range(0, len(ratings), batch), disable=quiet, desc="generating", leave=False):
         rows = slice(start, start + batch)
         generators = _generators(seeds[rows])
-        out = pipe(
-            np.asarray(ratings)[rows],
-            num_inference_steps=steps,
-            guidance_scale=guidance_scale,
-            generator=generators,
-            output_type="latent",
-        )
+        settings = {"guidance_scale": guidance_scale, "generator": generators, "output_type": "latent"}
+        out = pipe(np.asarray(ratings)[rows], num_inference_steps=steps, **settings)
         textures = np.empty((len(out.level), 0), np.float32)
         if decode:
             decoded = pipe.decode(out.latents, out.level, out.friction_coefficient, steps, generators)
@@ -96,8 +88,5 @@ def encode(pipe, textures, sampling_rate):
 
 
 def latent_summary(latents):
-    """Mean and log standard deviation of each channel over frames: (n, channels, frames) -> (n, 2 * channels).
-
-    It does not depend on where in the texture one looks.
-    """
+    """Mean and log standard deviation of each channel over frames: (n, channels, frames) -> (n, 2 * channels)."""
     return np.concatenate([latents.mean(-1), np.log(latents.std(-1) + 1e-3)], axis=-1)

@@ -14,11 +14,9 @@ def text(value, digits=2, interval=False):
         interval (`bool`): whether a leaf's 95 % interval follows in brackets.
     """
     if is_leaf(value):
-        bounds = value["interval"]
-        shown = text(value["mean"], digits)
-        if interval and bounds:
-            shown += f" [{text(bounds[0], digits)}, {text(bounds[1], digits)}]"
-        return shown
+        bounds = value["interval"] if interval else None
+        shown = f" [{text(bounds[0], digits)}, {text(bounds[1], digits)}]" if bounds else ""
+        return text(value["mean"], digits) + shown
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "–"
     if isinstance(value, float):
@@ -36,9 +34,6 @@ def markdown_table(rows, digits=2, labels=None, interval=False):
         labels (`dict[str, str]`, *optional*): the columns to show, in order, and their headings; all by default. A pair
             (heading, digits) has digits of its own.
         interval (`bool`): whether leaves are followed by their intervals.
-
-    Returns:
-        `str`
     """
     if labels is None:
         labels = {column: column for row in rows.values() for column in row}

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..signal import RATING_AXES
 from .metrics.statistics import jackknife_interval
+from .metrics.texture_checks import in_blocks
 
 #: Standard deviation of the kernel over ratings, z-scores: a third of what ratings spread over surfaces.
 KERNEL_WIDTH = 0.25
@@ -46,27 +47,14 @@ class RatedTextures:
         self.ratings = np.asarray(self.ratings, dtype=np.float64)
         self.importance = np.asarray(self.importance, dtype=np.float64)
         self.measures = {name: np.asarray(values) for name, values in self.measures.items()}
-        surfaces = len(self.importance)
-        if self.ratings.shape != (surfaces, len(RATING_AXES)):
-            raise ValueError(f"`ratings` must have the shape ({surfaces}, 3), got {self.ratings.shape}.")
-        if not (np.isfinite(self.importance).all() and (self.importance > 0).all()):
-            raise ValueError("`importance` must be finite and above zero: leave out surfaces that were not drawn.")
-        for name, values in self.measures.items():
-            if len(values) != len(self.surface_ids):
-                raise ValueError(f"`measures[{name!r}]` has {len(values)} rows for {len(self.surface_ids)} textures.")
-        if not np.array_equal(np.unique(self.surface_ids), np.arange(surfaces)):
-            raise ValueError(f"`surface_ids` must name each of the {surfaces} surfaces at least once, and no other.")
+        if not np.array_equal(np.unique(self.surface_ids), np.arange(len(self.importance))):
+            raise ValueError("`surface_ids` must name each surface of `importance` at least once, and no other.")
+        if not (self.importance > 0).all():
+            raise ValueError("`importance` must be above zero: leave out surfaces that were not drawn.")
         self._textures = np.bincount(self.surface_ids)
 
     def surface_weights(self, request):
-        """Weight of each surface for a request: (S,), of sum 1.
-
-        Args:
-            request (`Sequence[float]`): (3,) z-scores; NaN or None = not specified.
-
-        Raises:
-            ValueError: if `request` is not three ratings, or no surface is rated on a specified axis.
-        """
+        """Weight of each surface for a request, (3,) z-scores (NaN or None = not specified): (S,), of sum 1."""
         logs = log_kernel(self.ratings, request) + np.log(self.importance)
         weights = np.exp(logs - logs.max())
         return weights / weights.sum()
@@ -76,17 +64,14 @@ class RatedTextures:
         return (self.surface_weights(request) / self._textures)[self.surface_ids]
 
     def effective_size(self, request):
-        """Number of equally weighted surfaces that would be as good: (sum w)^2 / sum w^2 (Kish 1965).
-
-        Below `LEAST_EFFECTIVE_SIZE` the request is extrapolation.
-        """
+        """Number of equally weighted surfaces that would be as good: (sum w)^2 / sum w^2 (Kish 1965)."""
         return float(1 / np.sum(self.surface_weights(request) ** 2))
 
     def mean_rating(self, request):
-        """Mean ratings of the surfaces that count for a request: (3,).
+        """Mean ratings of the surfaces that count for a request: (3,), NaN where none is rated.
 
-        On specified axes they lie nearer to the middle than the request, because the kernel finds more surfaces on
-        that side; on the others they say what comes along (bumpy surfaces are rougher). NaN where none is rated.
+        On specified axes they lie nearer to the middle than the request; on the others they say what comes along (bumpy
+        surfaces are rougher).
         """
         weights = self.surface_weights(request)[:, None] * ~np.isnan(self.ratings)
         total = weights.sum(0)
@@ -96,14 +81,11 @@ class RatedTextures:
         """Ratings of the surfaces that count for a request: those to generate from, to be compared with them.
 
         Args:
-            request: as for `surface_weights`; one specified axis at most.
+            request: (3,) z-scores; one specified axis at most, else a ValueError.
             count (`int`): evenly spread over their distribution.
 
         Returns:
             `np.ndarray`: (count, 3) z-scores, ascending; NaN on axes that are not specified.
-
-        Raises:
-            ValueError: if `request` specifies more than one axis.
         """
         request = np.asarray(request, dtype=np.float64)
         specified = np.flatnonzero(~np.isnan(request))
@@ -129,11 +111,7 @@ class RatedTextures:
         return np.sqrt(np.tensordot(self.weights(request), squares, 1))
 
     def interval(self, name, request):
-        """95 % interval of `mean`, from a jackknife that leaves out one surface at a time.
-
-        Returns:
-            `tuple[np.ndarray, np.ndarray]`: low and high, (...,) each; NaN if fewer than two surfaces count.
-        """
+        """95 % interval of `mean`, leaving out one surface at a time: low and high, (...,); NaN for fewer than two."""
         values, weights = self.measures[name], self.surface_weights(request)
         sums = np.zeros((len(weights), *values.shape[1:]))
         np.add.at(sums, self.surface_ids, values)
@@ -147,19 +125,13 @@ class RatedTextures:
 
 
 def log_kernel(ratings, request, width=KERNEL_WIDTH):
-    """Log of the Gaussian kernel between surfaces' ratings and a request over its specified axes.
+    """Log of the Gaussian kernel between surfaces' ratings (S, 3) and a request (3,) over its specified axes: (S,).
 
-    Args:
-        ratings (`np.ndarray`): (S, 3) z-scores; a surface that is not rated on a specified axis gets -inf.
-        request (`Sequence[float]`): (3,) z-scores; NaN or None = not specified.
-        width (`float`): standard deviation, z-scores.
-
-    Returns:
-        `np.ndarray`: (S,), 0 at the request itself.
+    It is 0 at the request itself, and -inf for a surface that is not rated on a specified axis.
 
     Raises:
-        ValueError: if `request` is not three ratings, `width` is not above zero, or no surface is rated on a specified
-            axis.
+        ValueError: if `request` is not three ratings, `width` (z-scores) is not above zero, or no surface is rated on a
+            specified axis.
     """
     request = np.asarray(request, dtype=np.float64)  # None becomes NaN
     if request.shape != (len(RATING_AXES),) or np.isinf(request).any():
@@ -184,12 +156,12 @@ def recorded_truth(dataset, describe, per_surface=4, seed=0):
         seed (`int`): of the choice of segments.
 
     Returns:
-        `RatedTextures`, of importance 1; surfaces without a segment are not in it.
+        `RatedTextures`, of importance 1.
     """
     chosen = dataset.non_overlapping(per_surface, seed)
-    chunks = [chosen[start : start + CHUNK] for start in range(0, len(chosen), CHUNK)]
     measures = [
-        describe(dataset.textures(rows), dataset.levels[rows], dataset.friction_coefficients[rows]) for rows in chunks
+        describe(dataset.textures(rows), dataset.levels[rows], dataset.friction_coefficients[rows])
+        for rows in in_blocks(chosen, CHUNK)
     ]
     surfaces, surface_ids = np.unique(dataset.surface_ids[chosen], return_inverse=True)
     return RatedTextures(joined(measures), surface_ids, dataset.ratings.mean[surfaces], np.ones(len(surfaces)))

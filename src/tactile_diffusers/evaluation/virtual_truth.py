@@ -17,10 +17,7 @@ from .truth import CHUNK, RatedTextures, joined, log_kernel, recorded_truth
 
 
 def draw_surfaces(ratings, requests, count, seed=0):
-    """Draws surfaces where requests need them, with replacement.
-
-    The probability of a surface is the mean over requests of its share in the request's kernel weights, so that each
-    request gets the same number of surfaces on average.
+    """Draws surfaces, with replacement, so that each request gets the same number of surfaces on average.
 
     Args:
         ratings (`np.ndarray`): (candidates, 3) z-scores.
@@ -55,15 +52,15 @@ def virtual_truth(
     workers=1,
     quiet=True,
 ):
-    """The truth of requests to a model of virtual surfaces.
+    """The truth of requests to a model of virtual surfaces, which are explored afresh.
 
-    Surfaces, explorers and raters are like those of the ordinary splits; what is held out takes no part.
+    Surfaces, explorers and raters are like those of the ordinary splits; what is held out takes no part. A surface
+    whose first recordings hold no segment is explored once more, then dropped.
 
     Args:
         dataset (`PreparedDataset`): of virtual surfaces, at its native rate: it says which collection, raters, limits
             and filter; its training surfaces set the units of the ratings, its subset whether limits hold.
-        requests (`Sequence`): (3,) rating vectors that the truth is wanted of, NaN = not specified; three NaN stand for
-            the whole population.
+        requests (`Sequence`): (3,) rating vectors that the truth is wanted of, NaN = not specified.
         describe (`callable`): (textures (k, samples) float32 in N, levels (k,), friction coefficients (k,)) -> dict of
             arrays (k, ...), the measures. Called with some hundreds of textures at a time.
         surfaces (`int`): draws; a surface that is drawn twice is explored once and counts twice.
@@ -73,9 +70,6 @@ def virtual_truth(
         seed (`int`): of the draws.
         workers (`int`): threads that explore; the result is the same.
         quiet (`bool`): no progress bar.
-
-    Returns:
-        `RatedTextures`. A surface whose first recordings hold no segment is explored once more, then dropped.
 
     Raises:
         ValueError: if `dataset` is none of virtual surfaces or of another version of the recipe, its textures are not
@@ -173,9 +167,6 @@ def truth_of(dataset, requests, describe, seed=0, quiet=True, **settings):
         dataset (`PreparedDataset` or `str` or `Path`): the data set, or its file, of which all surfaces are taken.
         requests, describe, seed, quiet: of `virtual_truth`.
         **settings: further arguments of `virtual_truth`; only "per_surface" counts for recorded data.
-
-    Returns:
-        `RatedTextures`
     """
     if not isinstance(dataset, PreparedDataset):
         dataset = PreparedDataset(dataset, split="all")

@@ -27,8 +27,7 @@ class TrainingWaveforms:
 
     Each segment is brought to unit energy in the band and divided by the smoothed mean amplitude spectrum of the set:
     otherwise slow components, which are strong and look alike in all textures, would rule the correlation. Only the
-    bins of the band are kept, as complex64: 157 MB for 21,000 segments of 1.64 s in 20-400 Hz. The result does not
-    depend on the order or the chunks of the segments.
+    bins of the band are kept, as complex64: 157 MB for 21,000 segments of 1.64 s in 20-400 Hz.
 
     Args:
         chunks (`Iterable[np.ndarray]`): arrays (n, samples) of training segments of one length, any unit; they are
@@ -94,11 +93,7 @@ class TrainingWaveforms:
         return amplitude.clamp_min(_SPECTRUM_FLOOR).reciprocal().float()
 
     def _overlap_gain(self, spectra):
-        """1 / root of the energy of the part that overlaps at each lag, 0 for lags beyond half a segment: (n, size).
-
-        Ordered as the correlations from the transform: lags 0, 1, ..., then the negative ones up to -1. At a positive
-        lag the end of the signal overlaps, at a negative one its beginning.
-        """
+        """1 / root of the energy that overlaps at each lag 0, 1, ..., -1; 0 beyond half a segment: (n, size)."""
         signals = torch.fft.irfft(self._full_spectrum(spectra), self._size)[:, : self._length].double()
         energy = torch.nn.functional.pad(signals.square().cumsum(-1), (1, 0))  # of the first k samples, k = 0, 1, ...
         whole, half = energy[:, -1:], self._length // 2
@@ -119,10 +114,9 @@ class TrainingWaveforms:
 
         Lags reach to plus and minus half a segment, in steps of at most 0.35 ms at an upper edge of 400 Hz. The
         correlation is divided by the root of the energies of both overlapping parts, each counted as at least a tenth
-        of its whole. A copy gives 1, also if it is scaled or inverted, and above 0.95 if it is shifted and its lag
-        falls between two steps. Independent noise of 1.64 s stays near 0.2; periodic surfaces resemble each other
-        more, so judge the values by those of real test segments (`closer_share`). A texture takes about half a second
-        against 21,000 segments on one core.
+        of its whole. A copy gives 1, also if it is scaled or inverted, and above 0.95 if it is shifted. Independent
+        noise of 1.64 s stays near 0.2; periodic surfaces resemble each other more, so judge the values by those of
+        real test segments (`closer_share`). A texture takes about half a second against 21,000 segments on one core.
 
         Args:
             textures (`np.ndarray`): (n, samples), of the length and sampling rate of the training segments, any unit.
@@ -157,14 +151,9 @@ def _unit_energy(spectra):
 
 
 def nearest_distance(points, reference):
-    """Euclidean distance of each point to the nearest point of a reference: embeddings, or flattened latents.
+    """Euclidean distance (n,) of each point (n, features) to the nearest of a reference (m, features).
 
-    Args:
-        points (`np.ndarray`): (n, features).
-        reference (`np.ndarray`): (m, features), the training set.
-
-    Returns:
-        `np.ndarray`: (n,) float64, exactly 0 for a point of the reference.
+    Points are embeddings or flattened latents; the distance is exactly 0 for a point of the reference.
 
     Raises:
         ValueError: if the sets do not fit together, are empty, or hold NaN or infinity.
@@ -186,8 +175,7 @@ def closer_share(values, real_values, quantile=0.01, higher_is_closer=False):
 
     The threshold is the `quantile` of the values of real textures that the generator has not seen. An honest
     generator gives about `quantile`, one that copies gives up to 1. From `n` independent real values the share that
-    an honest generator gets scatters by `sqrt(quantile / n)`: a first percentile needs at least 100 of them to exist
-    (with fewer the threshold is the smallest), and 1000 to be good to a third of itself.
+    an honest generator gets scatters by `sqrt(quantile / n)`: a first percentile needs at least 100 of them.
 
     Args:
         values (`np.ndarray`): (n,) `nearest_distance` or `TrainingWaveforms.nearest_correlation` of generated textures.
@@ -199,7 +187,7 @@ def closer_share(values, real_values, quantile=0.01, higher_is_closer=False):
         `tuple[float, float]`: share, 0 to 1, and threshold, in the unit of the values.
 
     Raises:
-        ValueError: if an argument is empty, of another rank, or holds NaN or infinity, or `quantile` is out of range.
+        ValueError: if an argument is empty, of another rank, not finite, or `quantile` is out of range.
     """
     if not 0 < quantile < 1:
         raise ValueError(f"`quantile` must be between 0 and 1, got {quantile}.")

@@ -16,12 +16,8 @@ def frechet_tactile_distance(a, b):
     Args:
         a, b (`np.ndarray`): (n, features), (m, features).
 
-    Returns:
-        `float`
-
     Raises:
-        ValueError: if the sets do not fit together, hold NaN or infinity, or are too small for a covariance: each needs
-            more members than features.
+        ValueError: if the sets do not fit together, are not finite, or have no more members than features.
     """
     a, b = check_sets(a=a, b=b)
     for name, members in (("a", a), ("b", b)):
@@ -69,11 +65,7 @@ def kernel_tactile_distance(a, b, width, a_groups=None, b_groups=None):
 
 
 def within_similarity(points, width, groups=None):
-    """Mean kernel over pairs of different members, or of different groups.
-
-    Raises:
-        ValueError: if all members are of one group.
-    """
+    """Mean kernel over pairs of different members, or of different groups; a ValueError if there is one group only."""
     # a member's kernel with itself is 1, and does not belong in an unbiased estimate
     groups = np.arange(len(points)) if groups is None else np.asarray(groups)
     names, counts = np.unique(groups, return_counts=True)

@@ -16,18 +16,15 @@ def precision_recall(generated, real, k=5):
 
     Around each member of a set lies a ball that reaches to its k-th nearest other member. Precision is the share of
     generated members inside a ball of a real one (are they plausible?), recall the share of real members inside a ball
-    of a generated one (does the generator cover them?). Both depend on the sizes of the sets, and two sets of one
-    distribution do not reach 1: compare with two real sets of the same sizes.
+    of a generated one (does the generator cover them?). Two sets of one distribution do not reach 1: compare with two
+    real sets of the same sizes.
 
     Args:
         generated, real (`np.ndarray`): (n, features), (m, features); more than `k` members each.
         k (`int`): neighbours.
 
-    Returns:
-        `tuple[float, float]`: precision and recall, 0 to 1.
-
     Raises:
-        ValueError: if the sets do not fit together, hold NaN or infinity or too few members, or `k` is below 1.
+        ValueError: if the sets do not fit together, are not finite or too small, or `k` is below 1.
     """
     generated, real = check_sets(generated=generated, real=real)
     if not 1 <= k < min(len(generated), len(real)):
@@ -47,15 +44,8 @@ def _covered(points, members, k):
 def take_spread_db(band_levels, groups):
     """How much takes of one surface, or of one rating, differ: standard deviation of their band levels, dB.
 
-    For each band the unbiased variance inside the groups, pooled over the groups of two takes and more; the mean over
-    bands of its root.
-
-    Args:
-        band_levels (`np.ndarray`): (n, bands), dB (`tactile_diffusers.signal.band_levels_db`).
-        groups (`np.ndarray`): (n,) the surface or rating of each take.
-
-    Returns:
-        `float`: dB.
+    For each band (n, bands) the unbiased variance inside the groups (n,), pooled over the groups of two takes and more;
+    the mean over bands of its root.
 
     Raises:
         ValueError: if the arguments do not fit together, hold NaN or infinity, or no group has two takes.
@@ -80,12 +70,7 @@ def take_spread_db(band_levels, groups):
 def diversity(generated_levels, generated_groups, real_levels, real_groups):
     """Spread of generated takes over that of real ones: 1 = takes differ as much as real takes, 0 = all the same.
 
-    Args:
-        generated_levels, real_levels (`np.ndarray`): (n, bands), (m, bands), dB.
-        generated_groups, real_groups (`np.ndarray`): (n,), (m,) the rating or surface of each take.
-
-    Returns:
-        `float`
+    Band levels are (n, bands), (m, bands) in dB, groups (n,), (m,) the rating or surface of each take.
 
     Raises:
         ValueError: as `take_spread_db`, or if the real takes do not differ.

@@ -131,12 +131,9 @@ class TactileEmbedding:
 
     @classmethod
     def fit(cls, textures, sampling_rate=DEVICE_RATE):
-        """Takes mean, scale and kernel width from the textures of a reference: the training surfaces.
+        """Takes mean, scale and kernel width from textures (n, samples) of a reference: the training surfaces.
 
-        Args:
-            textures (`np.ndarray`): (n, samples), n at least 2, better some hundreds. The width is the median over all
-                pairs of at most 4000 of them, evenly spaced.
-            sampling_rate (`float`): Hz.
+        The width is the median over all pairs of at most 4000 of them, evenly spaced.
 
         Raises:
             ValueError: as `tactile_features`, or if there are fewer than two textures.
@@ -151,14 +148,7 @@ class TactileEmbedding:
         return cls(mean, scale, width, float(sampling_rate))
 
     def __call__(self, textures, sampling_rate=DEVICE_RATE):
-        """Embeds textures.
-
-        Args:
-            textures (`np.ndarray`): (n, samples), of the length and unit of the reference.
-            sampling_rate (`float`): Hz, that of the reference.
-
-        Returns:
-            `np.ndarray`: (n, 53) float64 z-scores.
+        """Embeds textures (n, samples) of the length and unit of the reference: (n, 53) float64 z-scores.
 
         Raises:
             ValueError: as `tactile_features`, or if the sampling rate is not that of the reference.
@@ -169,24 +159,3 @@ class TactileEmbedding:
                 "Resample the textures (`tactile_diffusers.signal.resample`) or fit again."
             )
         return (tactile_features(textures, sampling_rate) - self.mean) / self.scale
-
-    def to_dict(self):
-        """The state as lists, strings and floats, for JSON."""
-        return {
-            "features": list(FEATURE_NAMES),
-            "mean": self.mean.tolist(),
-            "scale": self.scale.tolist(),
-            "width": self.width,
-            "sampling_rate": self.sampling_rate,
-        }
-
-    @classmethod
-    def from_dict(cls, state):
-        """The embedding that `to_dict` described.
-
-        Raises:
-            ValueError: if the state names other features than this version computes.
-        """
-        if tuple(state["features"]) != FEATURE_NAMES:
-            raise ValueError("`state` belongs to another version of the features. Fit the embedding again.")
-        return cls(np.array(state["mean"]), np.array(state["scale"]), state["width"], state["sampling_rate"])

@@ -20,13 +20,8 @@ DB_PER_NEPER = 20 / np.log(10)
 
 
 def rmse(texture, reference):
-    """Root mean square of the difference of two waveforms, in their unit (the paper's section 3.1).
-
-    Args:
-        texture, reference (`np.ndarray`): (..., samples), N.
-
-    Returns:
-        `np.ndarray`: (...,), N.
+    """Root mean square of the difference of two waveforms (..., samples), in their unit: (...,) (the paper's section
+    3.1).
 
     Raises:
         ValueError: if the shapes differ or a value is not finite; so do the other functions of this file.
@@ -36,21 +31,16 @@ def rmse(texture, reference):
 
 
 def snr_db(texture, reference):
-    """Power of the reference over power of the difference of the waveforms, dB (the paper's section 3.2).
+    """Power of the reference over power of the difference of the waveforms, dB: (...,) (the paper's section 3.2).
 
-    Args:
-        texture, reference (`np.ndarray`): (..., samples), N.
-
-    Returns:
-        `np.ndarray`: (...,), dB. Powers below 1e-30 N^2 count as that, so the result is always finite.
+    Powers below 1e-30 N^2 count as that, so the result is always finite.
     """
     texture, reference = check_pair(texture, reference)
     return _power_db(rms(reference) ** 2) - _power_db(rms(texture - reference) ** 2)
 
 
 def power_difference(texture, reference):
-    """Mean power of a texture minus that of its reference, N^2: (...,) (the paper's section 3.2, which gives it
-    without its sign)."""
+    """Mean power of a texture minus its reference's, N^2: (...,) (the paper's section 3.2, which drops the sign)."""
     texture, reference = check_pair(texture, reference)
     return rms(texture) ** 2 - rms(reference) ** 2
 
@@ -98,15 +88,12 @@ def goodness_of_fit(texture, reference, sampling_rate, band=BAND_HZ):
 
 
 def signed_band_error_db(texture, reference, sampling_rate, bands):
-    """How much stronger a texture is than its reference in each of some bands, dB.
+    """How much stronger a texture (..., samples) is than its reference in each of some bands, dB: (..., bands).
 
     Args:
         texture, reference (`np.ndarray`): (..., samples), N.
         sampling_rate (`float`): Hz.
         bands (`Sequence[tuple[float, float]]`): edges in Hz; bands may overlap or leave gaps.
-
-    Returns:
-        `np.ndarray`: (..., bands), dB; negative = too weak.
 
     Raises:
         ValueError: also if a band does not lie inside [0, sampling_rate / 2], or holds no frequency bin.
@@ -127,16 +114,9 @@ def signed_band_key(band):
 
 
 def out_of_band_ratio_db(texture, sampling_rate, low=OUT_OF_BAND_HZ, high=np.inf, floor_db=-120.0):
-    """Power between `low` and `high`, where a texture should be empty, over its whole power.
+    """Power between `low` and `high` Hz, where a texture should be empty, over its whole power, dB: (...,).
 
-    Args:
-        texture (`np.ndarray`): (..., samples), N.
-        sampling_rate (`float`): Hz.
-        low, high (`float`): Hz; what lies beyond half the sampling rate is empty.
-        floor_db (`float`): the least that is returned, also for silence.
-
-    Returns:
-        `np.ndarray`: (...,), dB.
+    `floor_db` is the least that is returned, also for silence; what lies beyond half the sampling rate is empty.
     """
     texture = check_textures("texture", texture).astype(np.float64)
     frequencies, power = signal.periodogram(texture, fs=sampling_rate, window="hann", axis=-1)

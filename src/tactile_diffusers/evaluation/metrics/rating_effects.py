@@ -19,8 +19,7 @@ def texture_measures(textures, levels, friction_coefficients, sampling_rate, edg
 
     Returns:
         `dict[str, np.ndarray]`: "level_db" (n,) dB re 1 N; "shape_db" (n, 9) band levels at unit RMS; "log_friction"
-        (n,); "latent" (n, features + 1 or 2): all that DALE generates, the summary of the latents, the level and, if
-        it is known, log friction.
+        (n,); "latent" (n, features + 1 or 2): all that DALE generates.
     """
     textures = np.asarray(textures, dtype=np.float64)
     unit = textures / np.maximum(rms(textures), 1e-12)[:, None]
@@ -40,14 +39,7 @@ def shape_change_db(mean, baseline):
 
 
 def latent_shift_percent(latents, baseline):
-    """The paper's latent shift (section 3.3): L2 distance to the baseline latent of the same noise over its norm, %.
-
-    Args:
-        latents, baseline (`np.ndarray`): (n, channels, frames), row by row from the same noise.
-
-    Returns:
-        `np.ndarray`: (n,).
-    """
+    """The paper's latent shift (section 3.3): distance to the baseline of the same noise over its norm, %: (n,)."""
     difference = np.sqrt(np.square(latents - baseline).sum((1, 2)))
     return 100 * difference / np.maximum(np.sqrt(np.square(baseline).sum((1, 2))), 1e-12)
 

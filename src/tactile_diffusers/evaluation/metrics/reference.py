@@ -34,16 +34,14 @@ class Reference:
         return self.embedding(textures, self.sampling_rate)
 
     def distances(self, points, groups):
-        """FTD and KTD of a set to the reference, with intervals over the set's groups.
+        """FTD and KTD of a set to the reference, with intervals over the set's groups: leaves "ftd" and "ktd".
+
+        FTD is empty for sets too small for a covariance, KTD, which leaves out pairs of one group, for sets of one
+        group. The intervals hold the set's own randomness, not the reference's.
 
         Args:
             points (`np.ndarray`): (n, 53) embeddings.
             groups (`np.ndarray`): (n,) surface or request of each.
-
-        Returns:
-            `dict[str, dict]`: leaves "ftd" and "ktd"; FTD is empty for sets too small for a covariance, KTD, which
-            leaves out pairs of one group, for sets of one group. The intervals hold the set's own randomness, not the
-            reference's.
         """
         groups = np.asarray(groups)
         leaves = {"ftd": number(), "ktd": number()}

@@ -11,15 +11,9 @@ _KEYS = ("mean", "n", "min", "max", "median", "interval")
 
 
 def jackknife_interval(estimate, left_out, size=None):
-    """95 % interval from estimates that each leave out one group, by Student's t (Tukey 1958).
+    """95 % interval from estimates (groups, ...) that each leave out one group, by Student's t (Tukey 1958).
 
-    Args:
-        estimate (`np.ndarray`): (...,) from all groups.
-        left_out (`np.ndarray`): (groups, ...).
-        size (`float`, *optional*): effective number of groups; defaults to their number.
-
-    Returns:
-        `tuple[np.ndarray, np.ndarray]`: low and high, (...,) each.
+    `size` is the effective number of groups, by default their number. Returns low and high, (...,) each.
     """
     groups = len(left_out)
     error = np.sqrt((groups - 1) / groups * np.square(left_out - left_out.mean(0)).sum(0))

@@ -4,12 +4,7 @@ import numpy as np
 
 
 def check_textures(name, textures, rank=None):
-    """Textures as an array of their own dtype, once they are known to be finite numbers.
-
-    Args:
-        name (`str`): what the message calls them.
-        textures (`np.ndarray`): (..., samples).
-        rank (`int`, *optional*): number of axes there must be; any by default.
+    """Textures (..., samples) as an array of their own dtype; `rank` is the number of axes there must be.
 
     Raises:
         ValueError: if `textures` is empty, of another rank, or holds NaN, infinity or what is no real number.
@@ -30,11 +25,7 @@ def check_textures(name, textures, rank=None):
 
 
 def check_pair(texture, reference):
-    """Two arrays of textures as float64 that can be compared one to one.
-
-    Raises:
-        ValueError: if one holds NaN or infinity, or their shapes differ.
-    """
+    """Two arrays of textures as float64; a ValueError if one is not finite or their shapes differ."""
     texture, reference = check_textures("texture", texture), check_textures("reference", reference)
     if texture.shape != reference.shape:
         raise ValueError(
@@ -45,11 +36,7 @@ def check_pair(texture, reference):
 
 
 def check_sets(**sets):
-    """Two sets (n, features), (m, features) as float64; the names of the arguments are those of the message.
-
-    Raises:
-        ValueError: if one is not such an array or holds NaN or infinity, or their features differ.
-    """
+    """Two named sets (n, features), (m, features) as float64; a ValueError if they are not finite or do not fit."""
     checked = {name: check_textures(name, values, rank=2).astype(np.float64) for name, values in sets.items()}
     (first, a), (second, b) = checked.items()
     if a.shape[1] != b.shape[1]:

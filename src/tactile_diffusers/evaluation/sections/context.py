@@ -8,7 +8,7 @@ import numpy as np
 
 from ..baselines import default_baselines, latent_rate
 from ..held_out import HeldOutData, check_fit, open_held_out, random_generator
-from ..sampling import encode, generate, latent_summary, noise_seeds
+from ..sampling import encode, generate, noise_seeds
 
 #: Limits the rate of latents that were trained without noise: half precision, as they are stored.
 HALF_PRECISION = 2.0**-11
@@ -148,58 +148,37 @@ class Context:
     def generated(self):
         """Textures for `requests`, each from noise of its own: guidance scale -> `Generated`."""
         ratings, _ = self.requests
-        seeds = noise_seeds([self.seed, 1], len(ratings))
-        return {scale: self.generate(ratings, seeds, scale) for scale in self.guidance_scales}
+        return {scale: self.generate(ratings, self.seeds(1, len(ratings)), scale) for scale in self.guidance_scales}
 
     def rng(self, purpose):
         """`random_generator` of the evaluation's seed."""
         return random_generator(self.seed, purpose)
 
+    def seeds(self, purpose, takes):
+        """(takes,) seeds of noise; each `purpose` (`int`) has its own."""
+        return noise_seeds([self.seed, purpose], takes)
+
     def generate(self, ratings, seeds, guidance_scale, decode=True):
         """`sampling.generate` at the data's rate and segment length."""
-        samples, quiet = self.data.dataset.segment_samples, self.quiet
-        return generate(
-            self.pipe, ratings, seeds, self.data.rate, samples, self.steps, guidance_scale, decode, quiet=quiet
-        )
+        grid = (self.data.rate, self.data.dataset.segment_samples, self.steps)
+        return generate(self.pipe, ratings, seeds, *grid, guidance_scale, decode, quiet=self.quiet)
 
     def encode(self, textures):
         """Base layer of the latents, which DALE generates: (n, base_channels, frames) float32."""
         return encode(self.pipe, textures, self.data.rate)[:, : self.pipe.lctg.base_channels]
 
-    def summarise(self, textures):
-        """`latent_summary` of the encoded textures."""
-        return latent_summary(self.encode(textures))
-
 
 def make_context(
-    pipe,
-    data,
-    split,
-    settings,
-    seed,
-    output,
-    guidance_scales=(),
-    quiet=True,
-    anchors=None,
-    baseline_surfaces=None,
+    pipe, data, split, settings, seed, output, guidance_scales=(), quiet=True, anchors=None, baseline_surfaces=None
 ):
-    """A checkpoint and a data set, checked against each other.
+    """A checkpoint and a data set, checked against each other; the arguments are those of `Context`, and
 
     Args:
-        pipe (`TactileTexturePipeline`): with or without DALE.
         data (`str` or `Path`): a prepared data set of the pipeline's band and segment length; textures are compared at
             its rate.
         split (`str`): the held-out surfaces: any of the data's splits but "train".
-        settings (`Settings`): how much is measured.
-        seed (`int`): of every choice and every noise.
-        output (`Path`): where pictures go.
         guidance_scales (`Sequence[float]`): besides 1.0 (off) and the pipeline's default.
-        quiet (`bool`): no progress bars.
-        anchors (`dict[str, Anchor]`, *optional*): name -> checkpoint to compare reconstructions with.
         baseline_surfaces (`int`, *optional*): training surfaces that the baselines learn from; all by default.
-
-    Returns:
-        `Context`
 
     Raises:
         ValueError: if the checkpoint or an anchor does not fit the data, or as `open_held_out`.
@@ -217,15 +196,7 @@ def _default_guidance(pipe):
 
 
 def pipeline_latent_rate(pipe, data):
-    """Numbers per second of a pipeline's latents, and the bits that each carries, on training segments.
-
-    Args:
-        pipe (`TactileTexturePipeline`): whose encoder is used.
-        data (`HeldOutData`): with the training segments.
-
-    Returns:
-        `tuple[float, float]`
-    """
+    """Numbers per second of a pipeline's latents, and the bits that each carries, on training segments."""
     config, textures = pipe.lctg.config, data.training.textures
     spaced = np.unique(np.linspace(0, len(textures) - 1, _RATE_SEGMENTS).astype(int))
     latents = encode(pipe, textures[spaced], data.rate)

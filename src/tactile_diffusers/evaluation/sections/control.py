@@ -14,7 +14,7 @@ from ..judge import FEWEST_SURFACES, Judge, response_interval, response_matrix
 from ..metrics.rating_effects import d_prime, latent_shift_percent, shape_change_db, texture_measures
 from ..metrics.statistics import jackknife, leaf, number
 from ..report_figures import plot_control, plot_responses
-from ..sampling import noise_seeds
+from ..sampling import latent_summary
 from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
 from ..virtual_truth import truth_of
 
@@ -29,7 +29,7 @@ def run(context):
     """The section: `{"control": ...}`; writes control.png and response.png."""
     data, truth = context.data, _truth(context)
     judge, r2 = _judge(context)
-    real = _estimate(judge, data.points, np.log(data.frictions))
+    real = _estimate(judge, data.points, data.frictions)
     result = {
         "judge_r2": r2,
         "response_real": _matrix(real, data.ratings, data.surfaces),
@@ -53,7 +53,7 @@ def _guided(context, scale, truth, judge):
     independent = _generated(context, (None, None), scale, truth, purpose=6)
     generated = context.generated[scale]
     points = context.data.reference.embed(generated.textures)
-    estimated = _estimate(judge, points, np.log(generated.friction_coefficients))
+    estimated = _estimate(judge, points, generated.friction_coefficients)
     entry = compare_conditions(context, conditions, truth, independent) | {
         "response": _matrix(estimated, ratings, surfaces),
         "estimator": _matrix(_estimator_of_latents(context.pipe, generated), ratings, surfaces),
@@ -103,44 +103,37 @@ def _truth(context):
 
 def _measures(context, textures, levels, frictions):
     """`texture_measures` of textures, without friction where the data do not know it."""
-    data, latents = context.data, context.summarise(textures)
+    data, latents = context.data, latent_summary(context.encode(textures))
     frictions = frictions if data.has_friction else np.full(len(textures), np.nan)
     return texture_measures(textures, levels, frictions, data.rate, data.edges, latents)
 
 
 def _judge(context):
-    """The judge, fitted on training surfaces, and its R² on held-out ones: leaves by axis.
-
-    With too few rated surfaces for a judge there is none, and its leaves are empty.
-    """
+    """The judge, fitted on training surfaces, and leaves of its R² on held-out ones; None, with few rated surfaces."""
     data, training = context.data, context.data.training
     rated = np.isfinite(training.ratings).all(-1)
     if len(np.unique(training.surface_ids[rated])) < FEWEST_SURFACES:
         return None, {axis: number() for axis in RATING_AXES}
     frictions = np.log(training.friction_coefficients)
     judge = Judge.fit(data.reference.points, frictions, training.ratings, training.surface_ids, context.seed)
-    points, frictions = data.points, np.log(data.frictions)
-    r2 = judge.r2(points, frictions, data.ratings)
-    low, high = judge.r2_interval(points, frictions, data.ratings, data.surfaces)
-    return judge, {axis: number(r2[i], len(points), (low[i], high[i])) for i, axis in enumerate(RATING_AXES)}
+    known = (data.points, np.log(data.frictions), data.ratings)
+    r2, (low, high) = judge.r2(*known), judge.r2_interval(*known, data.surfaces)
+    return judge, {axis: number(r2[i], len(data.points), (low[i], high[i])) for i, axis in enumerate(RATING_AXES)}
 
 
-def _estimate(judge, points, log_friction):
-    return None if judge is None else judge.predict(points, log_friction)
+def _estimate(judge, points, frictions):
+    return None if judge is None else judge.predict(points, np.log(frictions))
 
 
 def _estimator_of_textures(context):
-    """Ratings that the checkpoint's own estimator gives the real held-out textures: (n, 3); None without one."""
+    """Ratings (n, 3) that the checkpoint's own estimator gives the real held-out textures; None without one."""
     if context.pipe.rating_estimator is None:
         return None
     return context.pipe.estimate_ratings(context.data.real, context.data.rate, context.data.frictions)
 
 
 def _estimator_of_latents(pipe, generated):
-    """Ratings that the estimator, which helped to train DALE, gives DALE's result before decoding: (n, 3).
-
-    If they follow the request more closely than the judge's, the estimator flatters DALE. None without an estimator.
-    """
+    """Ratings (n, 3) that the estimator gives DALE's result before decoding; None without an estimator."""
     if pipe.rating_estimator is None:
         return None
     frictions = generated.friction_coefficients
@@ -164,8 +157,7 @@ def _matrix(estimated, requested, groups):
 def _generated(context, key, scale, truth, purpose=3):
     """Measures and latents of the textures of one condition; one `purpose` is one set of noises."""
     takes = context.settings.control_takes
-    ratings = truth.draw_ratings(_request(key), takes)
-    out = context.generate(ratings, noise_seeds([context.seed, purpose], takes), scale)
+    out = context.generate(truth.draw_ratings(_request(key), takes), context.seeds(purpose, takes), scale)
     return _measures(context, out.textures, out.levels, out.friction_coefficients), out.latents
 
 
@@ -179,7 +171,7 @@ def _baseline(context, slug, judge, truth):
         # a generator in the same state: the friction that belongs to these textures
         frictions = baseline.friction_coefficients(request, context.rng(f"control {slug}"))
         conditions[key] = _measures(context, textures, level(textures), frictions), None
-    frictions = np.log(baseline.friction_coefficients(data.request, context.rng(slug)))
+    frictions = baseline.friction_coefficients(data.request, context.rng(slug))
     estimated = _estimate(judge, context.baseline_points[slug], frictions)
     response = _matrix(estimated, data.request.ratings, data.surfaces)
     return compare_conditions(context, conditions, truth) | {"response": response}
@@ -206,11 +198,9 @@ def compare_conditions(context, conditions, truth, independent=None):
 
 
 def _order(truth, axis, values, measures):
-    """Spearman correlations of a sweep's means with its ratings, and the measure that the axis moves most in truth.
-
-    For the shape, the component along the difference that real textures show between the two ends of the sweep.
-    """
+    """Spearman correlations of a sweep's means with its ratings, and the measure that the axis moves most in truth."""
     requests = [_request((axis, value)) for value in values]
+    # of the shape, the component along the difference that real textures show between the ends of the sweep
     ends = [truth.mean("shape_db", request) for request in (requests[0], requests[-1])]
     direction = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     tracks, effects, means = {}, {}, {}
@@ -258,10 +248,7 @@ def _against_truth(condition, base, independent, truth, request):
 
 
 def _sizes(truth, context):
-    """Effective number of surfaces behind each condition, and the distance of their mean rating from the request.
-
-    Ratings pooled over raters hardly reach 2: the surfaces nearest to such a request lie inside of it.
-    """
+    """Effective number of surfaces behind each condition, and the distance of their mean rating from the request."""
     sizes, offsets = {}, {}
     for axis, value in _conditions(context)[1:]:
         request, name = _request((axis, value)), f"{axis} {value:+g}"

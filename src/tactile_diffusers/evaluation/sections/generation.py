@@ -10,7 +10,6 @@ from ..metrics.diversity import diversity, precision_recall, rating_diversity
 from ..metrics.errors import out_of_band_ratio_db, rmse
 from ..metrics.statistics import excess, jackknife, leaf, number
 from ..report_figures import plot_unseen
-from ..sampling import noise_seeds
 
 #: Of precision and recall.
 NEIGHBOURS = 5
@@ -44,17 +43,12 @@ def run(context):
 def matching_rows(context):
     """Rows of `context.requests`, as many for each surface as there are held-out segments of it."""
     surfaces, held_out = context.requests[1], context.data.surfaces
-    counts = {surface: int((held_out == surface).sum()) for surface in np.unique(held_out)}
     take = np.arange(len(surfaces)) % context.settings.takes
-    return np.flatnonzero(take < [counts[surface] for surface in surfaces])
+    return np.flatnonzero(take < (surfaces[:, None] == held_out).sum(1))
 
 
 class NearestTraining:
-    """How close textures come to the training segments: by waveform, by embedding, and by latent.
-
-    Args:
-        context (`Context`): with the training segments, and the held-out ones that set the thresholds.
-    """
+    """How close textures come to the training segments of a `Context`: by waveform, by embedding, and by latent."""
 
     def __init__(self, context):
         self.context, data = context, context.data
@@ -97,16 +91,12 @@ class NearestTraining:
         leaves = {"nearest_correlation": leaf(-nearest[""], groups[subset]) if correlate else number()}
         leaves["novelty_share"] = number()
         for name, values in nearest.items():
-            members = groups[subset] if name == "" else groups
-            share, interval = _share(values, self.real[name], members)
-            leaves[f"novelty_share{name}"] = number() if silent else number(share, len(values), interval)
+            real, members = self.real[name], groups[subset] if name == "" else groups
+            share, interval = jackknife(lambda mask, v=values, r=real: closer_share(v[mask], r)[0], members)
+            # without a spread over surfaces there is no interval
+            entry = number(share, len(values), interval if 0 < share < 1 else None)
+            leaves[f"novelty_share{name}"] = number() if silent else entry
         return leaves
-
-
-def _share(values, real, groups):
-    """Share closer to training than the real first percentile, and its interval over surfaces."""
-    share, interval = jackknife(lambda mask: closer_share(values[mask], real)[0], groups)
-    return share, interval if 0 < share < 1 else None  # without a spread over surfaces there is no interval
 
 
 def set_metrics(context, nearest, textures, points, groups, correlate=True):
@@ -145,16 +135,13 @@ def _other_surfaces(context, count):
 
 
 def _protocol_rmse(context, scale):
-    """The paper's section 3.4: waveform RMSE of textures from random ratings to unrelated segments.
-
-    It rewards quiet textures and says nothing about quality; it is reported because the paper reports it.
-    """
+    """The paper's section 3.4: RMSE of textures from random ratings to unrelated segments. It rewards quiet ones."""
     settings, rng, real = context.settings, context.rng("protocol"), context.data.real
     if context.data.dataset.unit != "N":
         return number()
     rows = rng.choice(len(real), min(settings.protocol_segments, len(real)), replace=False)
     rows = np.repeat(rows, settings.protocol_repeats)
-    generated = context.generate(rng.standard_normal((len(rows), 3)), noise_seeds([context.seed, 2], len(rows)), scale)
+    generated = context.generate(rng.standard_normal((len(rows), 3)), context.seeds(2, len(rows)), scale)
     return leaf(rmse(generated.textures, real[rows]), rows)
 
 
@@ -183,14 +170,12 @@ def unseen_metrics(data, textures, groups, levels, frictions=None):
         levels, frictions (`np.ndarray`): (n,) natural log of the RMS, and friction coefficient.
     """
     real, generated = mean_spectra(data, textures, groups)
-    leaves = {
+    frictions = np.full(len(groups), np.nan) if frictions is None else frictions
+    return {
         "nine_band_db": leaf(np.abs(generated - real).mean(-1)),
         "level_r": _correlation(data, levels, groups, data.dataset.levels[data.rows]),
-        "log_friction_r": number(),
+        "log_friction_r": _correlation(data, np.log(frictions), groups, np.log(data.frictions)),
     }
-    if frictions is not None:
-        leaves["log_friction_r"] = _correlation(data, np.log(frictions), groups, np.log(data.frictions))
-    return leaves
 
 
 def _correlation(data, values, groups, real):
@@ -227,7 +212,7 @@ def _unseen_table(context, by_guidance):
     plot_unseen(shown, context.output / "unseen.png")
     table = {name: {slug: leaves[name] for slug, leaves in entries.items()} for name in UNSEEN}
     # the same textures as if they had been requested with another surface's ratings
-    shuffled = dict(zip(np.unique(surfaces), context.rng("permuted").permutation(np.unique(surfaces)), strict=True))
-    wrong = np.array([shuffled[surface] for surface in surfaces])
+    names, place = np.unique(surfaces, return_inverse=True)
+    wrong = context.rng("permuted").permutation(names)[place]
     permuted = unseen_metrics(data, generated.textures, wrong, generated.levels, generated.friction_coefficients)
     return table | {"guidance": by_guidance, "permuted": permuted}

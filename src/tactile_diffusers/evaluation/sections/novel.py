@@ -8,7 +8,6 @@ from ...signal import RATING_AXES
 from ..metrics.copying import nearest_distance
 from ..metrics.errors import DB_PER_NEPER
 from ..metrics.statistics import leaf, number
-from ..sampling import noise_seeds
 
 #: Magnitudes of the ratings: of the corners of the cube, and of one axis while the others are not specified.
 MAGNITUDES = (1.0, 2.0, 3.0, 4.0)
@@ -47,7 +46,7 @@ def _requests(magnitude):
 def _measure(context, ratings, scale, limit, trained):
     takes = max(2, context.settings.control_takes // 10)
     requested = np.repeat(ratings, takes, axis=0)
-    generated = context.generate(requested, noise_seeds([context.seed, 7], len(requested)), scale)
+    generated = context.generate(requested, context.seeds(7, len(requested)), scale)
     groups = np.repeat(np.arange(len(ratings)), takes)
     finite = np.isfinite(generated.textures).all(-1)
     levels = DB_PER_NEPER * generated.levels

@@ -6,7 +6,6 @@ from ...signal import RATING_AXES, band_levels_db, power_spectral_density
 from ..metrics.rating_effects import latent_shift_percent
 from ..metrics.statistics import leaf
 from ..report_figures import plot_latent_shift, plot_spectra
-from ..sampling import noise_seeds
 
 #: Ratings run from -2 to 2 (paper section 3.3 and 3.4).
 FARTHEST = 2.0
@@ -30,7 +29,7 @@ def sweep(step):
 def _latent_shift(context):
     """Shift of the latent from that of the ratings 0, 0, 0, the noise fixed: axis -> value -> leaf, % (section 3.3)."""
     takes, guidance = context.settings.shift_takes, context.default_guidance
-    seeds = noise_seeds([context.seed, 4], takes)
+    seeds = context.seeds(4, takes)
 
     def latents(ratings):
         return context.generate(np.tile(ratings, (takes, 1)), seeds, guidance, decode=False).latents
@@ -46,14 +45,9 @@ def _latent_shift(context):
 
 
 def _spectra(context):
-    """Average spectra while one rating runs and the others are drawn from a standard normal (section 3.4).
-
-    Returns:
-        `tuple`: nine-band levels, axis -> value -> band -> leaf (dB re 1 N^2); mean densities, axis -> value -> (bins,)
-        dB re 1 N^2/Hz; frequencies (bins,) Hz.
-    """
+    """Nine-band levels, mean densities and frequencies while one rating runs, the others normal (section 3.4)."""
     takes, guidance = context.settings.spectra_takes, context.default_guidance
-    seeds, edges = noise_seeds([context.seed, 5], takes), context.data.edges
+    seeds, edges = context.seeds(5, takes), context.data.edges
     names = [f"{low:.0f}-{high:.0f} Hz" for low, high in zip(edges[:-1], edges[1:], strict=True)]
     others = context.rng("spectra").standard_normal((takes, 3))
     levels, densities = {}, {}

@@ -7,18 +7,8 @@ import numpy as np
 
 from ...signal import nine_band_error_db, rms
 from ..baselines import SLUGS
-from ..metrics.errors import (
-    SIGNED_BANDS_HZ,
-    goodness_of_fit,
-    level_error_db,
-    log_spectral_distance_db,
-    out_of_band_ratio_db,
-    power_difference,
-    rmse,
-    signed_band_error_db,
-    signed_band_key,
-    snr_db,
-)
+from ..metrics import errors
+from ..metrics.errors import SIGNED_BANDS_HZ, power_difference, signed_band_error_db, signed_band_key
 from ..metrics.statistics import excess, jackknife, leaf, number
 from ..report_figures import plot_overlays, plot_steps
 from ..sampling import reconstruct
@@ -92,11 +82,7 @@ def step_leaves(context, pipe, count):
 
 
 def fewest_steps(steps):
-    """The fewest steps whose nine-band error is within 5 % of the best of a sweep; None without errors.
-
-    Args:
-        steps (`dict[str, dict]`): steps -> leaves.
-    """
+    """The fewest steps whose nine-band error is within 5 % of the best of a sweep (steps -> leaves); None without."""
     errors = {int(count): entry["nine_band_db"]["mean"] for count, entry in steps.items()}
     errors = {count: error for count, error in errors.items() if error is not None}
     return min((n for n, error in errors.items() if error <= NEAR_BEST * min(errors.values())), default=None)
@@ -114,11 +100,9 @@ def _different_surface(context):
 
 
 def power_percent(textures, real, surfaces):
-    """Differences of power in percent of the mean power of the real segments.
+    """Leaves "power_bias_percent", |mean(P - P_real)|, and "power_difference_percent", mean |P - P_real| (section 3.2).
 
-    Returns:
-        `dict[str, dict]`: leaves "power_bias_percent", |mean(P) - mean(P_real)| / mean(P_real), and
-        "power_difference_percent", mean |P - P_real| / mean(P_real) (the paper's section 3.2).
+    Both are in percent of the mean power of the real segments.
     """
     difference, power = power_difference(textures, real), rms(real) ** 2
     statistics = {
@@ -144,16 +128,16 @@ def pair_metrics(data, textures, points=None):
     values = dict.fromkeys(METRICS)
     if np.any(textures):  # in dB silence is as far away as the floor of a logarithm
         values["nine_band_db"] = nine_band_error_db(textures, real, rate, data.edges)
-        values["lsd_db"] = log_spectral_distance_db(textures, real, rate, band)
-        values["gfc"] = goodness_of_fit(textures, real, rate, band)
-        values["level_error_db"] = level_error_db(textures, real)
-        values["out_of_band_db"] = out_of_band_ratio_db(textures, rate)
+        values["lsd_db"] = errors.log_spectral_distance_db(textures, real, rate, band)
+        values["gfc"] = errors.goodness_of_fit(textures, real, rate, band)
+        values["level_error_db"] = errors.level_error_db(textures, real)
+        values["out_of_band_db"] = errors.out_of_band_ratio_db(textures, rate)
         low = data.edges[0]
         bands = {edges: (max(edges[0], low), edges[1]) for edges in SIGNED_BANDS_HZ if low < edges[1] <= rate / 2}
         signed = signed_band_error_db(textures, real, rate, list(bands.values()))
         values |= {signed_band_key(edges): column for edges, column in zip(bands, signed.T, strict=True)}
     if data.dataset.unit == "N":
-        values |= {"rmse_n": rmse(textures, real), "snr_db": snr_db(textures, real)}
+        values |= {"rmse_n": errors.rmse(textures, real), "snr_db": errors.snr_db(textures, real)}
         values["power_difference_n2"] = np.abs(power_difference(textures, real))
     leaves = {name: number() if column is None else leaf(column, surfaces) for name, column in values.items()}
     leaves |= power_percent(textures, real, surfaces)
