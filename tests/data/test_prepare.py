@@ -194,23 +194,6 @@ def prepared_with(path, turnarounds):
     return PreparedDataset(target), report
 
 
-def test_turnarounds_and_level_between_them(strokes):
-    keep, _ = prepared_with(strokes, "keep")
-    begin = keep.starts / DEVICE_RATE
-    inside = sum((begin < at) & (at < begin + SEGMENT_SECONDS) for at in (2, 5))
-    np.testing.assert_array_equal(keep.segments.turnarounds, inside)
-    turning, between = inside > 0, keep.segments.level_between_turnarounds
-    assert turning.any() and not turning.all()
-    assert (keep.levels - between)[turning].min() > 0.5  # a step of 0.6 N against 10 mN of noise
-    np.testing.assert_allclose(between[~turning], keep.levels[~turning], atol=0.5)
-    for index in np.flatnonzero(turning)[:3]:
-        texture = keep.textures(index)[0].astype(np.float64)
-        for at in np.array([2, 5]) * DEVICE_RATE - keep.starts[index]:
-            texture[max(0, at - 300) : max(0, at + 300)] = np.nan
-        # the direction has 2 ms
-        assert between[index] == pytest.approx(0.5 * np.log(np.nanmean(texture**2)), abs=0.05)
-
-
 def test_exclude_and_mask(strokes):
     (keep, _), (mask, _), (exclude, report) = (prepared_with(strokes, name) for name in ("keep", "mask", "exclude"))
     assert len(keep) == len(mask) and (keep.segments.turnarounds == mask.segments.turnarounds).all()
@@ -227,11 +210,6 @@ def test_exclude_and_mask(strokes):
         assert data.attributes["turnarounds"] in ("keep", "mask", "exclude")
         # the swing at the turnaround is not part of it; 2 % is what the smoothed direction loses beside it
         np.testing.assert_allclose(data.friction_coefficients, 0.6, rtol=0.02)
-
-
-def test_unknown_turnarounds_are_refused_before_anything_is_read(tmp_path):
-    with pytest.raises(ValueError, match="`turnarounds` must be one of"):
-        prepare_recordings(tmp_path / "absent.h5", tmp_path / "p.h5", turnarounds="drop")
 
 
 def test_seconds_by_reason(tmp_path, recording_maker, recordings_writer):
@@ -256,16 +234,6 @@ def test_seconds_by_reason(tmp_path, recording_maker, recordings_writer):
     assert "missing samples (NaN) excluded, in 1 recordings, first c/explorer/0" in report.notes
 
 
-def test_suspicious_forces_are_noted_once(tmp_path, recording_maker, recordings_writer):
-    recordings = {name: recording_maker(friction=1.4, seed=i) for i, name in enumerate("abc")}
-    path = recordings_writer(tmp_path / "r.h5", recordings)
-    report = prepare_recordings(path, tmp_path / "p.h5", quiet=True)
-    note = (
-        "z is not the largest force on average: swapped axes, or friction above 1, in 3 recordings, first a/explorer/0"
-    )
-    assert [note] == [line.split(" (mean force")[0] for line in report.notes if line.startswith("z is not")]
-
-
 @pytest.mark.parametrize(
     "factor, axes, message", [(1000, "xyz", "divide by 1000"), (1, "zyx", "x looks like the normal")]
 )
@@ -279,14 +247,6 @@ def test_unusable_forces_leave_no_file(tmp_path, recordings_writer, factor, axes
     with pytest.raises(ValueError, match=f"r.h5, /recordings/a/explorer/0/force: .*{message}"):
         prepare_recordings(path, tmp_path / "p.h5", quiet=True)
     assert [file.name for file in tmp_path.iterdir()] == ["r.h5"]
-
-
-def test_reliability_is_stored_and_printed(collection, tmp_path):
-    report = prepare_recordings(collection, tmp_path / "p.h5", quiet=True)
-    stored = PreparedDataset(tmp_path / "p.h5").ratings.reliability
-    assert stored.axes == RATING_AXES
-    np.testing.assert_array_equal(stored.alpha, report.reliability.alpha)
-    assert f"roughness: mean inter-rater correlation {stored.mean_correlation[0]:.2f} (10 pairs" in str(report)
 
 
 def test_lateral_force_alone(tmp_path):

@@ -17,7 +17,7 @@ from tactile_diffusers.data.ratings import (
 )
 from tactile_diffusers.data.recordings import RaterScores
 from tactile_diffusers.signal import RATING_AXES
-from tactile_diffusers.signal.rating_scales import from_percentile, from_raw, to_raw
+from tactile_diffusers.signal.rating_scales import from_percentile
 
 answer = st.one_of(st.just(np.nan), st.floats(0, 8, width=32), st.integers(0, 8).map(float))
 shapes = st.tuples(st.integers(1, 5), st.integers(1, 8), st.just(3))
@@ -110,15 +110,6 @@ def test_reliability(values):
             assert found.mean_correlation[axis] == pytest.approx(np.mean(pairs), abs=1e-4)
 
 
-@settings.get_profile("few")
-@given(values=all_answers)
-def test_copies_of_one_rater_agree_fully(values):
-    values = np.repeat(values[:1], 3, axis=0)
-    found = rating_reliability(_scores(values))
-    np.testing.assert_allclose(found.mean_correlation[found.pairs > 0], 1, atol=1e-6)
-    np.testing.assert_allclose(found.alpha[found.pairs > 0], 1, atol=1e-6)
-
-
 means = st.integers(1, 12).flatmap(
     lambda n: arrays.arrays(np.float32, (n, 3), elements=st.one_of(st.just(np.nan), st.floats(-3, 3, width=16)))
 )
@@ -154,11 +145,3 @@ def test_coverage_reaches_its_own_surfaces(mean):
         centre, covariance, reach = found
         assert np.isfinite(centre).all() and np.isfinite(reach) and reach >= 0
         assert (np.linalg.eigvalsh(covariance) > 0).all()
-
-
-@settings.get_profile("few")
-@given(
-    ratings=arrays.arrays(np.float64, (4, 3), elements=st.floats(-6, 6)), scale=st.floats(0.1, 4), mean=st.floats(0, 8)
-)
-def test_raw_answers_there_and_back(ratings, scale, mean):
-    np.testing.assert_allclose(from_raw(to_raw(ratings, mean, scale), mean, scale), ratings, atol=1e-9)

@@ -8,14 +8,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tactile_diffusers.data.masks import bridge_gaps
 from tactile_diffusers.data.projection import channels, filtered_with_gaps, sliding_direction
 from tactile_diffusers.data.recordings import Recording
 from tactile_diffusers.data.segments import SegmentLimits, find_windows, select_windows
 from tactile_diffusers.data.turnarounds import (
-    DIP_SECONDS,
     MASK_SECONDS,
-    TURNAROUNDS,
     find_turnarounds,
     mask_turnarounds,
 )
@@ -51,30 +48,6 @@ def slow_selection(in_limits, valid, longest_gap, window, step):
                 start += step
             run_start = None
     return starts
-
-
-def mask_of(*pieces):
-    return np.concatenate([np.full(length, value) for value, length in pieces])
-
-
-@pytest.mark.parametrize("gap, bridged", [(999, True), (1000, True), (1001, False)])
-def test_excursion_of_exactly_a_tenth_of_a_second_is_bridged(gap, bridged):
-    mask = mask_of((True, 10_000), (False, gap), (True, 10_000))
-    longest = round(SegmentLimits().longest_excursion * DEVICE_RATE)
-    starts, _ = select_windows(bridge_gaps(mask, longest), SEGMENT_SAMPLES, SEGMENT_SAMPLES // 2)
-    assert starts.tolist() == ([0] if bridged else [])
-
-
-@pytest.mark.parametrize("length, count", [(SEGMENT_SAMPLES - 1, 0), (SEGMENT_SAMPLES, 1), (SEGMENT_SAMPLES + 1, 1)])
-def test_run_of_exactly_one_segment(length, count):
-    mask = mask_of((False, 5000), (True, length), (False, 5000))
-    starts, _ = select_windows(mask, SEGMENT_SAMPLES, SEGMENT_SAMPLES // 2)
-    assert starts.tolist() == [5000] * count
-
-
-def test_gaps_at_the_ends_stay():
-    mask = mask_of((False, 3), (True, 5), (False, 3))
-    np.testing.assert_array_equal(bridge_gaps(mask, 10), mask)
 
 
 @pytest.mark.parametrize("seconds", [0.02, 0.33, 1.6384])
@@ -168,7 +141,7 @@ def slow_windows(recording):
     return starts, reasons
 
 
-@settings(max_examples=400, deadline=None, derandomize=True)
+@settings(max_examples=200, deadline=None, derandomize=True)
 @given(stretches=st.lists(stretch, min_size=1, max_size=12))
 def test_windows_of_random_recordings_equal_the_slow_reference(stretches):
     recording = random_recording(stretches)
@@ -288,15 +261,6 @@ def test_what_each_option_leaves_of_a_reversal(turnarounds, quieter):
     np.testing.assert_allclose(windows.friction_coefficient, 0.6, rtol=0.01)
 
 
-def test_mask_changes_nothing_far_from_turnarounds():
-    recording = back_and_forth([3.0])
-    keep, mask = (channels(recording, turnarounds) for turnarounds in ("keep", "mask"))
-    changed = np.flatnonzero(keep.lateral != mask.lateral)
-    middle, half = mask.turnarounds[0], MASK_SECONDS / 2 * DEVICE_RATE
-    assert middle - half <= changed.min() and changed.max() < middle + half
-    assert DIP_SECONDS < MASK_SECONDS and not mask.excluded.any()
-
-
 def test_mask_joins_what_it_replaces_without_a_step():
     wave = 0.3 + 0.01 * np.sin(2 * np.pi * 47 * np.arange(20_000) / DEVICE_RATE)
     replaced = np.zeros(20_000, dtype=bool)
@@ -307,24 +271,11 @@ def test_mask_joins_what_it_replaces_without_a_step():
     np.testing.assert_array_equal(masked[~replaced], wave[~replaced])
 
 
-def test_nan_beside_a_turnaround_stays_nan():
-    recording = back_and_forth([3.0])
-    recording.force[29_800:30_000] = np.nan
-    for turnarounds in TURNAROUNDS:
-        lateral = channels(recording, turnarounds).lateral
-        assert np.flatnonzero(np.isnan(lateral)).tolist() == list(range(29_800, 30_000))
-
-
 def test_scribbling_is_no_texture():
     # reversals every 80 ms: between them there is nothing to go on from
     recording = back_and_forth([3.0, 3.08, 3.16, 3.24])
     data = channels(recording, "mask")
     assert data.excluded[30_500:31_500].all() and not data.excluded[:29_000].any() and not data.excluded[33_500:].any()
-
-
-def test_unknown_option_for_turnarounds():
-    with pytest.raises(ValueError, match="`turnarounds` must be one of"):
-        channels(back_and_forth([3.0]), "drop")
 
 
 def test_saturated_stretch_is_excluded_and_counted_apart():
@@ -365,26 +316,6 @@ def test_stretch_of_nan_is_excluded_with_a_margin():
     assert np.isfinite(windows.level).all() and np.isfinite(windows.friction_coefficient).all()
 
 
-def test_velocity_that_ends_early_is_missing_data():
-    recording = recording_of(np.tile([0.3, 0.0, 0.5], (60_000, 1)), np.tile([80.0, 0.0], (2000, 1)))
-    windows = windows_of(recording)
-    assert windows.seconds["missing (NaN)"] == pytest.approx(2.0)
-    assert (windows.start + SEGMENT_SAMPLES <= 40_000).all() and len(windows.start)
-
-
-def test_lateral_only_source_skips_limits():
-    lateral = np.float32(np.random.default_rng(0).standard_normal(60_000))
-    windows = windows_of(Recording("s", "e", "0", None, lateral, DEVICE_RATE, None, None, "1"))
-    assert windows.skipped == ("normal_force", "speed")
-    assert len(windows.start) and np.isnan(windows.friction_coefficient).all() and np.isnan(windows.speed).all()
-
-
-def test_force_without_velocity_is_an_error():
-    recording = Recording("s", "e", "0", np.zeros((60_000, 3)), None, DEVICE_RATE, None, None, "N")
-    with pytest.raises(ValueError, match="s/e/0 has 3-D `force` but no `velocity`.*Store `velocity`"):
-        channels(recording)
-
-
 @pytest.mark.parametrize("name", ["normal_force", "speed", "longest_excursion", "seconds", "overlap"])
 def test_impossible_limits_are_refused_by_name(name):
     ranges = [(1, 1), (2, 1), (-1, 1), (np.nan, 1), (0, np.nan), (1,), (0, 1, 2), 5, "ab"]
@@ -400,21 +331,29 @@ def test_impossible_limits_are_refused_by_name(name):
             SegmentLimits(**{name: value})
 
 
-def test_uncalibrated_axes_have_no_normal_force():
-    force = np.tile([300.0, 0.0, 500.0], (40_000, 1)) + np.random.default_rng(0).standard_normal((40_000, 3))
-    recording = recording_of(force, np.tile([80.0, 0.0], (2000, 1)))
-    recording.unit = "1"
-    windows = windows_of(recording)
-    assert windows.skipped == ("normal_force",) and len(windows.start) and np.isnan(windows.friction_coefficient).all()
-
-
-def test_dead_sensor_is_refused():
-    with pytest.raises(ValueError, match="the sensor was dead"):
-        channels(recording_of(np.zeros((40_000, 3)), np.tile([80.0, 0.0], (2000, 1))))
-
-
 def test_limits_of_numpy_are_plain_numbers():
     """They are stored in the prepared file as JSON, at the end of a long preparation."""
     ours = SegmentLimits(np.array([0.4, 0.6]), (np.int64(66), 99), np.float32(0.25), np.float64(1.5), 0)
-    plain = SegmentLimits((0.4, 0.6), (66.0, 99.0), 0.25, 1.5, 0.0)
-    assert json.dumps(asdict(ours)) == json.dumps(asdict(plain)) and ours == plain
+    assert json.dumps(asdict(ours)) == json.dumps(asdict(SegmentLimits((0.4, 0.6), (66.0, 99.0), 0.25, 1.5, 0.0)))
+
+
+def test_without_a_normal_force_in_newtons_limits_are_skipped():
+    rng = np.random.default_rng(0)
+    lateral = np.float32(rng.standard_normal(60_000))
+    counts = recording_of(rng.standard_normal((40_000, 3)) + [300.0, 0.0, 500.0], np.tile([80.0, 0.0], (2000, 1)))
+    counts.unit = "1"
+    only = Recording("s", "e", "0", None, lateral, DEVICE_RATE, None, None, "1")
+    for recording, skipped in ((counts, ("normal_force",)), (only, ("normal_force", "speed"))):
+        windows = windows_of(recording)
+        assert windows.skipped == skipped and len(windows.start) and np.isnan(windows.friction_coefficient).all()
+
+
+def test_unusable_recordings_are_refused():
+    steady = np.tile([80.0, 0.0], (2000, 1))
+    alone = Recording("s", "e", "0", np.ones((60_000, 3)), None, DEVICE_RATE, None, None, "N")
+    with pytest.raises(ValueError, match="s/e/0 has 3-D `force` but no `velocity`.*Store `velocity`"):
+        channels(alone)
+    with pytest.raises(ValueError, match="the sensor was dead"):
+        channels(recording_of(np.zeros((40_000, 3)), steady))
+    with pytest.raises(ValueError, match="`turnarounds` must be one of"):
+        channels(back_and_forth([3.0]), "drop")

@@ -1,5 +1,6 @@
 """SENS3: the template names what is to be filled in, and a made-up folder of its kind is converted."""
 
+import json
 import re
 
 import numpy as np
@@ -8,48 +9,24 @@ import pytest
 
 from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.data.folder import load_layout
-from tactile_diffusers.data.sens3 import SENS3_PAIRS, convert_sens3, sens3_layout
+from tactile_diffusers.data.sens3 import convert_sens3, sens3_layout
 from tactile_diffusers.signal import DEVICE_RATE
+
+#: What somebody would write in place of each TODO, in the order of the template.
+ANSWERS = (
+    *("sliding/{surface}/P{explorer}_{trial}_force.csv", "csv", "Fx", "Fy", "Fz", "N", -1),
+    *("sliding/{surface}/P{explorer}_{trial}_pos.csv", "csv", 500, "px", "py", "mm"),
+    *("ratings.csv", "csv", "participant", "texture"),
+    *("rough-smooth", "smooth", "flat-bumpy", "bumpy", "sticky-slippery", "slippery"),
+)
 
 
 def filled(folder):
-    """The template with every TODO answered as somebody would."""
-    text = sens3_layout()
-    answers = [
-        (
-            "TODO: for example sliding/{surface}/P{explorer}_{trial}_force.csv",
-            "sliding/{surface}/P{explorer}_{trial}_force.csv",
-        ),
-        (
-            "TODO: for example sliding/{surface}/P{explorer}_{trial}_position.csv",
-            "sliding/{surface}/P{explorer}_{trial}_pos.csv",
-        ),
-        ("TODO: for example ratings.csv", "ratings.csv"),
-        ("TODO: column along the surface", "Fx"),
-        ("TODO: the other one along the surface", "Fy"),
-        ("TODO: the normal one", "Fz"),
-        ("TODO: N or mN", "N"),
-        ("TODO: mm, cm, m or um", "mm"),
-        ("TODO: column with the participant", "participant"),
-        ("TODO: column with the surface", "texture"),
-        ("TODO: rough-smooth", "rough-smooth"),
-        ("TODO: flat-bumpy", "flat-bumpy"),
-        ("TODO: sticky-slippery", "sticky-slippery"),
-        ("TODO: rough or smooth", "smooth"),
-        ("TODO: flat or bumpy", "bumpy"),
-        ("TODO: sticky or slippery", "slippery"),
-        ('x = "TODO: column", y = "TODO: column"', 'x = "px", y = "py"'),
-        ('"TODO: 1 if pressing is positive in z, otherwise -1"', "-1"),
-        ('"TODO: Hz, or remove this line and give `time`"', "500"),
-    ]
-    for todo, answer in answers:
-        assert todo in text
-        text = text.replace(todo, answer)
-    text = re.sub(r'kind = "TODO[^"]*"', 'kind = "csv"', text)
-    assert "TODO" not in text.split("\n\n", 1)[1]
-    path = folder / "layout.toml"
-    path.write_text(text)
-    return path
+    answers = iter(ANSWERS)
+    text = re.sub('"TODO[^"]*"', lambda _: json.dumps(next(answers)), sens3_layout())
+    assert next(answers, None) is None
+    (folder / "layout.toml").write_text(text)
+    return folder / "layout.toml"
 
 
 @pytest.fixture
@@ -63,8 +40,8 @@ def folder(tmp_path):
         force.to_csv(tmp_path / "sliding" / surface / "P1_1_force.csv", index=False)
         position = pd.DataFrame({"px": 80 * time[::20], "py": 0 * time[::20]})
         position.to_csv(tmp_path / "sliding" / surface / "P1_1_pos.csv", index=False)
-    names = ["-".join(pair) for pair in SENS3_PAIRS]
-    rows = [[f"R{r}", surface, *rng.integers(0, 9, 8)] for r in range(12) for surface in ("01", "02")]
+    names = ["rough-smooth", "flat-bumpy", "sticky-slippery"]
+    rows = [[f"R{r}", surface, *rng.integers(0, 9, 3)] for r in range(12) for surface in ("01", "02")]
     pd.DataFrame(rows, columns=["participant", "texture", *names]).to_csv(tmp_path / "ratings.csv", index=False)
     return tmp_path
 
@@ -90,7 +67,3 @@ def test_a_folder_of_its_kind(folder):
     first = table[table["participant"] == "R0"]
     np.testing.assert_array_equal(scores.values[0, :, 0], 8 - first["rough-smooth"])
     np.testing.assert_array_equal(scores.values[0, :, 2], first["sticky-slippery"])
-
-
-def test_eight_pairs():
-    assert len(SENS3_PAIRS) == 8 and SENS3_PAIRS[:3] == (("rough", "smooth"), ("flat", "bumpy"), ("sticky", "slippery"))

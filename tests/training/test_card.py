@@ -174,8 +174,8 @@ class TestWriting:
         assert run(blocks(card, "python")[0]).textures.shape == (1, 2048)
 
     def test_data_without_newtons_or_normal_force_say_so(self, folder, pipe, dataset):
-        dataset.attributes = dataset.attributes | {"unit": "1", "source": "a sensor"}
-        dataset.segments.friction_coefficient = np.full_like(dataset.friction_coefficients, np.nan)
+        dataset.unit, dataset.source = "1", "a sensor"
+        dataset.friction_coefficients = np.full_like(dataset.friction_coefficients, np.nan)
         write_card(folder, pipe, dataset, [])
         card = card_of(folder)
         assert "uncalibrated" in card and "have no normal force" in card

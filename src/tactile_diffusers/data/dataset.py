@@ -1,7 +1,6 @@
 """`PreparedDataset`: textures, levels, friction coefficients and ratings by index."""
 
 import json
-from functools import cached_property
 
 import numpy as np
 import torch
@@ -35,13 +34,21 @@ class PreparedDataset(torch.utils.data.Dataset):
         segment_samples (`int`): samples of a segment at `sampling_rate`.
         attributes (`dict`): what the source and the preparation stored about the file, as plain numbers, strings,
             lists and dicts: "source", "licence", "limits", "filter_order", "turnarounds"; virtual data also "seed".
+        source (`str`): where the recordings come from.
+        unit (`str`): of textures, "N", or "1" if uncalibrated.
+        band (`tuple[float, float]`): edges of the band-pass, Hz.
         surfaces (`tuple[str, ...]`): names of all surfaces of the file; `surface_ids` index them.
         splits (`tuple[str, ...]`): the split of each surface of the file; "hard" = held out.
         recordings (`tuple[str, ...]`): names of all recordings of the file, "surface/explorer/trial".
+        explorers (`int`): how many in the whole file.
         ratings (`SurfaceRatings`): of all surfaces of the file: mean, std and count over raters, the z-scores of single
             raters, and their reliability. If raters are held out, of these in the split "hard", of the others
             elsewhere.
-        segments (`SegmentTable`): one row a segment of this view; the properties below are its columns.
+        segments (`SegmentTable`): one row a segment of this view. Its columns, and what follows from them, (len,):
+        recording_ids, surface_ids (`np.ndarray`): int64, of each segment.
+        starts (`np.ndarray`): int64, first sample of each within its recording, at this view's rate.
+        friction_coefficients, levels, speeds (`np.ndarray`): float32; levels are log RMS, speeds means in mm/s; NaN =
+            unknown.
 
     Raises:
         FileNotFoundError: if there is no file.
@@ -66,7 +73,9 @@ class PreparedDataset(torch.utils.data.Dataset):
                 self._read_surfaces(file)
                 self._read_segments(file, max_samples, max_surfaces)
                 self._lateral = LateralReader(file, self.sampling_rate, self.recording_ids)
-                self._check_places()
+            places = self._places(slice(None))  # resampling rounds both ends of a segment
+            if places.min() < 0 or places.max() + self.segment_samples > len(self._lateral) + 1:
+                raise ValueError(f"{self.path} is damaged: segments lie outside of its recordings. Prepare it again.")
 
     def _reading(self):
         return reading(self.path, "a prepared data set", "Copy it again, or prepare the data again.")
@@ -81,12 +90,13 @@ class PreparedDataset(torch.utils.data.Dataset):
             )
         for name in ("limits", "hold_out"):
             attributes[name] = json.loads(attributes[name])
-        for name in ("source", "unit", "filter_order", "filter_passes", "turnarounds", "report"):
+        for name in ("filter_order", "filter_passes", "turnarounds", "report"):
             attributes[name]  # a missing one is refused here, not in the last line of a card
-        low, high = map(float, attributes["band"])
+        self.attributes = attributes
+        self.source, self.unit = str(attributes["source"]), str(attributes["unit"])
+        self.band = low, high = tuple(map(float, attributes["band"]))
         if not (0 < low < high < int(attributes["sampling_rate"]) / 2 and int(attributes["segment_samples"]) > 0):
             raise ValueError(f"its band of {low:g}-{high:g} Hz or its segments are impossible")
-        self.attributes = attributes
 
     def _set_rate(self, sampling_rate):
         native = int(self.attributes["sampling_rate"])
@@ -102,6 +112,7 @@ class PreparedDataset(torch.utils.data.Dataset):
     def _read_surfaces(self, file):
         surfaces, recordings = read_group(file["surfaces"]), read_group(file["recordings"])
         self.surfaces, self.recordings = surfaces["name"], recordings.pop("name")
+        self.explorers = len({name.split("/")[1] for name in self.recordings})
         self._splits = Splits(surfaces["split"], **recordings)
         self.splits = tuple(SPLITS[number] for number in surfaces["split"])
         group = "ratings_hard" if self.split == "hard" and "ratings_hard" in file else "ratings"
@@ -120,67 +131,14 @@ class PreparedDataset(torch.utils.data.Dataset):
             chosen = chosen[np.isin(surfaces[chosen], _spread(np.unique(surfaces[chosen]), max_surfaces))]
         if max_samples is not None:
             chosen = _spread(chosen, max_samples)
-        self.segments = table.rows(chosen)
-
-    def _check_places(self):
-        places = self._places(slice(None))  # resampling rounds both ends of a segment
-        if places.min() < 0 or places.max() + self.segment_samples > len(self._lateral) + 1:
-            raise ValueError(f"{self.path} is damaged: segments lie outside of its recordings. Prepare it again.")
+        self.segments = table = table.rows(chosen)
+        self.recording_ids, self.surface_ids = table.recording, self._splits.owners[table.recording]
+        self.friction_coefficients, self.levels, self.speeds = table.friction_coefficient, table.level, table.speed
+        ratio = self.sampling_rate / int(self.attributes["sampling_rate"])
+        self.starts = np.round(table.start * ratio).astype(np.int64)
 
     def _places(self, indices):
         return self._lateral.begin[self.recording_ids[indices]] + self.starts[indices]
-
-    @property
-    def band(self):
-        """Edges of the band-pass, Hz."""
-        low, high = self.attributes["band"]
-        return float(low), float(high)
-
-    @property
-    def unit(self):
-        """Unit of textures: "N", or "1" if uncalibrated."""
-        return str(self.attributes["unit"])
-
-    @property
-    def source(self):
-        """Where the recordings come from."""
-        return str(self.attributes["source"])
-
-    @property
-    def explorers(self):
-        """Number of explorers in the whole file."""
-        return len({name.split("/")[1] for name in self.recordings})
-
-    @property
-    def recording_ids(self):
-        """(len,) int64, the recording of each segment."""
-        return self.segments.recording
-
-    @cached_property
-    def surface_ids(self):
-        """(len,) int64, the surface of each segment."""
-        return self._splits.owners[self.segments.recording]
-
-    @cached_property
-    def starts(self):
-        """(len,) int64, first sample of each segment within its recording, at this view's rate."""
-        ratio = self.sampling_rate / int(self.attributes["sampling_rate"])
-        return np.round(self.segments.start * ratio).astype(np.int64)
-
-    @property
-    def friction_coefficients(self):
-        """(len,) float32; NaN = unknown."""
-        return self.segments.friction_coefficient
-
-    @property
-    def levels(self):
-        """(len,) float32, log RMS."""
-        return self.segments.level
-
-    @property
-    def speeds(self):
-        """(len,) float32, mean finger speed in mm/s; NaN = unknown."""
-        return self.segments.speed
 
     def __len__(self):
         return len(self.segments.start)
@@ -238,12 +196,12 @@ class PreparedDataset(torch.utils.data.Dataset):
         surface = int(self.surface_ids[index])
         return {
             "texture": torch.from_numpy(self.textures(index)[0]),
-            "friction_coefficient": torch.tensor(self.segments.friction_coefficient[index]),
-            "level": torch.tensor(self.segments.level[index]),
+            "friction_coefficient": torch.tensor(self.friction_coefficients[index]),
+            "level": torch.tensor(self.levels[index]),
             "ratings": torch.tensor(self.ratings.mean[surface]),
             "ratings_std": torch.tensor(self.ratings.std[surface]),
             "ratings_count": torch.tensor(self.ratings.count[surface]),
-            "reference_speed": torch.tensor(self.segments.speed[index]),
+            "reference_speed": torch.tensor(self.speeds[index]),
             "surface": torch.tensor(surface),
             "index": torch.tensor(index),
         }

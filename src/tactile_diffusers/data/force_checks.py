@@ -17,7 +17,6 @@ OTHER_UNITS = {"mN": 1e-3, "gram-force": 9.80665e-3}
 SATURATION_SECONDS = 0.005
 #: So many samples, evenly spread, show the sign and mean of a channel.
 _GLANCE = 20_000
-_AXES = "xyz"
 
 
 def check_forces(force, where, unit="N"):
@@ -25,15 +24,15 @@ def check_forces(force, where, unit="N"):
 
     Args:
         force (`np.ndarray`): (n, 3) [x, y along the surface, z normal], or (n,) lateral force alone; NaN = missing.
-        where (`str`): names file and place in messages.
+        where (`str`): file and place, for messages.
         unit (`str`): "N"; with "1" (uncalibrated) only the axes are checked.
 
     Returns:
-        `list[str]`: notes on what is only suspicious, without `where`; what differs between recordings is in brackets.
+        `list[str]`: notes on what is only suspicious; what differs between recordings is in brackets.
 
     Raises:
-        ValueError: naming `where`, value, place and remedy, if every sample is NaN, the unit is wrong (more than 1 % of
-            samples above 100 N, or a mean normal force above 15 N), or another axis is clearly the normal one.
+        ValueError: if every sample is NaN, more than 1 % of them are above 100 N, the mean normal force is above 15 N,
+            or another axis is clearly the normal one.
     """
     glance = _known(force[:: max(1, len(force) // _GLANCE)])
     if not len(glance):
@@ -74,15 +73,15 @@ def _likely_unit(normal):
 
 def _check_axes(force, where):
     mean = np.abs(force.mean(axis=0))
-    steady = [_keeps_sign(force[:, axis]) for axis in range(3)]
+    steady = [_keeps_sign(values) for values in force.T]
     rivals = [axis for axis in (0, 1) if mean[axis] > mean[2]]
     facts = "(mean force x {:.3g}, y {:.3g}, z {:.3g})".format(*force.mean(axis=0))
-    for axis in sorted(rivals, key=lambda axis: -mean[axis]):
-        if steady[axis] and not steady[2]:
-            raise ValueError(
-                f"{where}: z changes sign while {_AXES[axis]} does not, and is larger {facts}: {_AXES[axis]} looks "
-                "like the normal force. Store x and y along the surface and z normal to it."
-            )
+    if normal := [axis for axis in rivals if steady[axis] and not steady[2]]:
+        name = "xy"[max(normal, key=lambda axis: mean[axis])]
+        raise ValueError(
+            f"{where}: z changes sign while {name} does not, and is larger {facts}: {name} looks like the normal "
+            "force. Store x and y along the surface and z normal to it."
+        )
     if rivals:
         return [f"z is not the largest force on average: swapped axes, or friction above 1 {facts}"]
     return [] if steady[2] else [f"the normal force z changes sign {facts}"]
@@ -104,14 +103,8 @@ def saturated(values, rate):
     """Runs of at least 5 ms, and three samples, at the largest or smallest value of a channel.
 
     A constant channel is not saturated, nor is one that dwells at least as often at values in between (coarsely
-    quantised, or held), and an exact 0 is a force that was clamped or never measured, not a rail.
-
-    Args:
-        values (`np.ndarray`): (n,) one channel; NaN = missing.
-        rate (`float`): Hz.
-
-    Returns:
-        `np.ndarray`: (n,) bool.
+    quantised, or held), and an exact 0 is a force that was clamped or never measured, not a rail. `values` is one
+    channel, (n,), NaN = missing, at `rate` Hz; the result is (n,) bool.
     """
     mask = np.zeros(len(values), dtype=bool)
     low, high = np.fmin.reduce(values), np.fmax.reduce(values)  # NaN left out, NaN if nothing else

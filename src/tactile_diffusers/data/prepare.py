@@ -39,18 +39,17 @@ class PreparationReport:
     reliability: RatingReliability | None = None
 
     def __str__(self):
-        lines = [f"surfaces: {_listed(self.surfaces)}"]
+        def listed(counts):
+            return ", ".join(f"{name} {count}" for name, count in counts.items())
+
+        lines = [f"surfaces: {listed(self.surfaces)}"]
         for subset in SUBSETS:
-            lines.append(f"{subset} segments: {_listed(self.segments[subset])}")
+            lines.append(f"{subset} segments: {listed(self.segments[subset])}")
             seconds = {reason: round(value, 1) for reason, value in self.seconds[subset].items() if value}
-            lines.append(f"  seconds: {_listed(seconds)}".replace("normal_force", "normal force"))
+            lines.append(f"  seconds: {listed(seconds)}".replace("normal_force", "normal force"))
         if self.reliability is not None:
             lines.append(str(self.reliability))
         return "\n".join(lines + [f"note: {note}" for note in self.notes])
-
-
-def _listed(counts):
-    return ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
 def prepare_recordings(

@@ -28,11 +28,7 @@ def _offsets(lengths, rate_in, rate_out):
 class LateralWriter:
     """Writes filtered lateral force, recording by recording: at the native rate and, if it is lower, at 2.5 kHz.
 
-    Args:
-        file (`h5py.File`): open for writing.
-        lengths (`Sequence[int]`): native samples of each recording.
-        rate (`int`): native, Hz.
-        band (`tuple[float, float]`): Hz.
+    `lengths` are the native samples of each recording, `rate` and `band` are in Hz.
     """
 
     def __init__(self, file, lengths, rate, band):
@@ -51,13 +47,7 @@ class LateralWriter:
 class LateralReader:
     """Filtered lateral force at one rate: mapped from the file or, at a rate that it does not hold, in memory.
 
-    Args:
-        file (`h5py.File`): a prepared data set.
-        rate (`int`): Hz.
-        needed (`np.ndarray`): the recordings that will be read.
-
-    Attributes:
-        begin (`np.ndarray`): (recordings,) where each recording begins.
+    `needed` are the recordings that will be read; the attribute `begin` (recordings,) is where each of all begins.
     """
 
     def __init__(self, file, rate, needed):

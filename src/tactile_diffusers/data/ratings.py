@@ -10,6 +10,8 @@ from ..signal import RATING_AXES, coverage_distance
 LEAST_DEVIATION = 1e-6
 #: Correlations over fewer common surfaces are left out: over two, every one is 1 or -1.
 LEAST_COMMON = 3
+#: Why a rater is left out of an axis, by the number of answers.
+_TOO_FEW = ("no answer on", "one answer on", "the same answer on all")
 #: Values of the table behind percentiles, one every 5 %. Straight lines between them are off by 0.03 z (RMS, 480
 #: virtual surfaces), less than the quantiles' own sampling error: 0.05 z for 480 surfaces, 0.17 z for 40.
 QUANTILES = 21
@@ -81,10 +83,9 @@ class SurfaceRatings:
 
 def no_ratings(surfaces):
     """`SurfaceRatings` of surfaces that nobody rated: NaN, count 0."""
-    shape = (surfaces, len(RATING_AXES))
-    nothing = np.full(shape, np.nan, np.float32)
+    unknown = np.full((surfaces, len(RATING_AXES)), np.nan, np.float32)
     axis = np.full(len(RATING_AXES), np.nan, np.float32)
-    return SurfaceRatings(nothing, nothing.copy(), np.zeros(shape, np.float32), axis, axis.copy())
+    return SurfaceRatings(unknown, unknown.copy(), np.zeros_like(unknown), axis, axis.copy())
 
 
 def pool_ratings(scores, surfaces, training):
@@ -116,7 +117,8 @@ def pool_ratings(scores, surfaces, training):
     mean, scale, answers = _moments(values[:, training], axis=1)
     usable = scale > LEAST_DEVIATION
     left_out = [
-        f"{scores.raters[r]} on {RATING_AXES[a]}: {_why_left_out(answers[r, a])}" for r, a in np.argwhere(~usable)
+        f"{scores.raters[r]} on {RATING_AXES[a]}: {_TOO_FEW[min(2, answers[r, a])]} training surfaces"
+        for r, a in np.argwhere(~usable)
     ]
     if not usable.any(axis=0).all():
         axis = RATING_AXES[int(np.argmin(usable.any(axis=0)))]
@@ -136,12 +138,6 @@ def _axis_numbers(scores, axes):
     return [scores.axes.index(axis) for axis in axes]
 
 
-def _why_left_out(answers):
-    if answers < 2:
-        return f"{'one' if answers else 'no'} answer on training surfaces"
-    return "the same answer on all training surfaces"
-
-
 def _moments(values, axis):
     """Mean, population standard deviation and count along an axis, NaN left out; zeros where all is NaN."""
     known = ~np.isnan(values)
@@ -156,10 +152,9 @@ def rating_reliability(scores, axes=RATING_AXES):
     """Mean inter-rater correlation and Cronbach's alpha of each axis.
 
     Alpha is the standardised one, k r / (1 + (k - 1) r), with r the mean correlation of pairs of raters and k the mean
-    number of raters a surface: the reliability of the mean over k raters (Spearman-Brown). Where every rater rated
-    every surface it is exactly Cronbach's alpha of the raters' z-scores (Cronbach 1951, "Coefficient alpha and the
-    internal structure of tests"); unlike that, it is also defined with missing answers. Units do not matter: a rater's
-    raw answers and z-scores correlate alike.
+    number of raters a surface: the reliability of the mean over k raters (Spearman-Brown). Without missing answers it
+    is exactly Cronbach's alpha of the raters' z-scores (Cronbach 1951, "Coefficient alpha and the internal structure of
+    tests"). Units do not matter: raw answers and z-scores correlate alike.
 
     Args:
         scores (`RaterScores`): answers, NaN = missing.
@@ -177,7 +172,7 @@ def rating_reliability(scores, axes=RATING_AXES):
 
 def _agreement(answers):
     """Mean correlation, alpha, raters, pairs and raters a surface of one axis: (raters, surfaces) answers."""
-    of_pairs = _correlations(answers.T)
+    of_pairs = axis_correlation(answers.T)
     of_pairs[np.diag_indices(len(answers))] = np.nan
     known = ~np.isnan(of_pairs)
     if not known.any():
@@ -190,18 +185,17 @@ def _agreement(answers):
 
 
 def axis_correlation(mean):
-    """Pearson correlations between axes: (axes, axes) float64 of pooled means (surfaces, axes), NaN = not rated.
+    """Pearson correlations of columns over the rows that both know.
 
-    NaN for two axes with fewer than 3 surfaces rated on both, or without different ratings.
+    Args:
+        mean (`np.ndarray`): (surfaces, axes) pooled ratings, NaN = not rated.
+
+    Returns:
+        `np.ndarray`: (axes, axes) float64; NaN for two axes with fewer than 3 surfaces rated on both, or all alike.
     """
-    return _correlations(np.asarray(mean))
-
-
-def _correlations(columns):
-    """Pearson correlations (n, n) of n columns over the rows that both know; NaN if too few, or all alike."""
     import pandas
 
-    return pandas.DataFrame(columns).corr(min_periods=LEAST_COMMON).to_numpy(copy=True)
+    return pandas.DataFrame(mean).corr(min_periods=LEAST_COMMON).to_numpy(copy=True)
 
 
 def rating_quantiles(mean):

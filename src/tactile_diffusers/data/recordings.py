@@ -122,23 +122,15 @@ class RecordingsWriter:
         """
         if (force is None) == (lateral is None):
             raise ValueError("Give exactly one of `force` (n, 3) and `lateral` (n,).")
-        if unit not in FORCE_UNITS:
-            raise ValueError(f"`unit` must be one of {FORCE_UNITS}, got {unit!r}: convert the force to newtons.")
         for name in (surface, explorer, trial):
             if not str(name) or "/" in str(name):
                 raise ValueError(f"{name!r} cannot name a surface, explorer or trial: give a name without '/'.")
-        channels = {
-            "force": (force, force_rate, unit),
-            "lateral": (lateral, lateral_rate, unit),
-            "velocity": (velocity, velocity_rate, VELOCITY_UNIT),
-        }
+        channels = {"force": (force, force_rate, unit), "lateral": (lateral, lateral_rate, unit)}
+        channels["velocity"] = (velocity, velocity_rate, VELOCITY_UNIT)
         channels = {name: channel for name, channel in channels.items() if channel[0] is not None}
-        for name, (values, rate, _) in channels.items():
-            columns = _CHANNELS[name][0]
-            if np.ndim(values) != 1 + len(columns) or np.shape(values)[1:] != columns:
-                raise ValueError(f"`{name}` must have shape (samples, *{columns}), got {np.shape(values)}.")
-            if rate is None or not rate > 0:
-                raise ValueError(f"`{name}_rate` must be a positive number of Hz, got {rate}.")
+        for name, (values, rate, channel_unit) in channels.items():
+            if problem := _problem(name, np.shape(values), rate, channel_unit):
+                raise ValueError(f"`{name}`: {problem}.")
         group = self._file["recordings"].create_group(f"{surface}/{explorer}/{trial}")
         for name, (values, rate, channel_unit) in channels.items():
             dataset = group.create_dataset(name, data=np.asarray(values, dtype=np.float32))
@@ -164,6 +156,18 @@ class RecordingsWriter:
         group.create_dataset("values", data=values)
         for name, strings in (("raters", raters), ("surfaces", surfaces), ("axes", axes)):
             group.create_dataset(name, data=list(strings), dtype=h5py.string_dtype())
+
+
+def _problem(name, shape, rate, unit):
+    """What is wrong with the shape, rate or unit of a channel, and the remedy; `None` if nothing is."""
+    columns, units = _CHANNELS[name]
+    if not isinstance(rate, Real) or not 0 < float(rate) < np.inf:  # a long double may be less than any float
+        return f"the rate must be a positive number of Hz, got {rate!r}"
+    if unit not in units:
+        return f"the unit must be one of {units}, got {unit!r}: convert the numbers"
+    if len(shape) != 1 + len(columns) or shape[1:] != columns:
+        return f"the shape must be (samples, *{columns}), got {shape}"
+    return None
 
 
 class RecordingsFile:
@@ -217,20 +221,20 @@ class RecordingsFile:
     def _reading(self):
         return reading(self.path, "a store of recordings", "Copy it again, or write it again from its source.")
 
-    def _fail(self, group, problem, remedy):
-        raise ValueError(f"{self.path}, {group}: {problem}. {remedy}")
+    def _fail(self, group, problem):
+        raise ValueError(f"{self.path}, {group}: {problem}.")
 
     def _check_structure(self):
         self.attributes = plain_attributes(self._file)
         form, version = self.attributes.get("format"), self.attributes.get("version")
         if form != FORMAT or version != VERSION:
             problem = f"format={form!r}, version={version!r} instead of {FORMAT!r}, {VERSION}"
-            self._fail("/", problem, "Convert the source with RecordingsWriter.")
+            self._fail("/", f"{problem}. Convert the source with RecordingsWriter")
         if "source" not in self.attributes:
-            self._fail("/", "lacks the attribute `source`", "Add where the recordings come from.")
+            self._fail("/", "it lacks the attribute `source`: add where the recordings come from")
         recordings = self._file.get("recordings")
         if not isinstance(recordings, h5py.Group) or not len(recordings):
-            self._fail("/recordings", "there is no recording", "Add at least one with RecordingsWriter.")
+            self._fail("/recordings", "there is no recording: add at least one with RecordingsWriter")
         self.surfaces, self.names, self.lengths, units = tuple(recordings), [], [], set()
         for surface in self._subgroups(recordings):
             for explorer in self._subgroups(surface):
@@ -241,41 +245,34 @@ class RecordingsFile:
                     self.lengths.append(len(force))
                     units.add(plain_attributes(force)["unit"])
         if len(units) > 1:
-            self._fail("/recordings", f"units {sorted(units)} are mixed", "Keep one unit per file.")
+            self._fail("/recordings", f"units {sorted(units)} are mixed: keep one unit per file")
         self.unit = units.pop()
 
     def _subgroups(self, group):
         members = list(group.values())
         if not members or not all(isinstance(member, h5py.Group) for member in members):
-            remedy = "Arrange recordings as /recordings/surface/explorer/trial."
-            self._fail(group.name, "is not a group of groups", remedy)
+            self._fail(group.name, "it is not a group of groups: arrange them as /recordings/surface/explorer/trial")
         return members
 
     def _check_recording(self, group):
         if ("force" in group) == ("lateral" in group):
-            self._fail(group.name, f"has fields {sorted(group)}", "Store exactly one of `force` and `lateral`.")
+            self._fail(group.name, f"it has {sorted(group)}: store exactly one of `force` and `lateral`")
         for name in _CHANNELS:
-            if name in group:
-                self._check_channel(group[name], *_CHANNELS[name])
-        rate = float(plain_attributes(_force_of(group))["rate"])
-        if rate != int(rate):
-            self._fail(_force_of(group).name, f"`rate` is {rate}", "Resample to a whole number of Hz.")
-
-    def _check_channel(self, dataset, columns, units):
-        check_size(self.path, dataset.nbytes)
-        attributes = plain_attributes(dataset)
-        rate, unit = attributes.get("rate"), attributes.get("unit")
-        if not isinstance(rate, Real) or not 0 < float(rate) < np.inf:  # a long double may be less than any float
-            self._fail(dataset.name, "has no positive attribute `rate`", "Add the sampling rate in Hz.")
-        if unit not in units:
-            self._fail(dataset.name, f"attribute `unit` is {unit!r}", f"Convert the data to one of {units}.")
-        if dataset.ndim != 1 + len(columns) or dataset.shape[1:] != columns:
-            self._fail(dataset.name, f"has shape {dataset.shape}", f"Store (samples, *{columns}).")
-        if dataset.dtype.kind not in "fiu":
-            self._fail(dataset.name, f"holds {dataset.dtype}, not real numbers", "Store it as float32.")
-        if len(dataset) / rate < SEGMENT_SECONDS:
-            problem = f"lasts {len(dataset) / rate:.3g} s, less than one segment of {SEGMENT_SECONDS} s"
-            self._fail(dataset.name, problem, "Leave it out, or check its `rate`.")
+            if name not in group:
+                continue
+            dataset = group[name]
+            check_size(self.path, dataset.nbytes)
+            attributes = plain_attributes(dataset)
+            rate = attributes.get("rate")
+            if problem := _problem(name, dataset.shape, rate, attributes.get("unit")):
+                self._fail(dataset.name, problem)
+            if dataset.dtype.kind not in "fiu":
+                self._fail(dataset.name, f"it holds {dataset.dtype}, not real numbers: store it as float32")
+            if name != "velocity" and rate != int(rate):
+                self._fail(dataset.name, f"the rate is {rate}: resample to a whole number of Hz")
+            if len(dataset) / rate < SEGMENT_SECONDS:
+                problem = f"it lasts {len(dataset) / rate:.3g} s, less than one segment of {SEGMENT_SECONDS} s"
+                self._fail(dataset.name, f"{problem}: leave it out, or check its rate")
 
     def rate(self, name):
         """Rate of the force of recording `name`, Hz."""
@@ -313,16 +310,14 @@ class RecordingsFile:
         if "ratings" not in self._file:
             return None
         group = self._file["ratings"]
-        missing = {"values", "raters", "surfaces", "axes"} - set(group)
-        if missing:
-            self._fail("/ratings", f"lacks {sorted(missing)}", "Store them, or leave out the group.")
+        if missing := sorted({"values", "raters", "surfaces", "axes"} - set(group)):
+            self._fail("/ratings", f"it lacks {missing}: store them, or leave out the group")
         check_size(self.path, sum(dataset.nbytes for dataset in group.values()))
         values = group["values"][()].astype(np.float32)
         names = [as_strings(group[name]) for name in ("raters", "surfaces", "axes")]
         check_ratings(values, tuple(len(strings) for strings in names), f"{self.path}, /ratings/values:")
-        unknown = sorted(set(names[1]) - set(self.surfaces))
-        if unknown:
-            self._fail("/ratings/surfaces", f"{unknown[:3]} have no recording", "Use the names of the groups.")
+        if unknown := sorted(set(names[1]) - set(self.surfaces)):
+            self._fail("/ratings/surfaces", f"{unknown[:3]} have no recording: use the names of the groups")
         return RaterScores(values, *names)
 
 

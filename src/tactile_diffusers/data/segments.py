@@ -141,14 +141,9 @@ class Windows(SegmentTable):
 
 
 def select_windows(usable, window, step):
-    """Starts of the windows of a recording.
+    """Starts (windows,) int64 of windows of `window` samples, `step` apart, and a mask (n,) of the runs they lie in.
 
-    Args:
-        usable (`np.ndarray`): (n,) bool, excursions already bridged.
-        window, step (`int`): samples.
-
-    Returns:
-        `tuple[np.ndarray, np.ndarray]`: window starts (windows,) int64 and the mask (n,) of the runs that hold them.
+    `usable` is (n,) bool, with excursions bridged.
     """
     starts, used = [np.empty(0, dtype=np.int64)], np.zeros(len(usable), dtype=bool)
     for start, stop in true_runs(usable):

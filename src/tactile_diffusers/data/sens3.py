@@ -10,22 +10,6 @@ from importlib import resources
 from ..signal import DEVICE_RATE
 from .folder import convert_folder, load_layout
 
-#: Pairs of words of the 8 axes, in the order of words of arXiv 2401.01818.
-SENS3_PAIRS = (
-    ("rough", "smooth"),
-    ("flat", "bumpy"),
-    ("sticky", "slippery"),
-    ("hot", "cold"),
-    ("regular", "irregular"),
-    ("fine", "coarse"),
-    ("hard", "soft"),
-    ("wet", "dry"),
-)
-SENS3_SURFACES = 50
-SENS3_EXPLORERS = 2
-#: 13 people rated, the paper uses 12.
-SENS3_RATERS = (12, 13)
-
 
 def sens3_layout():
     """The layout of SENS3 as TOML text, with TODO where something is to be filled in before `convert_sens3`."""
@@ -52,9 +36,9 @@ def convert_sens3(root, layout, output, quiet=False):
 
 def _remarks(report):
     counts = (
-        ("surfaces", len(report.surfaces), (SENS3_SURFACES,)),
-        ("explorers", len(report.explorers), (SENS3_EXPLORERS,)),
-        ("raters", len(report.raters), SENS3_RATERS),
+        ("surfaces", len(report.surfaces), (50,)),
+        ("explorers", len(report.explorers), (2,)),
+        ("raters", len(report.raters), (12, 13)),
         ("Hz of force", max(report.rates), (DEVICE_RATE,)),
     )
     return [

@@ -56,18 +56,16 @@ class HoldOut:
         Raises:
             ValueError: if the patterns of this kind match none or all of the names, or one of them matches none.
         """
-        patterns = getattr(self, kind)
-        hits = np.array([[fnmatchcase(name, pattern) for name in names] for pattern in patterns], dtype=bool)
-        hits = hits.reshape(len(patterns), len(names))
+        patterns, held = getattr(self, kind), self.held(kind, names)
         there_are = ", ".join(names[:_LISTED]) + (", ..." if len(names) > _LISTED else "")
-        for pattern, hit in zip(patterns, hits, strict=True):
-            if not hit.any():
+        for pattern in patterns:
+            if not any(fnmatchcase(name, pattern) for name in names):
                 raise ValueError(f"`hold_out.{kind}`: {pattern!r} matches none of the {len(names)}: {there_are}.")
-        if patterns and hits.any(axis=0).all():
+        if patterns and held.all():
             raise ValueError(
                 f"`hold_out.{kind}` {patterns} match all {len(names)} ({there_are}): nothing is left for training."
             )
-        return hits.any(axis=0)
+        return held
 
 
 def split_surfaces(surfaces, validation=0.1, test=0.1, seed=0):
@@ -127,32 +125,21 @@ class Splits:
 
 
 def assign_splits(names, surfaces, validation, test, seed, hold_out=None):
-    """Splits surfaces and recordings.
+    """Splits surfaces, and recordings by their names "surface/explorer/trial": `Splits`.
 
-    Args:
-        names (`Sequence[str]`): of the recordings, "surface/explorer/trial".
-        surfaces (`Sequence[str]`): all of them, in order.
-        validation, test, seed: of `split_surfaces`, over the surfaces that are not held out.
-        hold_out (`HoldOut`, *optional*): what is held out.
-
-    Returns:
-        `Splits`.
-
-    Raises:
-        ValueError: if a pattern matches nothing, or training or the hard split is left without a recording.
+    The surfaces that are not held out are split by `split_surfaces`. Raises a `ValueError` if a pattern matches
+    nothing, or training or the hard split is left without a recording.
     """
     owners = [name.split("/")[:2] for name in names]
     surface = np.array([surfaces.index(owner) for owner, _ in owners])
     if hold_out is None:
-        split = split_surfaces(len(surfaces), validation, test, seed)
-        nothing = np.zeros(len(names), dtype=bool)
-        return Splits(split, surface, nothing, nothing)
+        none = np.zeros(len(names), dtype=bool)
+        return Splits(split_surfaces(len(surfaces), validation, test, seed), surface, none, none)
     held = hold_out.matches("surfaces", surfaces)
     split = np.full(len(surfaces), SPLITS.index("hard"))
     split[~held] = split_surfaces(int(np.sum(~held)), validation, test, seed)
-    explorers = sorted({explorer for _, explorer in owners})
-    unseen = dict(zip(explorers, hold_out.matches("explorers", explorers), strict=True))
-    by_unseen = np.array([unseen[explorer] for _, explorer in owners])
+    explorers, explorer = np.unique([who for _, who in owners], return_inverse=True)
+    by_unseen = hold_out.matches("explorers", explorers.tolist())[explorer]
     # a field without patterns restricts nothing
     hard = (held[surface] | (not hold_out.surfaces)) & (by_unseen | (not hold_out.explorers))
     splits = Splits(split, surface, held[surface] | by_unseen, hard)

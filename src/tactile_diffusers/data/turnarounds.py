@@ -21,14 +21,9 @@ _EDGE_SECONDS = 0.005
 
 
 def find_turnarounds(angle, rate):
-    """Middles of the times in which the sliding direction turns by more than a right angle within 0.1 s.
+    """Middles (s) of the times in which the sliding direction turns by more than a right angle within 0.1 s.
 
-    Args:
-        angle (`np.ndarray`): (m,) rad, unwrapped.
-        rate (`float`): Hz.
-
-    Returns:
-        `np.ndarray`: (turnarounds,) s.
+    `angle` is (m,) rad, unwrapped, at `rate` Hz.
     """
     half = max(1, int(round(0.05 * rate)))
     padded = np.pad(angle, half, mode="edge")
@@ -43,17 +38,11 @@ def around(positions, seconds, rate, samples):
 
 
 def treat_turnarounds(lateral, positions, rate, turnarounds=DEFAULT_TURNAROUNDS):
-    """Applies "keep", "exclude" or "mask" to a recording before it is filtered.
+    """Applies "keep", "exclude" or "mask" to lateral force (n,) before it is filtered; `positions` are samples.
 
     "keep" leaves it as it is (the paper). "mask" replaces 0.1 s around each turnaround (`mask_turnarounds`), and where
     three or more are so close that there is little texture between them, lets no segment hold them. "exclude" does the
     same and lets no segment hold any.
-
-    Args:
-        lateral (`np.ndarray`): (n,) N; NaN = missing.
-        positions (`np.ndarray`): (turnarounds,) samples.
-        rate (`float`): Hz.
-        turnarounds (`str`): the treatment.
 
     Returns:
         `tuple[np.ndarray, np.ndarray]`: lateral force (n,) N, and which samples no segment may hold, (n,) bool.
@@ -81,15 +70,8 @@ def mask_turnarounds(lateral, replaced, rate):
 
     In a turnaround the force dips, or swings by up to twice the friction force if the finger reverses on a line, and
     the band-pass would ring. A straight line instead does not ring, but leaves a silence, which distinguishes segments
-    more than the dip did: the texture has to go on.
-
-    Args:
-        lateral (`np.ndarray`): (n,) N; NaN = missing, and stays so.
-        replaced (`np.ndarray`): (n,) bool; runs that touch an end of the recording are left as they are.
-        rate (`float`): Hz.
-
-    Returns:
-        `np.ndarray`: (n,) N.
+    more than the dip did: the texture has to go on. `lateral` is (n,) N, and a NaN stays one; runs of `replaced`, (n,)
+    bool, that touch an end of the recording are left as they are.
     """
     missing = np.isnan(lateral)
     filled = interpolated(lateral, missing)
