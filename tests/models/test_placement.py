@@ -92,20 +92,6 @@ def test_repeated_blocks_compile_as_whole_graphs_and_change_nothing(case):
     torch._dynamo.reset()
 
 
-@pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
-@torch.no_grad()
-def test_narrow_storage_of_a_half_precision_pipeline(make_pipeline, pink_noise, dtype):
-    pipe = make_pipeline().to(dtype)
-    for model in (pipe.lctg, pipe.dale):
-        model.enable_layerwise_casting(storage_dtype=torch.float8_e4m3fn, compute_dtype=dtype)
-        assert torch.float8_e4m3fn in {parameter.dtype for parameter in model.parameters()} and model.dtype == dtype
-    out = pipe(
-        [[1.0, None, 0.0]], num_inference_steps=2, guidance_scale=2.0, generator=torch.Generator().manual_seed(0)
-    )
-    assert torch.from_numpy(out.textures).isfinite().all() and out.textures.std() > 0
-    assert pipe.encode(pink_noise(2048, 10_000), 10_000).latents.isfinite().all()
-
-
 class _NoFloat64(TorchDispatchMode):
     def __torch_dispatch__(self, function, types, args=(), kwargs=None):
         out = function(*args, **(kwargs or {}))
@@ -160,15 +146,3 @@ def test_the_estimator_is_a_model_of_the_package_too(randomized, tmp_path, recor
     assert placed._no_split_modules and next(placed.parameters()).isfinite().all()
     half = RatingEstimator.from_pretrained(tmp_path / "plain", dtype=torch.bfloat16)
     assert half(numbers.bfloat16()).dtype == torch.bfloat16
-
-
-@torch.no_grad()
-def test_projections_are_not_fused_on_request(make_dale):
-    """Three tokens: nothing to gain. The request of `AttentionMixin` is heard and changes nothing."""
-    model = make_dale()
-    inputs = (_normal(2, 6, 32), 300, _normal(2, 3, seed=1))
-    expected = model(*inputs).sample
-    model.fuse_qkv_projections()
-    assert torch.equal(model(*inputs).sample, expected)
-    model.unfuse_qkv_projections()
-    assert torch.equal(model(*inputs).sample, expected)

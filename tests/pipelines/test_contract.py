@@ -110,24 +110,6 @@ def test_models_leave_the_accelerator_in_the_order_of_use(whole, pink_noise):
     np.testing.assert_allclose(whole.estimate_ratings(pink_noise(2048, 10_000), 10_000), ratings, atol=1e-5)
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="says what is missing where there is no accelerator")
-@pytest.mark.parametrize("how", ["enable_model_cpu_offload", "enable_sequential_cpu_offload"])
-def test_offloading_without_an_accelerator_is_refused(pipe, how):
-    with pytest.raises(RuntimeError, match="requires accelerator, but not found"):
-        getattr(pipe, how)()
-
-
-def test_a_move_of_types_moves_all_models_and_is_taken_back(whole):
-    expected = _textures(whole)
-    whole.to(torch.bfloat16)
-    models = (whole.lctg, whole.dale, whole.rating_estimator)
-    assert {parameter.dtype for model in models for parameter in model.parameters()} == {torch.bfloat16}
-    half = _textures(whole)
-    assert half.dtype == np.float32 and np.isfinite(half).all()
-    whole.to(torch.float32)
-    assert np.corrcoef(_textures(whole)[0], expected[0])[0, 1] > 0.9  # weights were rounded to 8 bits
-
-
 def test_the_place_of_execution_is_that_of_diffusers(whole):
     """Ours is a short cut to what diffusers finds by searching."""
     base = super(TactileTexturePipeline, whole)

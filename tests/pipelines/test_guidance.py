@@ -86,14 +86,6 @@ def test_all_conditions_go_through_in_one_forward(pipe, state_of, calls_of, prep
     assert pipe.do_classifier_free_guidance and pipe.guidance_scale == {"roughness": 3.0, "slipperiness": 0.5}
 
 
-def test_a_row_that_does_not_specify_the_axis_is_not_pushed(state_of):
-    ratings = torch.tensor([[1.0, NAN, 0.5], [NAN, 1.0, 0.5]])
-    _, plain = state_of(ratings)
-    _, made = state_of(ratings, guidance_scale={"roughness": 3.0})
-    torch.testing.assert_close(made[1], plain[1], rtol=0, atol=1e-5)  # float32, another size of batch
-    assert (made[0] - plain[0]).abs().max() > 0.01
-
-
 @pytest.mark.parametrize(
     "scale",
     [{}, dict.fromkeys(RATING_AXES, 1.0), {"bumpiness": 3.0}, {"bumpiness": 3.0, "roughness": 1}],
@@ -105,14 +97,6 @@ def test_a_dict_that_changes_nothing_asks_once(pipe, state_of, calls_of, prepare
     [(asked, _)], [(state, *_)] = prepared, calls
     assert len(asked) == len(state) == 1
     assert torch.equal(made, state_of(ratings)[1])
-
-
-@pytest.mark.parametrize("scale", [1.0, 0.0, 2.5, {}, {0: 3.0, 2: 0.5}, {1: 4.0}], ids=str)
-def test_weights_sum_to_one_and_the_plain_answer_is_last(scale):
-    weights, ratings = Guidance(scale).conditions(RATINGS)
-    assert sum(weights) == pytest.approx(1.0) and len(weights) == len(ratings)
-    assert torch.equal(ratings[-1:], RATINGS)
-    assert torch.isnan(ratings[:-1]).any(dim=1).all()
 
 
 # --- changed by a callback
@@ -204,18 +188,6 @@ def _kinds(dale, state):
     return torch.stack([part.square().mean((1, 2)).sqrt() for part in parts if part.numel()], dim=1)
 
 
-@pytest.mark.parametrize("scale", [6.0, {"roughness": 9.0, "slipperiness": 0.0}], ids=str)
-def test_rescaling_brings_the_spread_of_each_kind_of_number_back(pipe, state_of, scale):
-    (_, plain), (_, guided) = state_of(RATINGS), state_of(RATINGS, guidance_scale=scale)
-    _, made = state_of(RATINGS, guidance_scale=scale, guidance_rescale=1.0)
-    expected, pushed = _kinds(pipe.dale, plain), _kinds(pipe.dale, guided)
-    assert ((pushed / expected - 1).abs() > 0.01).any()
-    torch.testing.assert_close(_kinds(pipe.dale, made), expected, rtol=1e-4, atol=0)  # float32
-    # only spreads change: every kind is a multiple of what guidance made of it
-    field, scalars = (part[0].flatten() for part in pipe.dale.split_scalars(made / guided))
-    assert max(field.std() / field.mean().abs(), scalars.std() / scalars.mean().abs()) < 1e-3
-
-
 @pytest.mark.parametrize("rescale", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("t", [250.0, 999.0])
 def test_rescaling_goes_as_far_as_it_is_told_at_every_time(make_dale, seeded, rescale, t):
@@ -236,12 +208,3 @@ def test_rescaling_changes_nothing_where_there_is_none_or_no_guidance(state_of):
         state_of(RATINGS, guidance_scale=3.0, guidance_rescale=0.0)[1], state_of(RATINGS, guidance_scale=3.0)[1]
     )
     assert torch.equal(state_of(RATINGS, guidance_rescale=1.0)[1], state_of(RATINGS)[1])
-
-
-def test_rescaling_works_in_long_textures(pipe, seeded):
-    out = pipe(
-        RATINGS, duration_s=0.5, guidance_scale=4.0, guidance_rescale=0.7, num_inference_steps=2, generator=seeded(0)
-    )
-    plain = pipe(RATINGS, duration_s=0.5, guidance_scale=4.0, num_inference_steps=2, generator=seeded(0))
-    assert out.textures.shape == (1, 5000) and abs(out.textures).max() < float("inf")
-    assert out.level != plain.level

@@ -13,7 +13,6 @@ from huggingface_hub.utils import filter_repo_objects
 
 from tactile_diffusers import DALEModel, LCTGModel, TactileTexturePipeline
 from tactile_diffusers.checkpoints import DISTILLED, SURFACES_FILE
-from tactile_diffusers.pipelines.hub import forget_folders
 
 CARD = "---\nlibrary_name: diffusers\n---\n\n# ours\n\n![loss](loss.png)\n"
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -223,26 +222,3 @@ class TestCache:
         with recorded_warnings() as found:
             pipe = TactileTexturePipeline.from_pretrained("someone/textures", decoder="distilled", cache_dir=cache)
         assert of_loading(found) == [] and pipe.resolve_steps() == (2, 5)
-
-    def test_a_revision_that_was_not_fetched_is_said(self, cache):
-        with pytest.raises(OSError, match="'someone/textures' is neither a folder here nor whole in the Hub's cache"):
-            TactileTexturePipeline.from_pretrained("someone/textures", cache_dir=cache, revision="v3")
-        with pytest.raises(OSError, match="someone/textures"):
-            LCTGModel.from_pretrained("someone/textures", subfolder="lctg", cache_dir=cache, revision="v3")
-
-
-def test_a_config_is_whole_whatever_stops_its_writing(tmp_path, monkeypatch):
-    """The folder is that of a finished training: half a config would cost it."""
-    (tmp_path / "model_index.json").write_text(json.dumps({"_name_or_path": "/home/me", "ours": "é"}), encoding="utf-8")
-    before = (tmp_path / "model_index.json").read_bytes()
-
-    def fail(path, text, **_):
-        path.write_bytes(text[:3].encode())
-        raise OSError("disk full")
-
-    with monkeypatch.context() as patch, pytest.raises(OSError, match="disk full"):
-        patch.setattr(Path, "write_text", fail)
-        forget_folders(tmp_path)
-    assert (tmp_path / "model_index.json").read_bytes() == before
-    forget_folders(tmp_path)
-    assert json.loads((tmp_path / "model_index.json").read_text(encoding="utf-8")) == {"ours": "é"}

@@ -52,12 +52,6 @@ def test_the_warning_names_axis_value_and_range(pipe, warned):
     assert "roughness" not in message and "combination" not in message
 
 
-def test_every_axis_outside_is_named_once(warned):
-    (message,) = warned([[3.0, 0.0, 0.0], [0.0, -4.0, 0.0], [3.5, -4.0, 0.0]])
-    assert message.count("roughness +3.50") == message.count("bumpiness -4.00") == message.count("extrapolated") == 1
-    assert "slipperiness" not in message
-
-
 def test_a_combination_that_no_surface_is_near_to_warns_though_each_axis_is_inside(warned):
     for alone in ([1.2, NAN, NAN], [NAN, -1.2, NAN], [NAN, NAN, 0.3]):
         assert warned(alone) == []
@@ -70,12 +64,6 @@ def test_a_combination_that_no_surface_is_near_to_warns_though_each_axis_is_insi
 def test_training_surfaces_are_inside(warned):
     assert warned(_surfaces()) == []  # the outermost too, at the very end of a range and of the reach
     assert warned([[0.5, 0.5, 0.0], [-1.0, -0.9, 1.0]]) == []
-
-
-def test_ends_of_the_percentiles_are_inside(make_pipeline, warned):
-    table = {"quantiles": rating_quantiles(_surfaces()).tolist()}
-    config = make_pipeline(dale_config={"rating_statistics": {**_coverage(_surfaces()), **table}}).dale.config
-    assert warned([[0.0, 0.0, 50.0], [100.0, 100.0, 50.0]], config, rating_scale="percentile") == []
 
 
 @pytest.mark.parametrize("ratings", [None, [NAN] * 3, {"roughness": 0.3}, [[NAN, None, 1.0]]], ids=str)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from tactile_diffusers import DALEModel, bundled_checkpoint
 from tactile_diffusers.pipelines.inputs import parse_ratings
@@ -45,23 +44,6 @@ def test_numbers_of_each_scale(pipe):
     assert z([[10, 87.5, 50]], "percentile") == [pytest.approx([-1.6, 1.5, 0.0], abs=1e-6)]
 
 
-@pytest.mark.parametrize("scale", ["z", "raw", "percentile"])
-def test_axes_may_be_left_out_on_every_scale(pipe, scale):
-    full = parse_ratings(SAME.get(scale, Z), pipe.dale.config, scale)
-    first, *_ = SAME.get(scale, Z)
-    for form in (
-        [first, None, None],
-        [[first, float("nan"), None]],
-        {"roughness": first},
-        [{"roughness": first, "bumpiness": None}],
-        np.array([first, np.nan, np.nan]),
-        torch.tensor([first, torch.nan, torch.nan]),
-    ):
-        partial = parse_ratings(form, pipe.dale.config, scale)
-        assert partial[0, 0] == full[0, 0] and torch.isnan(partial[0, 1:]).all()
-    assert torch.isnan(parse_ratings(None, pipe.dale.config, scale)).all()
-
-
 @pytest.mark.parametrize(
     ("scale", "ratings", "message"),
     [
@@ -101,11 +83,6 @@ def test_the_bundled_checkpoint_knows_all_scales():
     table = np.array(statistics["quantiles"])
     assert table.shape == (3, 21) and (np.diff(table) >= 0).all()
     np.testing.assert_array_equal(table[:, [0, -1]], statistics["range"])
-
-
-def test_statistics_are_saved_and_loaded(pipe, tmp_path):
-    pipe.dale.save_config(tmp_path)
-    assert DALEModel.load_config(tmp_path)["rating_statistics"] == STATISTICS
 
 
 @pytest.mark.parametrize(

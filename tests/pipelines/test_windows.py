@@ -59,31 +59,6 @@ def test_rows_do_not_depend_on_the_rest_of_the_batch():
     torch.testing.assert_close(fused[1:], windows.fuse(disagreeing), rtol=0, atol=1e-5)
 
 
-def test_scaled_windows_are_the_same_in_finer_units():
-    windows = Windows(80, 32)
-    fine = windows.scaled(16)
-    assert fine.starts == [start * 16 for start in windows.starts]
-    assert (fine.total, fine.size, fine.overlap) == (1280, 512, 128)
-    field = _normal(1, 1, 1280)
-    torch.testing.assert_close(fine.fuse(fine.split(field)), field, rtol=0, atol=1e-5)
-
-
-def test_silent_windows_are_not_nan():
-    windows = Windows(80, 32)
-    assert not windows.fuse(torch.zeros(len(windows.starts), 1, 32)).any()
-
-
-@pytest.mark.parametrize("size", [1, 2, 3])
-def test_very_short_windows(size):
-    windows, field = Windows(10, size), _normal(1, 1, 10)
-    torch.testing.assert_close(windows.fuse(windows.split(field)), field, rtol=0, atol=1e-5)
-
-
-def test_too_short_a_total_is_refused():
-    with pytest.raises(ValueError, match=r"`total` \(31\) must be at least the window size \(32\)"):
-        Windows(31, 32)
-
-
 def test_chunks_equal_the_whole():
     sizes = []
 

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
 import pytest
 import torch
-from diffusers import DDIMScheduler
 
 from tactile_diffusers import VDDIMScheduler
 
@@ -24,22 +22,6 @@ def _sample(scheduler, velocity, x, steps, order=None):
     for t in scheduler.timesteps:
         x = scheduler.step(velocity(x, t), t, x).prev_sample
     return x
-
-
-def _ddim_cosine(steps, beta_end=1.0):
-    """diffusers' DDIM on the same schedule: cumulative alpha = cos^2(phi) at phi = pi/2 (t + 1) / 1000."""
-    angles = np.arange(1, 1001) / 1000 * np.pi / 2
-    alphas_bar = np.cos(angles) ** 2
-    betas = 1 - alphas_bar / np.concatenate([[1.0], alphas_bar[:-1]])
-    scheduler = DDIMScheduler(
-        trained_betas=betas.tolist(),
-        prediction_type="v_prediction",
-        timestep_spacing="trailing",
-        clip_sample=False,
-        set_alpha_to_one=True,
-    )
-    scheduler.set_timesteps(steps)
-    return scheduler
 
 
 # --- one step
@@ -71,31 +53,6 @@ def test_timesteps_are_the_angles(num_train_timesteps):
     torch.testing.assert_close(scheduler.timesteps.double(), expected, rtol=1e-7, atol=1e-7)  # float32
     torch.testing.assert_close(scheduler.angle(scheduler.timesteps).double(), angles, rtol=1e-6, atol=1e-6)
     assert len(scheduler) == num_train_timesteps
-
-
-def test_ten_steps_are_the_timesteps_of_diffusers_trailing_ddim():
-    scheduler = VDDIMScheduler()
-    scheduler.set_timesteps(10)
-    assert scheduler.timesteps.tolist() == [999, 899, 799, 699, 599, 499, 399, 299, 199, 99]
-    assert scheduler.timesteps.tolist() == _ddim_cosine(10).timesteps.tolist()
-
-
-# --- whole loops
-
-
-@pytest.mark.parametrize("shape", [(2, 5), (2, 3, 5), (2, 3, 4, 5), (2, 2, 3, 4, 5)])
-def test_rank_and_layout_do_not_matter(shape):
-    scheduler, x, v = VDDIMScheduler(), _noise(*shape), _noise(*shape, seed=1)
-    timesteps = torch.tensor([700.0, 12.5])
-    scheduler.set_timesteps(3)
-    flat = scheduler.step(v.flatten(), scheduler.timesteps[0], x.flatten()).prev_sample
-    scheduler.set_timesteps(3)
-    assert torch.equal(scheduler.step(v, scheduler.timesteps[0], x).prev_sample.flatten(), flat)
-    noisy, velocity = scheduler.add_noise(x, v, timesteps), scheduler.get_velocity(x, v, timesteps)
-    assert noisy.shape == velocity.shape == shape
-    for row in range(2):
-        alone = scheduler.add_noise(x[row : row + 1], v[row : row + 1], timesteps[row : row + 1])
-        assert torch.equal(noisy[row : row + 1], alone)
 
 
 # --- noise, velocity and data
@@ -141,25 +98,6 @@ def test_dtype_is_kept_and_the_update_is_float32(dtype):
 # --- interface
 
 
-def test_defaults_are_ready_to_train():
-    scheduler = VDDIMScheduler()
-    assert scheduler.init_noise_sigma == 1.0 and scheduler.order == 1 and len(scheduler.timesteps) == 1000
-    sample = _noise(1, 2, 3)
-    assert scheduler.scale_model_input(sample, 3) is sample
-    assert scheduler.num_inference_steps is None and scheduler.step_index is None and scheduler.begin_index is None
-
-
-def test_tuple_output():
-    scheduler, x, v = VDDIMScheduler(), _noise(1, 1, 8), _noise(1, 1, 8, seed=1)
-    scheduler.set_timesteps(4)
-    plain = scheduler.step(v, scheduler.timesteps[0], x, return_dict=False)
-    scheduler.set_timesteps(4)
-    out = scheduler.step(v, scheduler.timesteps[0], x)
-    assert isinstance(plain, tuple)
-    assert torch.equal(plain[0], out.prev_sample) and torch.equal(plain[1], out.pred_original_sample)
-    assert torch.equal(out[0], out.prev_sample)
-
-
 def test_a_loop_may_start_part_way():
     scheduler, x, v = VDDIMScheduler(), _noise(1, 1, 8), _noise(1, 1, 8, seed=1)
     scheduler.set_timesteps(10)
@@ -190,12 +128,6 @@ def test_step_after_the_end_is_refused():
     _sample(scheduler, _model, x, 2)
     with pytest.raises(ValueError, match="after the last timestep"):
         scheduler.step(x, scheduler.timesteps[-1], x)
-
-
-@pytest.mark.parametrize("steps", [0, -3, 2.5, float("nan"), float("inf")])
-def test_bad_numbers_of_steps_are_refused(steps):
-    with pytest.raises(ValueError, match="`num_inference_steps` must be a whole number >= 1"):
-        VDDIMScheduler().set_timesteps(steps)
 
 
 @pytest.mark.parametrize(

@@ -128,18 +128,6 @@ def test_order_2_starts_part_way_with_a_step_of_order_1(spacing, by_index):
     assert scheduler.step_index == 8
 
 
-def test_set_begin_index_forgets_the_last_step():
-    x, v = _noise(1, 16), _noise(1, 16, seed=1)
-    scheduler, fresh = VDDIMScheduler(multistep_order=2), VDDIMScheduler(multistep_order=2)
-    scheduler.set_timesteps(6)
-    scheduler.step(v, scheduler.timesteps[0], x)
-    scheduler.set_begin_index(2)
-    fresh.set_timesteps(6)
-    fresh.set_begin_index(2)
-    made = scheduler.step(v, scheduler.timesteps[2], x).prev_sample
-    assert torch.equal(made, fresh.step(v, fresh.timesteps[2], x).prev_sample)
-
-
 @pytest.mark.parametrize("order", [1, 2])
 def test_buffers_that_are_used_again_change_nothing(order):
     # as with CUDA graphs: model output and sample are always the same memory
@@ -158,14 +146,6 @@ def test_buffers_that_are_used_again_change_nothing(order):
 # --- one's own timesteps
 
 
-@pytest.mark.parametrize("form", [list, tuple, np.array, torch.tensor])
-def test_timesteps_of_any_form(form):
-    scheduler = VDDIMScheduler()
-    scheduler.set_timesteps(timesteps=form([999, 500, 3]))
-    assert scheduler.timesteps.tolist() == [999, 500, 3] and scheduler.num_inference_steps == 3
-    assert scheduler.timesteps.dtype == torch.float32
-
-
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("spacing", SPACINGS)
 def test_the_preset_as_own_timesteps_is_the_preset(spacing, order):
@@ -176,19 +156,6 @@ def test_the_preset_as_own_timesteps_is_the_preset(spacing, order):
     assert torch.equal(own.timesteps, preset.timesteps)
     # float32 timesteps of up to 999 are angles to 5e-8 rad
     torch.testing.assert_close(_follow(own, noise), expected, rtol=0, atol=2e-6)
-
-
-def test_own_timesteps_may_start_part_way():
-    # from 45 degrees, in turns of 30 and 15 degrees, to clean data
-    scheduler = VDDIMScheduler()
-    scheduler.set_timesteps(timesteps=[499, 1000 / 6 - 1])
-    x, v = _noise(1, 32, dtype=torch.float64), _noise(1, 32, seed=1, dtype=torch.float64)
-    made = scheduler.step(v, scheduler.timesteps[0], x).prev_sample
-    # a timestep in a list is a float32 on its way: 1e-8 rad
-    torch.testing.assert_close(made, math.cos(math.pi / 6) * x - math.sin(math.pi / 6) * v, rtol=0, atol=1e-6)
-    made = scheduler.step(v, scheduler.timesteps[1], x).prev_sample
-    torch.testing.assert_close(made, math.cos(math.pi / 12) * x - math.sin(math.pi / 12) * v, rtol=0, atol=1e-6)
-    assert scheduler.step_index == 2
 
 
 @pytest.mark.parametrize(
@@ -216,12 +183,6 @@ def test_unusable_timesteps_are_refused(timesteps):
     assert torch.equal(scheduler.timesteps, before)  # and nothing is broken
 
 
-@pytest.mark.parametrize("arguments", [{}, {"num_inference_steps": 2, "timesteps": [999, 500]}])
-def test_both_or_neither_of_count_and_timesteps_are_refused(arguments):
-    with pytest.raises(ValueError, match="either `num_inference_steps` or `timesteps`"):
-        VDDIMScheduler().set_timesteps(**arguments)
-
-
 # --- spacings
 
 
@@ -231,12 +192,6 @@ def test_spacings_are_what_they_say():
     np.testing.assert_allclose(spaced_angles(10), math.pi / 2 * way, **tolerance)
     cosine = (1 - np.cos(math.pi * way)) / 2
     np.testing.assert_allclose(spaced_angles(10, "both_ends"), math.pi / 2 * (way + cosine) / 2, **tolerance)
-
-
-def test_both_ends_is_symmetric_and_denser_there():
-    turns = -np.diff(spaced_angles(20, "both_ends"))
-    np.testing.assert_allclose(turns, turns[::-1], rtol=1e-12)  # float64
-    assert np.all(np.diff(turns[:10]) > 0)
 
 
 # --- to diffusers' schedulers
@@ -426,19 +381,6 @@ def test_every_option_survives_its_file(tmp_path, recorded_warnings):
 
 
 # --- noise
-
-
-def test_get_noise_inverts_add_noise_and_get_velocity():
-    scheduler, data, noise = VDDIMScheduler(), _noise(6, 2, 9), _noise(6, 2, 9, seed=1)
-    timesteps = torch.tensor([-1.0, 0.0, 250.25, 500.0, 998.5, 999.0])
-    noisy, velocity = scheduler.add_noise(data, noise, timesteps), scheduler.get_velocity(data, noise, timesteps)
-    made = scheduler.get_noise(velocity, noisy, timesteps)
-    torch.testing.assert_close(made, noise, rtol=0, atol=1e-6)  # float32 of numbers up to 4
-    # and is what `step` turns into the sample, with the data
-    turned = scheduler.add_noise(scheduler.get_original_sample(velocity, noisy, timesteps), made, timesteps)
-    torch.testing.assert_close(turned, noisy, rtol=0, atol=2e-6)
-    for dtype in (torch.float16, torch.bfloat16, torch.float64):
-        assert scheduler.get_noise(velocity.to(dtype), noisy.to(dtype), timesteps).dtype == dtype
 
 
 @pytest.mark.parametrize("dtype", [torch.float64, torch.bfloat16, torch.float16])

@@ -10,7 +10,6 @@ from scipy.special import ellipk
 from tactile_diffusers import VDDIMScheduler
 from tactile_diffusers.schedulers.scheduling_v_ddim import SPACINGS, spaced_angles
 
-COUNTS = (1, 2, 3, 7, 13, 64, 999, 1000, 2000)
 RULES = [(order, spacing) for order in (1, 2) for spacing in SPACINGS]
 
 
@@ -43,30 +42,6 @@ def _gaussian(mean, deviation):
     return velocity
 
 
-# --- any number of steps
-
-
-@pytest.mark.parametrize("steps", COUNTS)
-@pytest.mark.parametrize(("order", "spacing"), RULES)
-def test_every_rule_lands_on_both_ends(order, spacing, steps):
-    data, noise = _noise(32, seed=1, dtype=torch.float64), _noise(32, dtype=torch.float64)
-    scheduler = VDDIMScheduler(multistep_order=order, spacing=spacing)
-    scheduler.set_timesteps(steps)
-    assert len(scheduler.timesteps) == steps and float(scheduler.timesteps[0]) == 999
-    first = scheduler.step(-data, scheduler.timesteps[0], noise)
-    # float64 all the way: an angle, sample or velocity rounded to float32 would show as 1e-8
-    torch.testing.assert_close(first.pred_original_sample, data, rtol=0, atol=1e-12)
-    made = _loop(order, spacing, _towards(data, noise), noise, steps)
-    torch.testing.assert_close(made, data, rtol=0, atol=1e-12)
-
-
-def test_angles_fall_strictly_for_every_count():
-    for spacing in SPACINGS:
-        for steps in range(1, 2001):
-            angles = spaced_angles(steps, spacing)
-            assert angles[0] == math.pi / 2 and angles[-1] == 0 and np.all(np.diff(angles) < 0), (spacing, steps)
-
-
 # --- precision
 
 
@@ -81,15 +56,6 @@ def test_the_model_may_be_of_half_precision(order, spacing, dtype, steps):
     # 3.5 * pi/2 * eps/2 = 2.7 eps; measured 0.8 eps. Beside it float32 rounding, 2e-5 at 300 steps of one direction.
     bound = 2.7 * torch.finfo(dtype).eps + 6e-8 * steps
     assert made.dtype == torch.float32 and (made - data).abs().max() < bound
-
-
-@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
-@pytest.mark.parametrize("order", [1, 2])
-def test_a_sample_of_half_precision_is_rounded_once_a_step(order, dtype):
-    data, noise = _noise(200, seed=1), _noise(200).to(dtype)
-    made = _loop(order, "uniform", lambda x, phi: _towards(data, noise)(x, phi).to(dtype), noise, 10)
-    # each of 10 steps rounds numbers below 4 by eps/2: at worst 10 * 4 * eps/2, and the velocity adds 2.7 eps
-    assert made.dtype == dtype and (made.float() - data).abs().max() < 23 * torch.finfo(dtype).eps
 
 
 # --- a model that is wrong
@@ -141,36 +107,8 @@ def test_guidance_of_unit_gaussians_is_exactly_proportional(order, spacing):
     assert (shifts[1] - mean).abs().max() < (0.2 if order == 1 else 0.12)  # measured 0.16 and 0.1
 
 
-def _mixture(means, shares, deviation):
-    """The exact velocity of a mixture of Gaussians of one deviation; x (n,)."""
-    means, shares = torch.tensor(means)[:, None], torch.tensor(shares)[:, None]
-
-    def velocity(x, phi):
-        cos, sin = math.cos(phi), math.sin(phi)
-        variance, offset = (deviation * cos) ** 2 + sin**2, x - cos * means
-        likely = torch.softmax(shares.log() - 0.5 * offset**2 / variance, 0)
-        return (likely * (cos * sin * (1 - deviation**2) / variance * offset - sin * means)).sum(0)
-
-    return velocity
-
-
 def _guided(conditional, unconditional, scale):
     return lambda x, phi: unconditional(x, phi) + scale * (conditional(x, phi) - unconditional(x, phi))
-
-
-@pytest.mark.parametrize("deviation", [0.1, 0.3])
-@pytest.mark.parametrize(("order", "spacing"), RULES)
-def test_guidance_towards_one_of_three_modes_stays_in_proportion(order, spacing, deviation):
-    every, one = _mixture([-1.0, 0.2, 1.0], [0.4, 0.3, 0.3], deviation), _mixture([1.0], [1.0], deviation)
-    for scale in (0.0, 1.0, 7.5, 20.0):
-        few, ten, forty = (
-            float(_loop(order, spacing, _guided(one, every, scale), _noise(100), steps).abs().max())
-            for steps in (4, 10, 40)
-        )
-        # the exact paths of guidance 20 end below 3 (the mode at 1, its spread drawn outwards); measured 3.5
-        assert ten < 4 and forty < 4
-        # few steps may overshoot, by no more than what is extrapolated: measured at guidance 20
-        assert few < 4 + 2 * scale
 
 
 @pytest.mark.parametrize("steps", [1, 4, 10, 20, 100])

@@ -128,6 +128,31 @@ def run_script(options_of_a_tiny_training):
     return run
 
 
+@pytest.fixture(scope="session")
+def runs(script, run_script, tmp_path_factory):
+    """A folder with the output folders `lctg`, `dale` and `distilled` of short trainings. Copy what you change."""
+    folder, short = tmp_path_factory.mktemp("runs"), {"max_train_steps": 2, "validation_steps": 2, "no-use_ema": True}
+    run_script(script("train_lctg"), "lctg", folder / "lctg", **short)
+    dale, options = small_figures(script("train_dale")), short | {"pretrained_model_name_or_path": folder / "lctg"}
+    run_script(dale, "dale", folder / "dale", conditioning_weight=0, rating_head_steps=2, **options)
+    options = short | {"pretrained_model_name_or_path": folder / "dale", "model_config_name_or_path": None}
+    run_script(script("distill_lctg"), "lctg", folder / "distilled", teacher_steps=4, **options)
+    return folder
+
+
+def small_figures(module):
+    """train_dale.py with the validation figure of one take and three values: it is tested with the figures."""
+    plot = module.plot_axis_sweep
+    module.plot_axis_sweep = lambda pipe, path, takes=1: plot(pipe, path, takes=1, values=(-1.0, 0.0, 1.0))
+    return module
+
+
+@pytest.fixture(scope="session")
+def train_dale(script):
+    """`train_dale()`: train_dale.py as a fresh module, free to be patched, with a small figure."""
+    return lambda: small_figures(script("train_dale"))
+
+
 def weights_of(folder):
     """Weights of a model that was saved into a folder; a dict of tensors stays as it is."""
     return folder if isinstance(folder, dict) else load_file(folder / "diffusion_pytorch_model.safetensors")

@@ -147,7 +147,3 @@ class TestHub:
         assert json.loads((folder / "training.json").read_text())["arguments"]["push_to_hub"] is True
         files = [path for path in folder.rglob("*") if path.is_file()]
         assert len(files) > 10 and not [path for path in files if b"hf_secret" in path.read_bytes()]
-
-    def test_without_being_asked_nothing_is_sent(self, script, run_script, sent, tmp_path):
-        run_script(script("train_lctg"), "lctg", tmp_path / "lctg", max_train_steps=1, hub_model_id="someone/textures")
-        assert sent == []

@@ -5,7 +5,7 @@ from itertools import islice
 import pytest
 import torch
 
-from tactile_diffusers.training.batches import EndlessBatches, TensorRows
+from tactile_diffusers.training.batches import EndlessBatches
 from tactile_diffusers.training.checkpoints import latest_checkpoint
 from tactile_diffusers.training.steps import BatchNoise
 
@@ -32,12 +32,6 @@ class TestEndlessBatches:
             assert len(set(batches[first] + batches[first + 1])) == 8
         assert set(sum(batches, [])) == set(range(10))
 
-    def test_seeds_differ(self):
-        assert _batches(3, 100, 10, 0) != _batches(3, 100, 10, 1)
-
-    def test_a_batch_as_large_as_the_data_set(self):
-        assert [sorted(batch) for batch in _batches(3, 4, 4, 0)] == [[0, 1, 2, 3]] * 3
-
     @pytest.mark.parametrize(("processes", "where"), [(1, ""), (2, " in each of 2 processes")])
     def test_too_large_a_global_batch_is_refused(self, processes, where):
         with pytest.raises(ValueError, match=rf"`train_batch_size` \(5\){where} exceeds .* \(4\)"):
@@ -47,11 +41,6 @@ class TestEndlessBatches:
     def test_processes_that_take_turns_share_the_batches_of_one(self, length):
         small, large = _batches(30, length, 2, 5, processes=3), _batches(10, length, 6, 5)
         assert [sum(small[turn : turn + 3], []) for turn in range(0, 30, 3)] == large
-
-
-def test_rows_of_tensors():
-    rows = TensorRows({"state": torch.arange(6).reshape(3, 2), "weight": torch.ones(3)})
-    assert len(rows) == 3 and rows[1]["state"].tolist() == [2, 3] and rows[1]["weight"] == 1
 
 
 class TestBatchNoise:

@@ -15,22 +15,8 @@ from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.training.card import write_card
 
-#: Options of tiny trainings; one of each script.
+#: Options of those of `runs`.
 TINY = {"max_train_steps": 2, "validation_steps": 2, "no-use_ema": True}
-
-
-@pytest.fixture(scope="module")
-def runs(script, run_script, tmp_path_factory):
-    """A folder with the output folders `lctg`, `dale` and `distilled` of the three scripts."""
-    folder = tmp_path_factory.mktemp("runs")
-    run_script(script("train_lctg"), "lctg", folder / "lctg", **TINY)
-    dale = script("train_dale")
-    dale.plot_axis_sweep = lambda *_, **__: None  # is tested with the figures
-    options = TINY | {"pretrained_model_name_or_path": folder / "lctg", "rating_head_steps": 2}
-    run_script(dale, "dale", folder / "dale", conditioning_weight=0, **options)
-    options = TINY | {"pretrained_model_name_or_path": folder / "dale", "model_config_name_or_path": None}
-    run_script(script("distill_lctg"), "lctg", folder / "distilled", teacher_steps=4, **options)
-    return folder
 
 
 @pytest.fixture

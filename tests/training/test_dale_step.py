@@ -105,13 +105,6 @@ def test_axes_are_dropped_one_by_one_and_all_together(step, batch):
     assert (dropped.any(1) & ~dropped.all(1)).any()  # some requests leave out some axes
 
 
-@pytest.mark.parametrize(
-    ("options", "share"), [({"condition_dropout": 1.0}, 1.0), ({"unconditional": 1.0}, 1.0), ({}, 0.0)]
-)
-def test_all_or_no_axes_are_dropped(step, batch, options, share):
-    assert torch.isnan(_ratings_over_calls(step(**options), batch, 1)).float().mean() == share
-
-
 def test_pooled_ratings_are_jittered_by_their_standard_error(step, batch):
     module = step(rating_jitter=2.0)
     moved = _ratings_over_calls(module, batch, 20) - batch["ratings"]
@@ -133,16 +126,6 @@ def test_single_ratings_are_those_of_one_rater_never_a_mix(step, batch):
     # every rater alike: of 1280 draws a fifth, standard error 1.1 %
     assert (chosen.flatten().bincount(minlength=5) / chosen.numel()).tolist() == pytest.approx([0.2] * 5, abs=0.045)
     assert (chosen != chosen[0]).any(0).float().mean() > 0.9  # another one each time
-
-
-def test_single_ratings_are_dropped_as_pooled_ones_are(step, batch):
-    pooled = batch["ratings"]
-    batch["ratings"] = pooled[:, None].expand(-1, 4, -1)
-    given = _ratings_over_calls(step(condition_dropout=0.5), batch, 20)
-    # 3840 numbers: the standard error of a share is 0.8 %
-    assert torch.isnan(given).float().mean().item() == pytest.approx(0.5, abs=0.035)
-    kept = ~torch.isnan(given)
-    assert torch.equal(given[kept], pooled.expand_as(given)[kept])
 
 
 def test_the_auxiliary_loss_is_that_of_the_predicted_clean_state(step, batch):

@@ -1,23 +1,28 @@
 """How training scripts start: refusals in one line with exit code 2, later errors with their traceback, the device."""
 
-import subprocess
+import os
 import sys
-from pathlib import Path
 
 import pytest
 import torch
 
-from tactile_diffusers.io.locks import fcntl, locked_folder
+from tactile_diffusers.io.locks import fcntl
 from tactile_diffusers.training.launch import on_cpu, run, starting
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
+@pytest.fixture
+def refusal(script, options_of_a_tiny_training, monkeypatch, capsys):
+    """`refusal("train_lctg", output, **changes)` is the last line on stderr of a script that refuses to start."""
 
-def _refusal(script, words):
-    """The last line that a script writes on stderr when it refuses to start."""
-    done = subprocess.run([sys.executable, str(EXAMPLES / script), *words], capture_output=True, text=True, timeout=240)
-    assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
-    return done.stderr.strip().splitlines()[-1]
+    def run_script(name, output, **changes):
+        words = options_of_a_tiny_training("dale" if name == "train_dale" else "lctg", output, **changes)
+        monkeypatch.setattr(sys, "argv", [f"{name}.py", *words])
+        with pytest.raises(SystemExit) as stop:
+            run(script(name).main)
+        assert stop.value.code == 2
+        return capsys.readouterr().err.strip().splitlines()[-1]
+
+    return run_script
 
 
 @pytest.mark.parametrize(
@@ -28,32 +33,25 @@ def _refusal(script, words):
         ("distill_lctg", {"pretrained_model_name_or_path": "nope", "model_config_name_or_path": None}, "nope"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(
-    script, options_of_a_tiny_training, prepared, tmp_path, monkeypatch, capsys, name, changes, reason
-):
+def test_bad_input_is_refused_in_one_line(refusal, prepared, tmp_path, name, changes, reason):
     folder = {"train_data_dir": prepared.parent, "pretrained_model_name_or_path": tmp_path}
     changes = {key: folder[key] / value if key in folder else value for key, value in changes.items()}
-    stage = "dale" if name == "train_dale" else "lctg"
-    words = options_of_a_tiny_training(stage, tmp_path / "out", **changes)
-    monkeypatch.setattr(sys, "argv", [f"{name}.py", *words])
-    with pytest.raises(SystemExit) as stop:
-        run(script(name).main)
-    line = capsys.readouterr().err.strip().splitlines()[-1]
-    assert stop.value.code == 2 and line.startswith(f"{name}.py: error: ") and reason in line
+    line = refusal(name, tmp_path / "out", **changes)
+    assert line.startswith(f"{name}.py: error: ") and reason in line
     assert name == "train_lctg" or not (tmp_path / "out").exists()
 
 
 @pytest.mark.skipif(fcntl is None, reason="needs flock")
-def test_a_folder_in_which_another_process_trains(options_of_a_tiny_training, tmp_path):
-    output = tmp_path / "out"
-    output.mkdir()
+@pytest.mark.parametrize("how", [{"overwrite_output_dir": True}, {"resume_from_checkpoint": "latest"}], ids=str)
+def test_a_folder_in_which_another_process_trains(refusal, tmp_path, how):
     for name in ("unfinished-checkpoint-2", "checkpoint-1"):
-        (output / name).mkdir()
-    with locked_folder(output):
-        for how in ("--overwrite_output_dir", "--resume_from_checkpoint=latest"):
-            line = _refusal("train_lctg.py", [*options_of_a_tiny_training("lctg", output), how])
-            assert line.startswith(f"train_lctg.py: error: --output_dir {output} is in use: another process is writing")
-    assert sorted(path.name for path in output.iterdir()) == ["checkpoint-1", "unfinished-checkpoint-2"]
+        (tmp_path / name).mkdir()
+    handle = os.open(tmp_path, os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)  # the kernel takes every other descriptor for another process's
+    line = refusal("train_lctg", tmp_path, **how)
+    os.close(handle)
+    assert line.startswith(f"train_lctg.py: error: --output_dir {tmp_path} is in use: another process is writing")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["checkpoint-1", "unfinished-checkpoint-2"]
 
 
 @pytest.mark.parametrize("error", [ImportError, FileNotFoundError, ValueError])

@@ -71,13 +71,6 @@ def test_noise_is_added_to_both_layers_but_not_where_detail_is_missing(step):
 
 
 @torch.no_grad()
-def test_without_a_detail_layer_nothing_is_dropped(step):
-    module = step(config={"latent_noise": 0.0}, detail_dropout=1.0)
-    latents = module.model.encode(_normal(3, 24, 64))
-    assert torch.equal(module.noisy_latents(latents, _random()), latents)
-
-
-@torch.no_grad()
 @pytest.mark.parametrize("config", [LAYERED, {}], ids=["layered", "plain"])
 def test_polarity_changes_the_waveform_and_its_copy_in_the_features_only(step, batch, config, monkeypatch):
     module, encoded, targets = step(config=config), [], []
@@ -96,15 +89,6 @@ def test_polarity_changes_the_waveform_and_its_copy_in_the_features_only(step, b
 
 
 # --- losses
-
-
-def test_every_parameter_learns(step, batch):
-    module = step(spectral_loss_weight=0.1)
-    module.model.train()
-    loss, _ = module(batch, _random())
-    loss.backward()
-    gradients = {name: p.grad for name, p in module.named_parameters()}
-    assert [name for name, g in gradients.items() if g is None or not g.isfinite().all() or not g.any()] == []
 
 
 @torch.no_grad()

@@ -26,12 +26,6 @@ def test_velocity_loss_is_the_mean_square_per_row():
     assert velocity_loss(predicted, target).tolist() == [5.0, 3.0]
 
 
-def test_velocity_loss_is_computed_in_float32():
-    predicted = torch.full((1, 4), 300.0, dtype=torch.float16)
-    loss = velocity_loss(predicted, torch.zeros(1, 4, dtype=torch.float16))
-    assert loss.dtype == torch.float32 and loss.item() == 90_000  # above the largest float16
-
-
 def test_weighted_velocity_loss_of_a_tone_is_its_weight_times_its_power():
     samples, rate = 4096, 2500
     weights = octave_weights(samples, rate, (20.0, 1000.0), 1.0)
@@ -41,13 +35,6 @@ def test_weighted_velocity_loss_of_a_tone_is_its_weight_times_its_power():
         # half the power is in each of the two-sided lines, over samples / 2 + 1 bins
         expected = weights[index] * 0.3**2 / 4 * samples / (samples // 2 + 1)
         torch.testing.assert_close(loss, expected[None], rtol=1e-4, atol=0)  # float32 transform
-
-
-def test_flat_weights_give_the_mean_square_of_noise():
-    predicted, target = _noise(3, 1, 4096), _noise(3, 1, 4096, seed=1)
-    flat = velocity_loss(predicted, target, octave_weights(4096, 2500, (20.0, 1000.0), 0.0))
-    # one side of the spectrum counts the ends twice: 1 / 2048, times their luck
-    torch.testing.assert_close(flat, velocity_loss(predicted, target), rtol=0.01, atol=0)
 
 
 def test_octave_weights():
@@ -79,12 +66,6 @@ def test_spectral_loss_of_a_gain_is_its_logarithm():
     loss = frequency_aware_loss(clean * 2, clean)
     # a bin here and there comes near the floor: below 0.1 %
     torch.testing.assert_close(loss, torch.full((3,), math.log(2)), rtol=2e-3, atol=0)
-
-
-def test_spectral_loss_hears_no_sign_and_is_symmetric():
-    one, other = _noise(2, 2048), _noise(2, 2048, seed=1)
-    assert frequency_aware_loss(-one, one).max() < 1e-6  # float32
-    torch.testing.assert_close(frequency_aware_loss(one, other), frequency_aware_loss(other, one), rtol=1e-6, atol=0)
 
 
 def test_spectral_loss_is_per_row_and_differentiable():

@@ -5,7 +5,6 @@ import math
 import pytest
 import torch
 
-from tactile_diffusers.models.rating_estimator import RatingEstimator
 from tactile_diffusers.training.dale_data import describe_scores, fit_rating_estimator
 
 
@@ -90,13 +89,6 @@ def test_the_score_of_an_axis_that_nobody_rated_is_not_a_number():
     held_out[:, 1] = torch.nan
     _, scores = _fit(states, ratings, states, held_out, steps=2, batch_size=8)
     assert math.isnan(scores[1]) and not math.isnan(scores[0])
-
-
-def test_shapes():
-    assert RatingEstimator([12, 4, 6])(torch.zeros(2, 22, 1)).shape == (2, 3)
-    assert RatingEstimator([2, 0, 2], ["warmth"])(torch.zeros(2, 4, 16)).shape == (2, 1)
-    with pytest.raises(ValueError, match="`channel_groups` must end with at least 2 scalars"):
-        RatingEstimator([2, 0, 1])
 
 
 def test_a_score_on_hardly_any_surface_is_no_number():

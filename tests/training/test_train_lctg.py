@@ -7,7 +7,6 @@ import shutil
 import numpy as np
 import pytest
 import torch
-from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.data import PreparedDataset
@@ -104,10 +103,6 @@ class TestResume:
         assert resumed[-1] == unbroken[-1]
         assert _names(copy_of_trained) == ["checkpoint-2", "checkpoint-4"]
 
-    def test_named_checkpoint(self, train, trained, copy_of_trained, differing_weights):
-        train(copy_of_trained, resume_from_checkpoint=copy_of_trained / "checkpoint-2")
-        assert differing_weights(copy_of_trained / "lctg", trained / "lctg") == []
-
     def test_finished_training_is_left_as_it_is(self, train, trained, copy_of_trained, differing_weights, read_entries):
         train(copy_of_trained, resume_from_checkpoint="latest")
         assert differing_weights(copy_of_trained / "lctg", trained / "lctg") == []
@@ -122,13 +117,6 @@ class TestResume:
         train(output, resume_from_checkpoint="latest")
         assert differing_weights(output / "lctg", trained / "lctg") == []
         assert read_entries(output) == read_entries(trained)  # nothing of the run that left no checkpoint
-
-    def test_half_written_last_line_of_the_log_is_forgotten(self, train, trained, copy_of_trained, read_entries):
-        shutil.rmtree(copy_of_trained / "checkpoint-4")
-        with open(copy_of_trained / "log.jsonl", "a") as log:
-            log.write('{"step": 3, "train/lo')
-        train(copy_of_trained, resume_from_checkpoint="latest")
-        assert [entry["step"] for entry in read_entries(copy_of_trained)] == [e["step"] for e in read_entries(trained)]
 
     @pytest.mark.parametrize("wanted", ["nowhere", "lctg"])
     def test_what_is_no_checkpoint_is_refused(self, train, copy_of_trained, wanted):
@@ -146,22 +134,6 @@ class TestCheckpoints:
     def test_the_end_is_saved_even_between_checkpoints(self, train, tmp_path):
         output = train(tmp_path / "lctg", checkpointing_steps=2, max_train_steps=3)
         assert _names(output) == ["checkpoint-2", "checkpoint-3"]
-
-    def test_a_loss_that_is_nan_stops_the_training_and_leaves_the_last_checkpoint(self, train, tmp_path, monkeypatch):
-        from tactile_diffusers.training import steps
-
-        calls, velocity_loss = [], steps.velocity_loss
-
-        def broken(*arguments):
-            calls.append(None)
-            return velocity_loss(*arguments) * (float("nan") if len(calls) > 3 else 1.0)
-
-        monkeypatch.setattr(steps, "velocity_loss", broken)
-        with pytest.raises(FloatingPointError, match=r"loss is nan in step 4\..*indices \[.*checkpoint-2\."):
-            train(tmp_path / "lctg", max_train_steps=6)
-        weights = load_file(tmp_path / "lctg" / "checkpoint-2" / "lctg" / WEIGHTS)
-        assert all(torch.isfinite(value).all() for value in weights.values())
-        assert not (tmp_path / "lctg" / "model_index.json").exists()
 
 
 def _snapshot(folder):
@@ -216,14 +188,6 @@ class TestLearning:
         assert losses[0] == pytest.approx(1.0, abs=0.25)  # v = 0 at the start, of data of unit variance
         assert losses[1] < 0.9 * losses[0]
 
-    def test_spectral_loss_is_added(self, train, tmp_path, read_entries):
-        options = {"max_train_steps": 1, "spectral_loss_weight": 0.5, "octave_exponent": 0}
-        output = train(tmp_path / "lctg", **options)
-        entry = next(entry for entry in read_entries(output) if "train/loss" in entry)
-        assert entry["train/spectral"] > 0
-        expected = entry["train/velocity"] + 0.5 * entry["train/spectral"]
-        assert entry["train/loss"] == pytest.approx(expected, rel=1e-5)  # float32
-
     def test_second_phase_goes_on_from_the_first(self, train, trained, tmp_path, differing_weights):
         options = {"pretrained_model_name_or_path": trained, "subset": "full"}
         output = train(tmp_path / "second", max_train_steps=2, **options)
@@ -235,13 +199,6 @@ class TestLearning:
             json.loads((output / "training.json").read_text())["segments"]
             > json.loads((trained / "training.json").read_text())["segments"]
         )
-
-    def test_gradient_checkpointing_changes_nothing(self, train, trained, tmp_path):
-        output = train(tmp_path / "lctg", gradient_checkpointing=True)
-        expected = load_file(trained / "lctg" / WEIGHTS)
-        for name, value in load_file(output / "lctg" / WEIGHTS).items():
-            # the same sums computed twice; Adam turns float32 noise in tiny gradients into steps of the rate, 1e-3
-            torch.testing.assert_close(value, expected[name], rtol=0, atol=1e-4)
 
     def test_seed_decides_everything(self, train, trained, tmp_path, differing_weights):
         torch.manual_seed(123)

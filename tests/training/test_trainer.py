@@ -1,8 +1,6 @@
 """`Trainer` on a tiny model without data: accumulation, averaging, interrupted checkpoints, trackers."""
 
 import json
-import os
-import shutil
 
 import numpy as np
 import pytest
@@ -101,28 +99,6 @@ def test_weights_learn_and_the_rate_follows_its_schedule(make_trainer, tmp_path)
     rates = [entry["lr"] for entry in log if "lr" in entry]
     assert losses[-1] < 0.8 * losses[0]
     assert len(rates) == 4 and rates == sorted(rates, reverse=True) and rates[-1] == pytest.approx(0, abs=1e-8)
-
-
-def test_a_kill_while_writing_leaves_the_checkpoint_before(make_trainer, tmp_path, monkeypatch, differing_weights):
-    replace = os.replace
-
-    def dying(source, target):
-        if target == tmp_path / "checkpoint-3":
-            raise Killed
-        replace(source, target)
-
-    monkeypatch.setattr(os, "replace", dying)
-    with pytest.raises(Killed):
-        make_trainer(tmp_path, checkpointing_steps=1, checkpoints_total_limit=1, max_train_steps=5).run()
-    monkeypatch.undo()
-    # the older one goes only when the newer one is whole
-    assert latest_checkpoint(tmp_path).name == "checkpoint-2" and (tmp_path / "unfinished-checkpoint-3").is_dir()
-    model = make_trainer(
-        tmp_path, checkpointing_steps=1, checkpoints_total_limit=1, max_train_steps=5, resume_from_checkpoint="latest"
-    ).run()
-    assert sorted(path.name for path in tmp_path.glob("*checkpoint-*")) == ["checkpoint-5"]
-    shutil.rmtree(tmp_path)
-    assert differing_weights(_state(model), _state(make_trainer(tmp_path, max_train_steps=5).run())) == []
 
 
 @pytest.mark.skipif(fcntl is None, reason="needs flock")

@@ -132,9 +132,9 @@ def plot_axis_sweep(pipe, output_path, takes=8, values=(-2.0, -1.0, 0.0, 1.0, 2.
         frequencies, density = power_spectral_density(out.textures, out.sampling_rate)
         spectra = (10 * np.log10(density + 1e-20)).reshape(len(ratings), takes, -1).mean(1)
         friction = out.friction_coefficient.reshape(len(ratings), takes).mean(1)
-        for value, label, spectrum, mu in zip(ratings, _distinct_labels(ratings), spectra, friction, strict=True):
+        for value, spectrum, mu in zip(ratings, spectra, friction, strict=True):
             colour = coolwarm(0.5 + value / 2 / max(values) if max(values) else 0.5)
-            axis.semilogx(frequencies[1:], spectrum[1:], color=colour, label=f"{label}, friction {mu:.2f}")
+            axis.semilogx(frequencies[1:], spectrum[1:], color=colour, label=f"{value:+.2f}, friction {mu:.2f}")
         axis.set(title=name, xlabel="Hz", xlim=(20, 1250), ylim=(-115, -45))
         axis.grid(alpha=0.3)
         axis.legend(fontsize=7)
@@ -159,12 +159,3 @@ def _save(figure, path):
             figure.savefig(temporary, dpi=90, format="png")
     finally:
         plt.close(figure)
-
-
-def _distinct_labels(values):
-    """Different numbers as text, with as few decimals as keep them distinct: three at most."""
-    for decimals in (1, 2, 3):
-        labels = [f"{value:+.{decimals}f}" for value in values]
-        if len(set(labels)) == len(labels):
-            break
-    return labels
