@@ -128,8 +128,3 @@ def test_the_root_holds_what_belongs_there():
         pytest.skip("no repository")
     allowed = {"pyproject.toml", "README.md", "LICENSE", ".gitignore", ".ci", "src", "examples", "tests"}
     assert {line.split("/")[0] for line in done.stdout.splitlines()} == allowed
-
-
-def test_type_hints_and_licence_are_there():
-    assert (PACKAGE / "py.typed").is_file()
-    assert "Apache License" in (PACKAGE.parents[1] / "LICENSE").read_text(encoding="utf-8")

@@ -79,12 +79,6 @@ def test_what_is_imported_is_declared_and_the_other_way_round():
     assert used | INDIRECT == declared
 
 
-def test_every_dependency_has_a_floor_and_an_end():
-    for line in [*PROJECT["dependencies"], *(line for extra in EXTRAS.values() for line in extra)]:
-        assert re.fullmatch(r"[\w-]+>=[\d.]+(,<[\d.]+)?", line), line
-    assert all(",<" in line for line in PROJECT["dependencies"])
-
-
 @pytest.mark.parametrize("extra", OPTIONAL)
 def test_an_extra_is_named_where_it_is_missed(extra):
     assert extra in EXTRAS
@@ -93,7 +87,7 @@ def test_an_extra_is_named_where_it_is_missed(extra):
 
 
 def test_the_licence_of_the_weights_is_stated():
-    assert PROJECT["license"] == "Apache-2.0" and PROJECT["readme"] == "README.md"
+    assert PROJECT["license"] == "Apache-2.0" and PROJECT["readme"] == "README.md" and (PACKAGE / "py.typed").is_file()
     assert "code and bundled weights: Apache-2.0" in (ROOT / "README.md").read_text(encoding="utf-8")
     for card in (PACKAGE / "checkpoints").glob("*/README.md"):
         assert re.match(r"---\n(.*\n)*license: apache-2\.0\n", card.read_text(encoding="utf-8"))
@@ -122,14 +116,12 @@ def offline(tmp_path):
 
 def test_a_network_would_be_noticed(offline):
     """The test of the tests below."""
+    local = "with socket.create_server(('127.0.0.1', 0)) as s: socket.create_connection(s.getsockname())"
+    offline("-c", f"import socket\n{local}")
     for words in ("socket.create_connection(('192.0.2.1', 80))", "socket.getaddrinfo('example.com', 80)"):
         with pytest.raises(AssertionError, match="192.0.2.1|example.com"):
             offline("-c", f"import socket\ntry: {words}\nexcept OSError: pass")
         offline.attempts.unlink()
-    offline(
-        "-c",
-        "import socket\nwith socket.create_server(('127.0.0.1', 0)) as s: socket.create_connection(s.getsockname())",
-    )
 
 
 USE = """
@@ -149,7 +141,6 @@ again = pipe.reconstruct(out.textures[0], out.sampling_rate, num_inference_steps
 assert again.textures.shape == out.textures.shape
 from tactile_diffusers_cli import main
 assert main(["generate", "--ratings", "1.5", "0", "-1", "--output", "made"]) == 0
-assert main(["reconstruct", "made/texture.wav", "--output", "again"]) == 0
 assert main(["export", "--input", "made", "--output", "files"]) == 0
 """
 

@@ -19,11 +19,6 @@ def test_growth_that_is_not_proportional_shows():
     assert growth(finished, 20 * SHARD, 1)["departure from proportion"] > 0.05
 
 
-def test_a_short_last_shard_does_not_count():
-    finished = np.append(4.0 * np.arange(5), 16.5)
-    assert growth(finished, 5 * SHARD + 1, 1)["textures a second"] == pytest.approx(SHARD / 4)
-
-
 def test_too_few(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(f"--textures 10 --output {tmp_path}".split())

@@ -41,15 +41,6 @@ def test_the_suite_writes_its_tables(command, tmp_path, monkeypatch, capsys):
     assert "scene from a file, 3 touched" in text and text.strip() == capsys.readouterr().out.strip()
 
 
-@pytest.mark.slow
-def test_memory_is_that_of_fresh_processes(command, tmp_path):
-    assert benchmark_scene.main(command) == 0
-    cases = json.loads((tmp_path / "out" / "scene.json").read_text())["cases"]
-    if cases["pipeline alone"]["peak MiB"] is not None:
-        assert all(row["peak MiB"] > 50 for row in cases.values())
-        assert cases["scene"]["above the pipeline MiB"] > 0
-
-
 def test_what_fails_in_a_child_is_told():
     assert run_child("import sys; print(sys.argv[1])", "word")[0] == "word"
     with pytest.raises(RuntimeError, match="no such thing"):

@@ -10,12 +10,10 @@ from PIL import Image
 
 from tactile_diffusers.export import (
     FORMATS,
-    read_hdf5,
     read_npz,
     read_wav,
     round_trip,
     round_trip_markdown,
-    write_hdf5,
     write_npz,
     write_wav,
 )
@@ -44,11 +42,6 @@ def _write(folder, name, texture, common=COMMON):
     path = folder / f"a{form.suffix}"
     form.write(path, texture, **common, **{key: value for key, value in FINE.items() if key in form.options})
     return path
-
-
-def test_no_two_formats_share_a_suffix():
-    assert len({form.suffix for form in FORMATS.values()}) == len(FORMATS)
-    assert {form.kind for form in FORMATS.values()} == {"lossless", "lossy", "preview"}
 
 
 @pytest.mark.parametrize("name", [name for name, form in FORMATS.items() if not form.spatial])
@@ -116,22 +109,13 @@ def test_npz_needs_no_pickle_and_nothing_may_be_missing(tmp_path, texture):
         read_npz(tmp_path / "c.npz")
 
 
-def test_hdf5_says_what_it_holds(tmp_path, texture):
-    write_hdf5(tmp_path / "a.h5", texture, **COMMON)
-    with h5py.File(tmp_path / "a.h5") as file:
-        assert (file.attrs["format"], file.attrs["version"]) == ("tactile-texture", 1)
-        assert (file["texture"].attrs["rate"], file["texture"].attrs["unit"]) == (DEVICE_RATE, "N")
-        assert file.attrs["rating_axes"] == "roughness, bumpiness, slipperiness"
-    with h5py.File(tmp_path / "b.h5", "w") as file:
-        file["textures"] = texture
-    with pytest.raises(ValueError, match="not a file of format tactile-texture.*give the folder"):
-        read_hdf5(tmp_path / "b.h5")
-
-
 def test_files_explain_themselves(tmp_path, texture):
     """A program without this package finds what the numbers mean."""
     paths = {name: _write(tmp_path, name, texture) for name in ("npz", "hdf5", "wav", "png")}
     with np.load(paths["npz"]) as npz, h5py.File(paths["hdf5"]) as hdf5, Image.open(paths["png"]) as picture:
+        assert (hdf5.attrs["format"], hdf5.attrs["version"]) == ("tactile-texture", 1)
+        assert (hdf5["texture"].attrs["rate"], hdf5["texture"].attrs["unit"]) == (DEVICE_RATE, "N")
+        assert hdf5.attrs["rating_axes"] == "roughness, bumpiness, slipperiness"
         found = [json.loads(str(npz["units"])), json.loads(hdf5.attrs["units"])]
         found.append(json.loads(picture.text["tactile_diffusers"])["units"])
     found.append(json.loads((tmp_path / "a.wav.json").read_text())["units"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.export import read_generated
-from tactile_diffusers.export.generated import open_folder, plan_shards, write_shard
+from tactile_diffusers.export.generated import open_folder, write_shard
 
 SETTINGS = {"num_textures": 7, "textures_per_shard": 3, "seed": 0, "sampling_rate": 10_000, "duration_s": None}
 
@@ -27,15 +27,6 @@ def folder(tmp_path):
     for shard in open_folder(tmp_path / "set", SETTINGS, {"ratings": "none"}):
         _write(tmp_path / "set", shard)
     return tmp_path / "set"
-
-
-def test_shards_are_a_partition():
-    assert plan_shards(7, 3) == [
-        {"file": "textures-00000.h5", "first": 0, "count": 3},
-        {"file": "textures-00001.h5", "first": 3, "count": 3},
-        {"file": "textures-00002.h5", "first": 6, "count": 1},
-    ]
-    assert [shard["count"] for shard in plan_shards(6, 3)] == [3, 3]
 
 
 @pytest.mark.parametrize("index", [0, -1, slice(None), slice(2, 5), slice(6, 0, -2), [5, 0, 5, 2], [], [True] * 7])

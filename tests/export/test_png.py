@@ -53,15 +53,6 @@ def test_coarse_pixels_warn_of_what_is_lost(tmp_path, texture):
     assert np.abs(error[:3]).max() < 0.1 and (error[4:] < -20).all()
 
 
-def test_the_loss_is_the_power_that_is_missing(tmp_path):
-    seconds = np.arange(20000) / DEVICE_RATE
-    low, high = (0.01 * np.sin(2 * np.pi * hertz * seconds) for hertz in (100, 700))
-    with pytest.warns(UserWarning, match="is lost, 50.0 % of the texture's power"):
-        write_png(tmp_path / "a.png", low + high, **COMMON)
-    with pytest.warns(UserWarning, match="is lost, 100.0 % of the texture's power"):
-        write_png(tmp_path / "a.png", high, **COMMON)
-
-
 @pytest.mark.parametrize("pitch", (0.15, 0.6))
 def test_the_ends_of_a_coarse_map_are_like_the_rest(tmp_path, texture, pitch):
     """The outermost pixels are low-passed too: kept as they were, they take the whole range of grey."""
@@ -75,19 +66,20 @@ def test_the_ends_of_a_coarse_map_are_like_the_rest(tmp_path, texture, pitch):
     assert inner.max() - inner.min() > 200
 
 
+@pytest.mark.parametrize(("hertz", "lost"), [((100, 700), "50.0 %"), ((700,), "100.0 %")])
+def test_the_loss_is_the_power_that_is_missing(tmp_path, hertz, lost):
+    seconds = np.arange(20000) / DEVICE_RATE
+    with pytest.warns(UserWarning, match=f"is lost, {lost} of the texture's power"):
+        write_png(tmp_path / "a.png", sum(0.01 * np.sin(2 * np.pi * f * seconds) for f in hertz), **COMMON)
+
+
 def test_fine_pixels_and_silence_do_not_warn(tmp_path, texture):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         write_png(tmp_path / "a.png", texture, **COMMON, pixel_pitch=0.036)
-        write_png(tmp_path / "a.png", np.zeros(1000), **COMMON)
+        write_png(tmp_path / "b.png", np.zeros(1000), **COMMON | {"friction_coefficient": float("nan")})
     assert read_png(tmp_path / "a.png")[1]["friction_coefficient"] == 0.6
-
-
-def test_unknown_friction_is_a_map_about_zero(tmp_path, texture):
-    write_png(tmp_path / "a.png", texture, **{**COMMON, "friction_coefficient": float("nan")}, pixel_pitch=0.036)
-    found, metadata = read_png(tmp_path / "a.png")
-    assert np.isnan(metadata["friction_coefficient"]) and metadata["friction_at_zero"] < 0
-    assert np.corrcoef(found, texture)[0, 1] > 0.999  # 8 bits
+    assert read_png(tmp_path / "b.png")[1]["friction_at_zero"] == 0  # unknown: a map about zero
 
 
 @pytest.mark.parametrize(
@@ -105,9 +97,3 @@ def test_bad_options_are_refused(tmp_path, texture, change, message):
     with pytest.raises(ValueError, match=message):
         write_png(tmp_path / "a.png", texture, **COMMON, **change)
     assert not list(tmp_path.iterdir())
-
-
-def test_another_picture_is_refused(tmp_path):
-    Image.new("L", (10, 10)).save(tmp_path / "a.png")
-    with pytest.raises(ValueError, match="a friction map that this package wrote"):
-        read_png(tmp_path / "a.png")
