@@ -32,9 +32,9 @@ def _read(profile, begin, end):
 def test_windows_are_those_of_this_process(process):
     there, here = EndlessProfile(process, RATINGS, 3), EndlessProfile(process.pipe, RATINGS, 3)
     for profile in (there, here):
-        profile.generate(0, 1, prepare=True)
+        profile.generate(0, 1)
     assert there.level == pytest.approx(here.level) and there.friction_coefficient == here.friction_coefficient
-    assert sorted(there.windows) == [0, 1] and there.windows[0]._computed.sum() == here.windows[0]._computed.sum()
+    assert sorted(there.windows) == [0, 1]
     np.testing.assert_allclose(_read(there, 0.3, 1.9), _read(here, 0.3, 1.9), rtol=0, atol=1e-6)
 
 
@@ -75,7 +75,7 @@ def test_what_is_interrupted_leaves_nothing_half_made(process, monkeypatch):
 
 def test_a_failure_there_is_raised_here(process):
     with pytest.raises(RuntimeError, match="Generating has failed: .*not a number"):
-        process._generate(-1, ("not a number", 0, True, {}), [0], False)
+        process._generate(-1, ("not a number", 0, True, {}), [0])
     profile = EndlessProfile(process, RATINGS)
     profile.generate(0)
     assert list(profile.windows) == [0]

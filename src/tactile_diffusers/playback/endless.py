@@ -81,10 +81,8 @@ class EndlessProfile:
 
     # --- what the generating thread does
 
-    def generate(self, *indices, prepare=False):
+    def generate(self, *indices):
         """Generates the windows of these `indices` that are not there yet, in one batch.
-
-        `prepare` also computes all their resolutions for 20-320 mm/s; otherwise each is computed when it is first read.
 
         Returns:
             `dict[int, TextureProfile]`: of `indices`, those that are there now: all, or after `interrupt` those that
@@ -94,7 +92,7 @@ class EndlessProfile:
             found = {index: self.windows[index] for index in indices if index in self.windows}
             missing = [index for index in dict.fromkeys(indices) if index not in found]
             if missing:
-                found |= self._generator.generate(missing, prepare)
+                found |= self._generator.generate(missing)
                 self.windows.update(found)
                 # kept: those just generated, those near the finger, and the latest others
                 rank = {index: place for place, index in enumerate([*missing, *self._wanted()])}
@@ -247,7 +245,7 @@ class EndlessStream(TextureStream):
                 if self._changes:
                     self._exchange(self._changes.pop())
                 elif missing := self.profile.missing():
-                    self.profile.generate(missing[0], prepare=True)
+                    self.profile.generate(missing[0])
                 else:
                     self._wake.wait(_PAUSE)
                     self._wake.clear()
@@ -258,7 +256,7 @@ class EndlessStream(TextureStream):
         """Generates what is under the finger of another surface, and puts it there, unless another change comes."""
         needed = self.profile.near_finger() or [0]
         while not (self._changes or self._closed):
-            if changed.generate(*needed, prepare=True):
+            if changed.generate(*needed):
                 before = self.profile
                 self.replace(changed, changed.friction_coefficient)
                 self._substituted += before.substituted

@@ -124,9 +124,8 @@ class _RemoteWindowGenerator(WindowGenerator):
         self.lock, self.interrupt, self._process, self._key = process.lock, process.interrupt, process, key
         self._surface = (self.ratings.numpy(), self.seed, fill, {**options, "rating_scale": "z"})
 
-    def generate(self, indices, prepare=False):
-        answer = self._process._generate(self._key, self._surface, indices, prepare)
-        windows, self.level, self.friction_coefficient = answer
+    def generate(self, indices):
+        windows, self.level, self.friction_coefficient = self._process._generate(self._key, self._surface, indices)
         return windows
 
 
@@ -149,7 +148,7 @@ def _serve(pipe, connection, interrupts, threads):
                 answer = repr(error), None
 
 
-def _answer(pipe, generators, key, surface, indices, prepare):
+def _answer(pipe, generators, key, surface, indices):
     """Windows, level and friction coefficient of a surface; the latents of the last two surfaces are kept."""
     if key not in generators:
         for old in list(generators)[:-1]:  # the last one is played until this one replaces it
@@ -157,7 +156,7 @@ def _answer(pipe, generators, key, surface, indices, prepare):
         ratings, seed, fill, options = surface
         generators[key] = WindowGenerator(pipe, ratings, seed, fill, **options)
     generator = generators[key]
-    return generator.generate(indices, prepare), generator.level, generator.friction_coefficient
+    return generator.generate(indices), generator.level, generator.friction_coefficient
 
 
 def _watch(pipe, interrupts):

@@ -91,32 +91,22 @@ class TextureProfile:
         # the finest resolution lies one above, so that what the texture holds up to its end stays as it is
         count = int(np.ceil(PER_OCTAVE * np.log2(highest / lowest))) + 3
         self.cutoffs = highest * 2.0 ** ((1 - np.arange(count)) / PER_OCTAVE)
-        # resolutions one after the other, finest first, the last one empty; computed when they are first read
+        # resolutions one after the other, finest first, the last one empty
         lengths = np.ceil(LEAST_SAMPLES_PER_PERIOD * self.cutoffs * self.length).astype(int)
         self._lengths = np.array([next_fast_len(max(16, int(length)), real=True) for length in lengths] + [16])
         self._begins = np.concatenate([[0], np.cumsum(self._lengths + _MARGIN)])
         self._samples = np.zeros(self._begins[-1], dtype=np.float32)
-        self._computed = np.zeros(count + 1, dtype=bool)
-        self._computed[-1] = True
+        for begin, length, cutoff in zip(self._begins, self._lengths, self.cutoffs, strict=False):
+            self._samples[begin : begin + length + _MARGIN] = self._resolution(length, cutoff)
 
-    def _compute(self, level):
-        """One resolution, with a sample of its end before it and two of its beginning after it."""
-        length, samples = self._lengths[level], 2 * (len(self._frequencies) - 1)
+    def _resolution(self, length, cutoff):
+        """What lies below a cutoff, in so many samples; and one of its end before it, two of its beginning after it."""
+        samples = 2 * (len(self._frequencies) - 1)
         # beyond the edge there is nothing
-        kept = np.searchsorted(self._frequencies[: length // 2 + 1], self.cutoffs[level] * _BEYOND)
-        spectrum = self._spectrum[:kept] * _soft_edge(self._frequencies[:kept], self.cutoffs[level])
+        kept = np.searchsorted(self._frequencies[: length // 2 + 1], cutoff * _BEYOND)
+        spectrum = self._spectrum[:kept] * _soft_edge(self._frequencies[:kept], cutoff)
         profile = np.fft.irfft(spectrum, n=length) * (length / samples)
-        begin = self._begins[level]
-        self._samples[begin : begin + length + _MARGIN] = np.concatenate([profile[-1:], profile, profile[:2]])
-        self._computed[level] = True
-
-    def prepare(self, slowest, fastest):
-        """Computes the resolutions for fingers of these speeds (mm/s); otherwise each is computed when first read."""
-        for edge in (BAND_HZ[1] * _BEYOND, BAND_HZ[0] / _BEYOND):
-            rungs = self._rungs(edge / np.array([slowest, fastest], dtype=np.float64))
-            for level in range(int(rungs.min()), min(int(rungs.max()) + 2, len(self._computed))):
-                if not self._computed[level]:
-                    self._compute(level)
+        return np.concatenate([profile[-1:], profile, profile[:2]])
 
     def period(self):
         """One period of the profile, filled, with all its spatial frequencies: (n,) float64, N, `pitch` mm apart."""
@@ -146,17 +136,14 @@ class TextureProfile:
         rung = self._rungs(np.stack([BAND_HZ[1] * _BEYOND / speed, BAND_HZ[0] / _BEYOND / speed]))
         lower = rung.astype(int)
         share = rung - lower
-        levels = np.stack([lower, np.minimum(lower + 1, len(self._computed) - 1)])
-        if not self._computed[levels].all():
-            for level in np.unique(levels[~self._computed[levels]]):
-                self._compute(level)
+        levels = np.stack([lower, np.minimum(lower + 1, len(self.cutoffs))])
         weights = np.stack([1 - share, share])
         weights[:, 1] *= -1
         return (weights * self._cubic(levels, place)).sum(axis=(0, 1))
 
     def _rungs(self, cutoff):
         """Places of spatial frequencies on the ladder: 0 = the finest resolution."""
-        return np.clip(PER_OCTAVE * np.log2(self.cutoffs[0] / cutoff), 0, len(self._computed) - 1)
+        return np.clip(PER_OCTAVE * np.log2(self.cutoffs[0] / cutoff), 0, len(self.cutoffs))
 
     def _cubic(self, levels, place):
         """Cubic (four-point Lagrange) interpolation in levels (..., n) at places (n,) in [0, 1)."""

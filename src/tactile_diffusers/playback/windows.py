@@ -14,8 +14,6 @@ from .profile import TextureProfile
 OVERLAP = 0.25
 #: Latents of takes that are kept, a few kilobytes each: a window needs those of its neighbours.
 LARGEST_TAKES = 64
-#: Speeds that a window is prepared for ahead of the finger, mm/s.
-_SPEEDS = (20.0, 320.0)
 #: One for each pipeline: several surfaces may share it, and it generates for one at a time.
 _LOCKS = weakref.WeakKeyDictionary()
 
@@ -63,11 +61,8 @@ class WindowGenerator:
         self.level = self.friction_coefficient = self._spectrum = None
         self._takes = {}
 
-    def generate(self, indices, prepare=False):
-        """Windows of these indices in one batch (`dict[int, TextureProfile]`); empty if `interrupt` came in between.
-
-        `prepare` also computes all their resolutions for 20-320 mm/s; otherwise each is computed when first read.
-        """
+    def generate(self, indices):
+        """Windows of these indices in one batch (`dict[int, TextureProfile]`); empty if `interrupt` came in between."""
         if not self._generate_takes(sorted({index + near for index in indices for near in (-1, 0, 1)})):
             return {}
         base = torch.stack([self._joined(index) for index in indices])
@@ -83,8 +78,6 @@ class WindowGenerator:
             windows[index] = TextureProfile(
                 texture, out.sampling_rate, self.reference_speed, fill=self.fill, repeats=False, noise=filling
             )
-            if prepare:
-                windows[index].prepare(*_SPEEDS)
         return windows
 
     def interrupt(self):
