@@ -5,6 +5,7 @@ import statistics
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import torch
 
@@ -76,11 +77,7 @@ def _seconds(run):
 
 
 def run_child(code, *arguments):
-    """Runs Python code in a fresh process.
-
-    Args:
-        code (`str`): it sees `arguments` in `sys.argv[1:]`.
-        arguments (`str`).
+    """Runs Python code, which sees `arguments` in `sys.argv[1:]`, in a fresh process.
 
     Returns:
         `tuple[str, float | None]`: what it printed, and its peak resident memory in MiB; `None` anywhere but on Linux.
@@ -95,3 +92,11 @@ def run_child(code, *arguments):
         raise RuntimeError(f"A process that was measured failed with {done.returncode}:\n{done.stderr[-2000:]}")
     *printed, kibibytes = done.stdout.splitlines()
     return "\n".join(printed), int(kibibytes) / 2**10 if linux else None
+
+
+def resident_mib(process="self"):
+    """Memory that a process (its number) or this one holds now, MiB; NaN where there is no /proc, or it has ended."""
+    try:
+        return int((Path("/proc") / str(process) / "status").read_text().split("VmRSS:")[1].split()[0]) / 2**10
+    except (OSError, IndexError):
+        return float("nan")

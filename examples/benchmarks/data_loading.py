@@ -74,11 +74,7 @@ def prepare(recordings, prepared):
 
 
 def feed(prepared, pipe):
-    """Samples per second that a data set gives and that training takes, measured in one run.
-
-    Returns:
-        `tuple[dict, dict]`: rows of tables, loading by rate and way, and training by model.
-    """
+    """Samples per second that a data set gives, by rate and way, and that training takes, by model: rows of tables."""
     extractor, loading = pipe.feature_extractor, {}
     for rate in (None, extractor.sampling_rate):
         begin = time.perf_counter()

@@ -68,11 +68,7 @@ def _named(word):
 
 
 def _distilled(arguments, pipe):
-    """Pipelines with the decoders that were asked for, or with the checkpoint's own: name -> (pipeline, steps).
-
-    Raises:
-        ValueError: if a decoder does not belong to the checkpoint.
-    """
+    """Pipelines with the decoders that were asked for, or with the checkpoint's own: name -> (pipeline, steps)."""
     if not arguments.decoders:
         pipes = {
             name: load_pipeline(arguments.checkpoint, decoder=name) for name in find_decoders(arguments.checkpoint)

@@ -6,11 +6,10 @@
 import multiprocessing
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
-from benchmarking import finish, make_parser, parse
-from stream import BLOCK, SENSOR_HZ, largest_step, motion
+from benchmarking import finish, make_parser, parse, resident_mib
+from stream import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion, play
 from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import load_pipeline, positive_number
@@ -67,10 +66,10 @@ def real_time(pipe, minutes, seed, quiet):
     """Random motion, generating in a thread or in a process; and how late the machine alone wakes a program."""
     place = motion(minutes, seed)
     with on_time():
-        found = {"in a thread": clock(pipe, place, SENSOR_HZ, BLOCK, minutes * COMPARED, quiet)}
+        found = {"in a thread": clock(pipe, place, minutes * COMPARED, quiet)}
         with GeneratingProcess(pipe) as process:
-            found["in a process"] = clock(process, place, SENSOR_HZ, BLOCK, minutes, quiet)
-    found["waking, of the machine"] = wakes(BLOCK, minutes * COMPARED, quiet)
+            found["in a process"] = clock(process, place, minutes, quiet)
+    found["waking, of the machine"] = wakes(minutes * COMPARED, quiet)
     fastest = float(np.abs(np.diff(place)).max() * SENSOR_HZ)
     own = 1e3 * max(largest_step(one, fastest) for one in profiles(pipe))
     for name in ("in a thread", "in a process"):
@@ -99,11 +98,7 @@ def markdown(report):
 
 
 def joints(pipe, quiet):
-    """Level, bands and agreement where windows meet, against the middle of windows; means over surfaces.
-
-    Returns:
-        `dict`: differences in dB, and the correlation of two windows where one gives way to the other.
-    """
+    """Level and bands where windows meet, against the middle of windows, and how they agree: means over surfaces."""
     begin, end = (edge * OVERLAP / (1 - OVERLAP) for edge in HANDOVER)
     levels, bands, agreement = [], [], []
     for seed, ratings in enumerate(tqdm(RATINGS, disable=quiet, desc="joints")):
@@ -133,14 +128,11 @@ def joints(pipe, quiet):
 
 
 def starts(pipe):
-    """Time from ratings to the first sample, and from new ratings until they alone are felt: medians, ms.
-
-    `pipe`: or a `GeneratingProcess`.
-    """
+    """Time from ratings to the first sample, and from new ratings until they alone are felt; `pipe` or a process."""
     first, changes = [], []
     for number in range(TIMES + 1):  # the first one warms up
         begin = time.perf_counter()
-        with EndlessStream(EndlessProfile(pipe, RATINGS[0], number), 125.0) as stream:
+        with EndlessStream(EndlessProfile(pipe, RATINGS[0], number), SENSOR_HZ) as stream:
             stream.read(1)
             first.append(time.perf_counter() - begin)
             while stream.profile.missing():
@@ -157,76 +149,44 @@ def starts(pipe):
     }
 
 
-def clock(pipe, place, rate, block, minutes, quiet):
-    """Random motion in real time, while windows are generated and ratings change.
-
-    Args:
-        pipe (`TactileTexturePipeline` or `GeneratingProcess`).
-        place (`np.ndarray`): mm, of the finger, `rate` times a second.
-        rate (`float`): Hz.
-        block (`int`): samples at a time.
-        minutes (`float`): of playing.
-        quiet (`bool`): no progress bar.
-
-    Returns:
-        `dict`: percentiles in ms, late blocks, shares of a core, memory, largest step.
-    """
-    blocks, budget = round(minutes * 60 * DEVICE_RATE / block), block / DEVICE_RATE
-    times, late, steps, last, finite, number = np.empty(blocks), 0, 0.0, 0.0, True, 0
+def clock(pipe, place, minutes, quiet):
+    """Random motion in real time, while windows are generated and ratings change: a dict; `pipe` or a process."""
+    blocks, changes = round(minutes * 60 * DEVICE_RATE / BLOCK), round(CHANGE_SECONDS / BUDGET)
     memory, busy, began = [], time.process_time(), time.perf_counter()
-    with EndlessStream(EndlessProfile(pipe, RATINGS[0]), rate) as stream:
-        stream.read(block)
-        start = time.perf_counter()
-        for index in tqdm(range(blocks), disable=quiet, desc="endless", mininterval=5):
-            while number / rate <= stream.time and number < len(place):
-                stream.report(number / rate, place[number])
-                number += 1
-            if (index + 1) % round(CHANGE_SECONDS / budget) == 0:
-                stream.change(RATINGS[index // round(CHANGE_SECONDS / budget) % len(RATINGS)])
-            if index % round(5 / budget) == 0:
-                memory.append(_resident_mib())
-            time.sleep(max(0.0, start + index * budget - time.perf_counter()))
-            begin = time.perf_counter()
-            force = stream.read(block)
-            times[index] = time.perf_counter() - begin
-            late += time.perf_counter() > start + (index + 2) * budget
-            steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
-            last, finite = force[-1], finite and bool(np.isfinite(force).all())
-    wall = time.perf_counter() - began
-    quarter = max(1, len(memory) // 4)
-    return {
-        "median ms": 1e3 * float(np.median(times)),
-        "99.9th percentile ms": 1e3 * float(np.percentile(times, 99.9)),
-        "largest ms": 1e3 * float(times.max()),
-        "over budget": int((times > budget).sum()),
-        "underruns": int(late),
+    with EndlessStream(EndlessProfile(pipe, RATINGS[0]), SENSOR_HZ) as stream:
+
+        def change(index):
+            if (index + 1) % changes == 0:
+                stream.change(RATINGS[index // changes % len(RATINGS)])
+            if index % round(5 / BUDGET) == 0:
+                memory.append(resident_mib())
+
+        stream.read(BLOCK)
+        times, late, found = play(stream, place, blocks, change, quiet, "endless", in_real_time=True)
+    wall, quarter = time.perf_counter() - began, max(1, len(memory) // 4)
+    return delays(times) | {
+        "over budget": int((times > BUDGET).sum()),
+        "underruns": late,
         "reading, share of a core": float(times.sum() / wall),
         "all, share of a core": (time.process_time() - busy) / wall,
         "windows stood in for": stream.substituted,
         "memory MiB": float(np.mean(memory[-quarter:])),
         "its growth MiB": float(np.mean(memory[-quarter:]) - np.mean(memory[quarter : 2 * quarter] or memory)),
-        "largest step mN": 1e3 * steps,
-        "finite": finite,
+        **found,
     }
 
 
-def wakes(block, minutes, quiet):
-    """How late the machine itself wakes a program that sleeps from block to block while another computes: ms."""
-    blocks, budget = round(minutes * 60 * DEVICE_RATE / block), block / DEVICE_RATE
-    late = np.empty(blocks)
+def wakes(minutes, quiet):
+    """How late the machine itself wakes a program that sleeps from block to block while another computes: a dict."""
+    late = np.empty(round(minutes * 60 * DEVICE_RATE / BLOCK))
     other = multiprocessing.get_context("spawn").Process(target=_compute, daemon=True)
     other.start()
     start = time.perf_counter() + 1.0  # it has begun by then
-    for index in tqdm(range(blocks), disable=quiet, desc="machine", mininterval=5):
-        time.sleep(max(0.0, start + index * budget - time.perf_counter()))
-        late[index] = time.perf_counter() - start - index * budget
+    for index in tqdm(range(len(late)), disable=quiet, desc="machine", mininterval=5):
+        time.sleep(max(0.0, start + index * BUDGET - time.perf_counter()))
+        late[index] = time.perf_counter() - start - index * BUDGET
     other.terminate()
-    return {
-        "median ms": 1e3 * float(np.median(late)),
-        "99.9th percentile ms": 1e3 * float(np.percentile(late, 99.9)),
-        "largest ms": 1e3 * float(late.max()),
-        "over budget": int((late > budget).sum()),
-    }
+    return delays(late) | {"over budget": int((late > BUDGET).sum())}
 
 
 def _compute():
@@ -242,14 +202,6 @@ def profiles(pipe, windows=6):
         profile.generate(*range(windows))
         made.extend(profile.windows.values())
     return made
-
-
-def _resident_mib():
-    """Memory of this process now; NaN where there is no /proc."""
-    status = Path("/proc/self/status")
-    if not status.is_file():
-        return float("nan")
-    return int(status.read_text().split("VmRSS:")[1].split()[0]) / 2**10
 
 
 if __name__ == "__main__":

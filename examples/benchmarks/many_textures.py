@@ -40,11 +40,7 @@ def main(argv=None):
 
 
 def measure(arguments, processes):
-    """Generates a data set in fresh processes; see `growth` for what is returned.
-
-    Raises:
-        RuntimeError: if generating fails, with the end of what it wrote.
-    """
+    """`growth` of a data set that fresh processes generate."""
     with tempfile.TemporaryDirectory() as folder:
         words = [sys.executable, "-m", "torch.distributed.run", "--nproc_per_node", processes, _SCRIPT]
         words += ["--num_textures", arguments.textures, "--output", folder, "--textures_per_shard", SHARD]

@@ -4,7 +4,8 @@ import importlib
 import math
 import sys
 import types
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import NamedTuple
 
 import torch
 
@@ -28,17 +29,11 @@ _TOKENS, _TOKEN_WIDTH = 3, 768
 _UNET_CHANNELS, _UNET_ATTENTIONS, _UNET_TIME = (32, 32, 64, 128, 128, 256, 256), 3, 16
 
 
-@dataclass
-class Peer:
-    """A model of another package.
-
-    Attributes:
-        module (`torch.nn.Module`): all that is run to generate.
-        generate (`Callable`): (count, steps) -> (count, 1, samples) of one segment.
-    """
+class Peer(NamedTuple):
+    """A model of another package: all that generates, and (count, steps) -> (count, 1, samples) of one segment."""
 
     module: torch.nn.Module
-    generate: object
+    generate: Callable
 
 
 def size(module):
@@ -53,12 +48,7 @@ def _scaled(channels, factor, multiple):
 def fit(build, parameters, halvings=14):
     """The factor of all widths at which `build(factor)` comes nearest to a number of parameters, found by bisection.
 
-    Args:
-        build (`Callable`): factor -> `torch.nn.Module`; called on the meta device, where weights cost nothing.
-        parameters (`int`): wanted.
-
-    Raises:
-        ValueError: if no factor comes within `SIZE_TOLERANCE`.
+    It is built on the meta device, where weights cost nothing. A ValueError if none comes within `SIZE_TOLERANCE`.
     """
     low, high, tried = 1e-3, 4.0, {}
     with torch.device("meta"):
@@ -97,13 +87,7 @@ def audio_diffusion(parameters=None):
     """audio-diffusion-pytorch: its README's autoencoder, cut to seven levels, and its conditional U-Net.
 
     Ratings (as tokens) to latents, and latents to a mono waveform of 10 kHz, each by its own sampler. The encoder is
-    left out: generating does not run it.
-
-    Args:
-        parameters (`int`, *optional*): widths are scaled to this number of parameters; `None` = as published.
-
-    Returns:
-        `Peer`
+    left out: generating does not run it. Widths are scaled to the number of parameters; `None` = as published.
     """
     package = _import_audio_diffusion()  # its norms have eight groups
     factor = 1.0 if parameters is None else fit(lambda f: _audio_diffusion_networks(package, f), parameters)
@@ -157,11 +141,7 @@ def _audio_diffusion_networks(package, factor):
 def unet_1d(parameters=None):
     """diffusers' `UNet1DModel` on the waveform, unconditional, with Dance Diffusion's sampler (`IPNDMScheduler`).
 
-    Args:
-        parameters (`int`, *optional*): widths are scaled to this number of parameters; `None` = 18 M.
-
-    Returns:
-        `Peer`
+    Widths are scaled to the number of parameters; `None` = 18 M.
     """
     from diffusers import IPNDMScheduler
 

@@ -49,15 +49,7 @@ def other(peer):
 
 
 def competitors(checkpoint, anchor=None):
-    """Rows of the comparison, and notes on what is missing.
-
-    Args:
-        checkpoint (`str`): of ours.
-        anchor (`Path`, *optional*): a checkpoint of the paper's configuration.
-
-    Returns:
-        `tuple[dict, list[str]]`: name -> (networks, generate), and sentences.
-    """
+    """Rows of the comparison, name -> (networks, generate), and sentences on what is missing."""
     rows, notes = {OURS: ours(checkpoint)}, []
     rows[f"ours, {DEFAULT_STEPS} + {DEFAULT_STEPS} steps"] = ours(checkpoint, (DEFAULT_STEPS, DEFAULT_STEPS))
     for name in find_decoders(checkpoint):

@@ -4,13 +4,14 @@
 """
 
 import json
-import statistics
+import math
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import torch
 from benchmarking import finish, make_parser, parse, run_child
 
@@ -51,9 +52,9 @@ def main(argv=None):
         }
         settings = (arguments.checkpoint, number, arguments.seed, torch.get_num_threads(), path)
         report["cases"] = measure(arguments.repeats, [str(value) for value in settings])
-    loaded = report["cases"]["pipeline alone"]["peak MiB"]
+    loaded = report["cases"]["pipeline alone"].get("peak MiB", math.nan)
     for row in report["cases"].values():
-        row["above the pipeline MiB"] = None if loaded is None else row["peak MiB"] - loaded
+        row["above the pipeline MiB"] = row.get("peak MiB", math.nan) - loaded
     return finish(arguments, "scene", report, markdown(report))
 
 
@@ -64,11 +65,7 @@ def draw_surfaces(number, seed):
 
 
 def file_size(pipe, number, seed, path):
-    """Writes a scene; what it takes on disk, and how long it takes to write and to read, latents apart.
-
-    Returns:
-        `dict[str, float]`
-    """
+    """What a scene takes on disk, and how long it takes to write and to read, latents apart: a dict."""
     scene = TextureScene(draw_surfaces(number, seed), pipe, seed=seed)
     scene.friction_coefficient(scene.names[0])  # runs DALE
     begin = time.perf_counter()
@@ -86,26 +83,13 @@ def file_size(pipe, number, seed, path):
 
 
 def measure(repeats, settings):
-    """Medians over fresh processes; the cases take turns, so that what else the machine does meets all.
-
-    Args:
-        repeats (`int`): of each case.
-        settings (`Sequence[str]`): further arguments of `child`.
-
-    Returns:
-        `dict[str, dict[str, float]]`: case -> seconds, and "peak MiB", `None` anywhere but on Linux.
-    """
+    """Case -> median seconds and "peak MiB" (Linux alone) over fresh processes; the cases take turns."""
     rows = {case: [] for case in CASES}
     for _ in range(repeats):
         for case in CASES:
             printed, peak = run_child(_CHILD, case, *settings)
-            times = json.loads(printed.splitlines()[-1])
-            rows[case].append(times | {"peak MiB": peak})
-    return {case: {name: _median(found, name) for name in found[0]} for case, found in rows.items()}
-
-
-def _median(rows, name):
-    return None if rows[0][name] is None else statistics.median(row[name] for row in rows)
+            rows[case].append(json.loads(printed.splitlines()[-1]) | ({"peak MiB": peak} if peak else {}))
+    return {case: pd.DataFrame(found).median().to_dict() for case, found in rows.items()}
 
 
 def child(case, checkpoint, number, seed, threads, path):

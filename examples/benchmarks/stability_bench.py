@@ -18,12 +18,7 @@ SAME, SAME_DB = 100 * float(np.finfo(np.float32).eps), 1e-3
 
 
 class Row(NamedTuple):
-    """A line of the table.
-
-    Attributes:
-        case, measured, unit (`str`).
-        value, bound (`float`): it passes if `value` is at most `bound`; NaN fails.
-    """
+    """A line of the table: it passes if `value` is at most `bound`; NaN fails."""
 
     case: str
     measured: str
@@ -78,9 +73,8 @@ class Bench:
         reference = reference or self.reference
         bands = nine_band_error_db(made.textures, reference.textures, made.sampling_rate)
         level = DECIBEL * np.abs(made.level - reference.level)
-        yield Row(
-            case, "waveform, RMS of the error over RMS", relative(made.textures, reference.textures), waveform, ""
-        )
+        error = relative(made.textures, reference.textures)
+        yield Row(case, "waveform, RMS of the error over RMS", error, waveform, "")
         yield Row(case, "nine-band error", float(np.max(bands)), bands_db, "dB")
         yield Row(case, "level", float(np.max(level)), bands_db, "dB")
 

@@ -122,10 +122,9 @@ def levels(bench):
     for number in (-12.0, -8.0, -4.0, 0.0, 3.0):
         out = pipe.decode(made.latents, torch.full_like(made.level, number), noise=bench.decoder_noise)
         scaled = reference.textures * np.exp(number - reference.level.astype(np.float64))[:, None]
-        yield Row(
-            f"ln RMS of {number:g}", "waveform against the scaled reference", relative(out.textures, scaled), SAME, ""
-        )
-        yield Row(f"ln RMS of {number:g}", "RMS of the texture against its level", level_error(out), SAME_DB, "dB")
+        case = f"ln RMS of {number:g}"
+        yield Row(case, "waveform against the scaled reference", relative(out.textures, scaled), SAME, "")
+        yield Row(case, "RMS of the texture against its level", level_error(out), SAME_DB, "dB")
     textures = reference.textures.astype(np.float64)
     plain = pipe.encode(textures, reference.sampling_rate)
     for scale in (1e-6, 1e-3, 1e3, 1e6):
@@ -145,9 +144,8 @@ def lengths(bench):
         if seconds >= 10:
             parts = out.textures[0, : out.textures.shape[1] // 5 * 5].reshape(5, -1)
             drift = nine_band_error_db(parts[-1], parts[0], rate)
-            yield Row(
-                f"generated, {seconds:g} s", "last fifth against the first, nine-band", float(drift), FELT_DB, "dB"
-            )
+            case = f"generated, {seconds:g} s"
+            yield Row(case, "last fifth against the first, nine-band", float(drift), FELT_DB, "dB")
     texture = pipe(RATINGS[:1], duration_s=5.0, generator=bench.generator()).textures[0]
     for samples in (2, 3, 61, 997, 7919, SEGMENT_SAMPLES - 1, SEGMENT_SAMPLES, SEGMENT_SAMPLES + 1, 49_999):
         piece = texture[:samples]

@@ -35,6 +35,8 @@ SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1)
 #: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
 HAND_HZ = 15.0
 BLOCK = 32
+#: What a block lasts, s.
+BUDGET = BLOCK / DEVICE_RATE
 #: Reports of the sensor in the timed runs.
 SENSOR_HZ = 125.0
 #: Random motion: it strokes to and fro at most about this often, over about twice this far.
@@ -66,12 +68,7 @@ def main(argv=None):
 def fresh_recordings(surfaces, quiet):
     """Nine-band error, dB, of what is read from a profile against fresh recordings at other speeds.
 
-    Args:
-        surfaces (`int`): how many virtual surfaces.
-        quiet (`bool`): no progress bar.
-
-    Returns:
-        `dict`: class of surface -> kind of playback -> speed -> mean error over surfaces.
+    Class of surface -> kind of playback -> speed -> mean error over surfaces.
     """
     found = {}
     for index in tqdm(range(surfaces), disable=quiet, desc="recordings"):
@@ -94,12 +91,7 @@ def fresh_recordings(surfaces, quiet):
 def whose_speed(surfaces, quiet):
     """Nine-band error, dB, of textures recorded by a hand whose speed wanders, placed in space in three ways.
 
-    Args:
-        surfaces (`int`): how many virtual surfaces.
-        quiet (`bool`): no progress bar.
-
-    Returns:
-        `dict`: way -> speed at which it is played -> mean error over surfaces without stick-slip.
+    Way -> speed at which it is played -> mean error over surfaces without stick-slip.
     """
     found, rate = {}, DEVICE_RATE
     for index in tqdm(range(surfaces), disable=quiet, desc="whose speed"):
@@ -152,15 +144,7 @@ def _played(surface, texture, speed):
 
 
 def sensor(profiles, rate, resolution):
-    """What a coarse, slow sensor adds to the force, in the worst of three motions.
-
-    Args:
-        profiles (`list[TextureProfile]`).
-        rate, resolution (`float`): Hz and mm.
-
-    Returns:
-        `dict`: spurious energy against the texture's, dB; largest error of the place, mm; latency, s.
-    """
+    """What a sensor of a rate (Hz) and resolution (mm) adds to the force, in the worst of three motions: a dict."""
     motions = (lambda t: 80 * t, lambda t: 30 * t, lambda t: 40 * np.sin(np.pi * t))
     spurious, away = [], []
     smoother = signal.butter(4, HAND_HZ, fs=DEVICE_RATE, output="sos")
@@ -183,40 +167,64 @@ def _follow(motion, rate, resolution, seconds):
 
 
 def clock(profiles, minutes, seed, quiet):
-    """Times of blocks while the finger moves at random and the surface changes twice a second.
+    """Times of blocks while the finger moves at random and the surface changes twice a second: a dict."""
+    blocks, place = round(minutes * 60 * DEVICE_RATE / BLOCK), motion(minutes, seed)
+    stream, each = TextureStream(profiles[0], 0.0, SENSOR_HZ), round(0.5 * DEVICE_RATE / BLOCK)
+
+    def change(index):
+        if index % each == 0:
+            stream.replace(profiles[index // each % 2], 0.0)
+
+    with on_time():
+        times, late, found = play(stream, place, blocks, change, quiet, "clock")
+    fastest = float(np.abs(np.diff(place)).max() * SENSOR_HZ)
+    own = max(largest_step(profile, fastest) for profile in profiles)
+    return delays(times) | {
+        "budget ms": 1e3 * BUDGET,
+        "late blocks": int((times > BUDGET).sum()),
+        "share of a core": float(times.sum() / (blocks * BUDGET)),
+        "profiles' own mN": 1e3 * own,
+        **found,
+    }
+
+
+def play(stream, place, blocks, before, quiet, name, in_real_time=False):
+    """Reads blocks while a finger moves.
+
+    Args:
+        stream (`TextureStream`): that is read.
+        place (`np.ndarray`): mm, of the finger, `SENSOR_HZ` times a second.
+        blocks (`int`): that are read.
+        before (`Callable`): called with the number of each block before it is read.
+        quiet (`bool`), name (`str`): of the progress bar.
+        in_real_time (`bool`): whether to wait until each block is due.
 
     Returns:
-        `dict`: percentiles in ms, share of the time that one core is busy, largest step against the profiles' own.
+        `tuple[np.ndarray, int, dict]`: seconds of each block, blocks that come more than one block late, and the
+        largest step and whether all is finite.
     """
-    rate = SENSOR_HZ
-    blocks, place = round(minutes * 60 * DEVICE_RATE / BLOCK), motion(minutes, seed)
-    stream, number, times, steps, last = TextureStream(profiles[0], 0.0, rate), 0, np.empty(blocks), 0.0, 0.0
-    finite = True
-    with on_time():
-        for block in tqdm(range(blocks), disable=quiet, desc="clock"):
-            while number / rate <= stream.time:
-                stream.report(number / rate, place[number])
-                number += 1
-            if block % round(0.5 * DEVICE_RATE / BLOCK) == 0:
-                stream.replace(profiles[(block * BLOCK * 2 // DEVICE_RATE) % 2], 0.0)
-            begin = time.perf_counter()
-            force = stream.read(BLOCK)
-            times[block] = time.perf_counter() - begin
-            steps = max(steps, float(np.abs(np.diff(force, prepend=last)).max()))
-            last, finite = force[-1], finite and bool(np.isfinite(force).all())
-    fastest = float(np.abs(np.diff(place)).max() * rate)
-    own = max(largest_step(profile, fastest) for profile in profiles)
-    return {
-        "median ms": 1e3 * float(np.median(times)),
-        "99.9th percentile ms": 1e3 * float(np.percentile(times, 99.9)),
-        "largest ms": 1e3 * float(times.max()),
-        "budget ms": 1e3 * BLOCK / DEVICE_RATE,
-        "late blocks": int((times > BLOCK / DEVICE_RATE).sum()),
-        "share of a core": float(times.sum() * DEVICE_RATE / (blocks * BLOCK)),
-        "largest step mN": 1e3 * steps,
-        "profiles' own mN": 1e3 * own,
-        "finite": finite,
-    }
+    times, late, step, last, finite, number = np.empty(blocks), 0, 0.0, 0.0, True, 0
+    start = time.perf_counter()
+    for index in tqdm(range(blocks), disable=quiet, desc=name, mininterval=5):
+        while number / SENSOR_HZ <= stream.time and number < len(place):
+            stream.report(number / SENSOR_HZ, place[number])
+            number += 1
+        before(index)
+        if in_real_time:
+            time.sleep(max(0.0, start + index * BUDGET - time.perf_counter()))
+        begin = time.perf_counter()
+        force = stream.read(BLOCK)
+        times[index] = time.perf_counter() - begin
+        late += time.perf_counter() > start + (index + 2) * BUDGET
+        step = max(step, float(np.abs(np.diff(force, prepend=last)).max()))
+        last, finite = force[-1], finite and bool(np.isfinite(force).all())
+    return times, int(late), {"largest step mN": 1e3 * step, "finite": finite}
+
+
+def delays(seconds):
+    """Median, 99.9th percentile and largest of times in s: ms."""
+    found = {"median": np.median(seconds), "99.9th percentile": np.percentile(seconds, 99.9), "largest": seconds.max()}
+    return {f"{name} ms": 1e3 * float(value) for name, value in found.items()}
 
 
 def motion(minutes, seed):

@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarking import finish
+from benchmarking import finish, resident_mib
 
 from tactile_diffusers.cli.program import Parser, add_output_argument, count
 from tactile_diffusers.evaluation.result_files import machine
@@ -62,11 +62,7 @@ def main(argv=None):
 
 
 def preparation(scripts, folder, surfaces):
-    """Prepares virtual surfaces as README does, fewer of them.
-
-    Returns:
-        `dict`: minutes for README's number of surfaces, peak memory in MiB, disk in MiB likewise.
-    """
+    """Prepares fewer virtual surfaces than README does: minutes and disk are reckoned for as many."""
     wanted = int(_option(PREPARE, "surfaces"))
     seconds, peak = watched([sys.executable, *_words(scripts, PREPARE, surfaces=surfaces)], folder)
     size = sum((folder / name).stat().st_size for name in ("recordings.h5", "prepared.h5"))
@@ -75,11 +71,7 @@ def preparation(scripts, folder, surfaces):
 
 
 def training(scripts, folder, command):
-    """Runs the first steps of a training and reckons the rest.
-
-    Returns:
-        `dict`: minutes of the whole, peak memory in MiB, milliseconds of a step, seconds beside the steps.
-    """
+    """Runs the first steps of a training and reckons the rest: a dict."""
     wanted, output = int(_option(command, "max_train_steps")), _option(command, "output_dir")
     words = _words(scripts, command, max_train_steps=STEPS)
     seconds, peak = watched([*LAUNCHER, *words, "--report_to", "none"], folder)
@@ -107,14 +99,9 @@ def _words(scripts, command, **changes):
 
 
 def watched(words, folder):
-    """Runs a command in a folder.
+    """Runs a command in a folder: seconds, and the largest memory in MiB of it and all that it started, at once.
 
-    Returns:
-        `tuple[float, float]`: seconds, and the largest memory in MiB that it and the processes that it started held at
-        once (pages that they share count for each); NaN where there is no /proc.
-
-    Raises:
-        RuntimeError: if it fails, with the end of what it wrote.
+    Pages that they share count for each; NaN where there is no /proc. A RuntimeError if it fails.
     """
     began, peak = time.monotonic(), float("nan")
     with tempfile.TemporaryFile("w+") as log:
@@ -136,14 +123,12 @@ def watched(words, folder):
 
 def memory(pid):
     """Resident memory in MiB of a process and of all that it started; NaN where there is no /proc."""
-    process = Path("/proc") / str(pid)
     try:
-        held = int((process / "status").read_text().split("VmRSS:")[1].split()[0]) / 2**10
-        children = " ".join(path.read_text() for path in process.glob("task/*/children")).split()
-    except (OSError, IndexError):  # it has just ended
+        children = " ".join(path.read_text() for path in Path(f"/proc/{pid}").glob("task/*/children")).split()
+    except OSError:  # it has just ended
         return float("nan")
     below = (memory(child) for child in children)
-    return held + sum(value for value in below if value == value)
+    return resident_mib(pid) + sum(value for value in below if value == value)
 
 
 if __name__ == "__main__":

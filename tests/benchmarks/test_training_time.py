@@ -16,7 +16,7 @@ def test_the_commands_are_those_of_the_documentation(command):
 
 
 def test_memory_counts_what_a_command_starts(tmp_path):
-    hold = "import time; held = bytearray(100 * 2**20); time.sleep(1.5)"
+    hold = "import time; held = bytearray(100 * 2**20); time.sleep(0.8)"
     alone = training_time.watched([sys.executable, "-c", hold], tmp_path)[1]
     child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {hold!r}])"
     both = training_time.watched([sys.executable, "-c", child], tmp_path)[1]
