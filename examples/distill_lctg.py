@@ -104,10 +104,7 @@ class DistillationStep(nn.Module):
 
 def make_validation(args, pipe):
     """Nine-band error, from the base layer alone, at each number of steps."""
-    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
-    held_out = Reconstructions(
-        held_out, pipe.feature_extractor, pipe.scheduler, args.validation_samples, args.eval_batch_size
-    )
+    held_out = Reconstructions(args.train_data_dir, pipe, args.validation_samples, args.eval_batch_size)
 
     def validate(model):
         return {

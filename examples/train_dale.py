@@ -15,7 +15,6 @@ import torch
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.schedulers import RECOMMENDED
-from tactile_diffusers.training.batches import TensorRows
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.checkpoints import writing
 from tactile_diffusers.training.dale_data import (
@@ -156,7 +155,7 @@ def main(argv=None):
         conditioning_weight=args.conditioning_weight,
     )
     validate = make_validation(args, pipe, dale_scheduler, held_out_states) if args.validation_samples else None
-    rows = TensorRows(states)
+    rows = torch.utils.data.StackDataset(**states)
     trainer = Trainer(accelerator, args, step, "dale", rows, validate=validate, surfaces=surfaces_of(dataset))
     dale = trainer.run()
     if accelerator.is_main_process:

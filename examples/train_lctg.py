@@ -82,10 +82,7 @@ def build_components(args):
 
 def make_validation(args, pipe):
     """Nine-band error and SNR of reconstructions, of which a few are drawn into `validation.png`."""
-    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered")
-    held_out = Reconstructions(
-        held_out, pipe.feature_extractor, pipe.scheduler, args.validation_samples, args.eval_batch_size
-    )
+    held_out = Reconstructions(args.train_data_dir, pipe, args.validation_samples, args.eval_batch_size)
 
     def validate(model):
         decoded = held_out.decode(model, steps=10)

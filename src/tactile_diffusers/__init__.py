@@ -16,14 +16,7 @@ from .pipelines import TactileLatents, TactileTexturePipeline, TactileTexturePip
 from .schedulers import VDDIMScheduler
 from .version import __version__
 
-for _public in (
-    DALEModel,
-    LCTGModel,
-    RatingEstimator,
-    TactileFeatureExtractor,
-    TactileTexturePipeline,
-    VDDIMScheduler,
-):
+for _public in (DALEModel, LCTGModel, RatingEstimator, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler):
     _public.__module__ = __name__
 del _public
 

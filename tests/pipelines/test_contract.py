@@ -79,22 +79,6 @@ def test_the_progress_bar_counts_both_stages(pipe, capsys):
     assert capsys.readouterr().err == ""
 
 
-# --- callbacks
-
-
-def test_a_callback_may_change_the_waveform(pipe):
-    seen = []
-
-    def turn_over(pipeline, index, timestep, tensors):
-        seen.append(tuple(tensors["latents"].shape))
-        return {"latents": -tensors["latents"]} if index == 3 else {}  # the last step of LCTG
-
-    plain, turned = _textures(pipe), _textures(pipe, callback_on_step_end=turn_over)
-    assert seen == [(1, 6, 32)] * 2 + [(1, 1, 512)] * 2
-    # what follows is linear; float32
-    np.testing.assert_allclose(turned, -plain, rtol=0, atol=1e-5 * np.abs(plain).max())
-
-
 # --- devices, offloading, types
 
 

@@ -240,24 +240,6 @@ def test_a_callback_may_interrupt_either_stage(pipe, last, dale_steps, lctg_step
     assert not pipe.interrupt  # the next call is whole
 
 
-# --- supplied latents
-
-
-def test_supplied_latents_are_dale_s_noise(pipe):
-    noise = torch.randn((2, 6, 32), generator=_generator(9))
-    kept = noise.clone()
-    one = _run(pipe, [[0.0] * 3] * 2, latents=noise)
-    assert torch.equal(noise, kept)
-    made = _run(pipe, [[0.0] * 3] * 2, latents=noise.double())  # cast to the model's dtype
-    assert np.array_equal(made.textures, one.textures)
-    assert not np.allclose(_run(pipe, [[0.0] * 3] * 2, latents=-noise).level, one.level)
-    # the generator then draws for LCTG alone
-    used, expected = _generator(1), _generator(1)
-    _run(pipe, latents=noise[:1], generator=used)
-    torch.randn((1, 1, 512), generator=expected)
-    assert torch.equal(torch.randn(3, generator=used), torch.randn(3, generator=expected))
-
-
 # --- durations
 
 

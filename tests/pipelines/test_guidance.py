@@ -201,10 +201,3 @@ def test_rescaling_goes_as_far_as_it_is_told_at_every_time(make_dale, seeded, re
         )
     assert made.shape == (2, 3) and ((guided / plain - 1).abs() > 0.01).any()
     torch.testing.assert_close(made, guided + rescale * (plain - guided), rtol=1e-3, atol=0)  # float32, through 1/sin
-
-
-def test_rescaling_changes_nothing_where_there_is_none_or_no_guidance(state_of):
-    assert torch.equal(
-        state_of(RATINGS, guidance_scale=3.0, guidance_rescale=0.0)[1], state_of(RATINGS, guidance_scale=3.0)[1]
-    )
-    assert torch.equal(state_of(RATINGS, guidance_rescale=1.0)[1], state_of(RATINGS)[1])

@@ -102,20 +102,6 @@ def _four_levels(make_lctg, make_extractor):
     return pipe
 
 
-def test_band_levels_in_the_latents_are_restored(make_lctg, make_extractor, seeded):
-    pipe = _four_levels(make_lctg, make_extractor)
-    extractor, wanted = pipe.feature_extractor, torch.tensor([-2.0, 1.0, 0.0, -1.0])
-    base = torch.rand((4, 6, 128), generator=seeded(0)) * 2 - 1
-    base[:, :4] = wanted[:, None]
-    latents = pipe.lctg.pad_detail(base)
-    out = pipe.decode(latents, torch.full((4,), -5.0), num_inference_steps=3, generator=seeded(1))
-    heard = extractor.band_levels(extractor.normalize(out.textures, 10_000)[0]).mean((0, 2))
-    # up to the one gain that brings a texture to its level; resampling takes from what lies above the band. Against an
-    # untrained decoder, far from every level, slow gains of few bins leave a tenth of 3 nats in the lowest band
-    differences = heard[:3] - heard[1]
-    np.testing.assert_allclose(differences, (wanted[:3] - wanted[1]).numpy(), rtol=0, atol=0.4)
-
-
 def test_band_levels_of_a_recording_are_restored(make_lctg, make_extractor, pink_noise, seeded):
     pipe = _four_levels(make_lctg, make_extractor)
     extractor, texture = pipe.feature_extractor, pink_noise(8192, 10_000, count=4, exponent=2.0)

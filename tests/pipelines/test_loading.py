@@ -51,11 +51,6 @@ def test_impossible_choices_are_refused(saved, options, message):
         TactileTexturePipeline.from_pretrained(saved, **options)
 
 
-def test_a_checkpoint_without_further_decoders_is_named(tiny_checkpoint):
-    with pytest.raises(ValueError, match="tiny_pipeline has no `decoder` 'distilled': it has none but its own"):
-        TactileTexturePipeline.from_pretrained(str(tiny_checkpoint), decoder="distilled")
-
-
 @pytest.mark.parametrize("name", ["./typo", "/no/such/folder", "a/b/c"])
 def test_a_name_that_the_hub_cannot_have_is_an_os_error(name):
     with pytest.raises(OSError, match="is neither a folder here nor a name on the Hub"):

@@ -98,26 +98,6 @@ def test_dtype_is_kept_and_the_update_is_float32(dtype):
 # --- interface
 
 
-def test_a_loop_may_start_part_way():
-    scheduler, x, v = VDDIMScheduler(), _noise(1, 1, 8), _noise(1, 1, 8, seed=1)
-    scheduler.set_timesteps(10)
-    from_timestep = scheduler.step(v, scheduler.timesteps[4], x).prev_sample  # found from the timestep
-    assert scheduler.step_index == 5
-    scheduler.set_timesteps(10)
-    scheduler.set_begin_index(4)
-    assert scheduler.begin_index == 4
-    assert torch.equal(scheduler.step(v, scheduler.timesteps[4], x).prev_sample, from_timestep)
-    turn = math.pi / 20
-    torch.testing.assert_close(from_timestep, math.cos(turn) * x - math.sin(turn) * v, rtol=0, atol=1e-6)
-
-
-def test_set_timesteps_starts_again():
-    scheduler, noise = VDDIMScheduler(), _noise(1, 1, 16)
-    first = _sample(scheduler, _model, noise, 5)
-    _sample(scheduler, _model, noise, 3)
-    assert torch.equal(_sample(scheduler, _model, noise, 5), first)
-
-
 def test_step_before_set_timesteps_is_refused():
     with pytest.raises(ValueError, match="Number of inference steps is 'None', you need to run 'set_timesteps' after"):
         VDDIMScheduler().step(_noise(1), 999, _noise(1))

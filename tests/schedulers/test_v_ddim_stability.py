@@ -90,23 +90,6 @@ def test_an_error_before_a_long_step_is_not_blown_up():
 # --- guidance
 
 
-@pytest.mark.parametrize(("order", "spacing"), RULES)
-def test_guidance_of_unit_gaussians_is_exactly_proportional(order, spacing):
-    # unconditional N(0, 1), conditional N(m, 1): the guided velocity is -g m sin(phi), and the path ends at x + g m
-    noise, mean = _noise(50, dtype=torch.float64), 0.8
-    conditional, unconditional = _gaussian(mean, 1.0), _gaussian(0.0, 1.0)
-    shifts = []
-    for scale in (0.0, 1.0, 7.5, 20.0):
-
-        def guided(x, phi, scale=scale):
-            return unconditional(x, phi) + scale * (conditional(x, phi) - unconditional(x, phi))
-
-        shifts.append(_loop(order, spacing, guided, noise, 10) - _loop(order, spacing, unconditional, noise, 10))
-    for scale, shift in zip((0.0, 1.0, 7.5, 20.0), shifts, strict=True):
-        torch.testing.assert_close(shift, scale * shifts[1], rtol=0, atol=1e-12)  # float64
-    assert (shifts[1] - mean).abs().max() < (0.2 if order == 1 else 0.12)  # measured 0.16 and 0.1
-
-
 def _guided(conditional, unconditional, scale):
     return lambda x, phi: unconditional(x, phi) + scale * (conditional(x, phi) - unconditional(x, phi))
 

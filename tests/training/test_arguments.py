@@ -89,19 +89,6 @@ def test_averages_are_taken_as_asked(make_trainer, tmp_path):
         torch.testing.assert_close(value, plain[name], rtol=1e-5, atol=1e-6)  # float32, another order of products
 
 
-def test_tf32_is_allowed_on_request_alone(make_trainer, tmp_path):
-    products = torch.backends.cuda.matmul
-    before = products.allow_tf32
-    try:
-        products.allow_tf32 = False
-        make_trainer(tmp_path / "without")
-        assert not products.allow_tf32
-        make_trainer(tmp_path / "with", allow_tf32=True)
-        assert products.allow_tf32
-    finally:
-        products.allow_tf32 = before
-
-
 def test_mixed_precision_keeps_trained_weights_wide(make_trainer, tmp_path):
     trainer = make_trainer(tmp_path, mixed_precision="bf16")
     seen, layer = [], trainer.module.model.time_embedder.linear_1

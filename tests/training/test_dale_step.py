@@ -151,13 +151,6 @@ def test_the_estimator_is_neither_trained_nor_saved(step, make_dale, batch):
     assert all(p.grad.isfinite().all() for p in module.model.parameters())
 
 
-def test_the_generator_decides_the_loss(step, make_dale, batch):
-    module = step(model=make_dale(), condition_dropout=0.3, rating_jitter=1.0)
-    before = torch.get_rng_state()
-    assert module(batch, _random(3))[0] == module(batch, _random(3))[0] != module(batch, _random(4))[0]
-    assert torch.equal(torch.get_rng_state(), before)
-
-
 # --- data
 
 
@@ -183,15 +176,3 @@ def test_states_hold_level_friction_and_ratings(data, latents, make_dale):
     error = first["ratings_std"] / first["ratings_count"].sqrt()
     torch.testing.assert_close(states["ratings_error"][0], error.float(), rtol=1e-5, atol=0)
     assert states["knows_friction"].shape == (len(data),) and states["knows_friction"].all()
-
-
-def test_states_can_hold_the_ratings_of_every_rater(data, latents, make_dale):
-    single, pooled = (training_states(make_dale(), data, latents, single_raters=each) for each in (True, False))
-    assert single["ratings"].shape == (len(data), len(data.ratings.single), 3)
-    assert single["ratings"].dtype == torch.float32
-    for row in (0, len(data) - 1):
-        expected = data.ratings.single[:, data.surface_ids[row]]
-        assert torch.equal(single["ratings"][row], torch.from_numpy(expected))
-    torch.testing.assert_close(single["ratings"].nanmean(1), pooled["ratings"], rtol=0, atol=1e-5)  # float32
-    for name in set(pooled) - {"ratings"}:
-        assert torch.equal(single[name], pooled[name]), name

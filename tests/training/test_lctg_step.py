@@ -3,12 +3,10 @@
 import json
 import math
 
-import numpy as np
 import pytest
 import torch
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.steps import BatchNoise, LCTGTrainingStep
 
 ROWS = 64
@@ -114,15 +112,6 @@ def test_the_frequency_aware_loss_is_weighted_and_moves_no_random_number(step, b
 
 
 @torch.no_grad()
-def test_the_frequency_aware_loss_counts_cos_squared_phi(step, batch, monkeypatch):
-    from tactile_diffusers.training import steps
-
-    monkeypatch.setattr(steps, "frequency_aware_loss", lambda predicted, clean: torch.ones(len(clean)))
-    # cos^2 over a stratified quarter turn: one half
-    assert step(spectral_loss_weight=1.0)(batch, _random())[1]["spectral"].item() == pytest.approx(0.5, abs=0.02)
-
-
-@torch.no_grad()
 def test_the_velocity_loss_is_that_of_the_papers_equations(step, batch):
     module = step(config={"latent_noise": 0.0}, octave_exponent=0.0)
     asked = []
@@ -141,17 +130,6 @@ def test_the_velocity_loss_is_that_of_the_papers_equations(step, batch):
 
 
 # --- the script
-
-
-@pytest.mark.parametrize("changes", [{}, {"level_bands": 3}], ids=["plain", "levels"])
-def test_batches_hold_waveforms_and_all_features(make_extractor, pink_noise, changes):
-    extractor = make_extractor(**changes)
-    items = [{"texture": torch.from_numpy(row).float()} for row in pink_noise(512, 2500, count=3)]
-    batch = make_collate(extractor, 2500)(items)
-    assert set(batch) == {"waveform", "input_features"} and batch["waveform"].shape == (3, 512)
-    features = extractor.features(batch["waveform"].numpy())
-    assert features.shape == (3, extractor.feature_size, 64)
-    np.testing.assert_array_equal(batch["input_features"].numpy(), features)
 
 
 def test_a_layered_model_is_trained_saved_and_continued(script, run_script, tiny_configs, tmp_path):

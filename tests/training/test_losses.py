@@ -68,15 +68,6 @@ def test_spectral_loss_of_a_gain_is_its_logarithm():
     torch.testing.assert_close(loss, torch.full((3,), math.log(2)), rtol=2e-3, atol=0)
 
 
-def test_spectral_loss_is_per_row_and_differentiable():
-    one, other = _noise(3, 2048).requires_grad_(), _noise(3, 2048, seed=1)
-    loss = frequency_aware_loss(one, other)
-    alone = frequency_aware_loss(one[1:2], other[1:2])
-    torch.testing.assert_close(loss[1:2], alone, rtol=1e-5, atol=0)
-    loss.mean().backward()
-    assert one.grad.isfinite().all() and one.grad.any()
-
-
 def test_spectral_loss_of_silence_is_finite():
     silent = torch.zeros(1, 2048, requires_grad=True)
     loss = frequency_aware_loss(silent, _noise(1, 2048))
@@ -98,9 +89,3 @@ def test_rating_loss_leaves_out_what_is_not_specified():
     requested = torch.tensor([[0.0, 0.0, 0.0], [0.0, torch.nan, 1.0], [torch.nan] * 3])
     expected = torch.tensor([14 / 3, 2.5, 0.0])
     torch.testing.assert_close(rating_loss(recovered, requested), expected)
-
-
-def test_rating_loss_gives_no_gradient_where_nothing_was_asked():
-    recovered = torch.tensor([[1.0, 2.0, 3.0]], requires_grad=True)
-    rating_loss(recovered, torch.tensor([[0.0, torch.nan, torch.nan]])).sum().backward()
-    assert recovered.grad.tolist() == [[2.0, 0.0, 0.0]]

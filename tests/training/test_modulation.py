@@ -51,12 +51,6 @@ def test_what_is_missing_is_restored(pipe, pink_noise):
     assert abs(np.log(_shortfall(pipe, textures))) < 0.6 * np.log(before)  # other noise, few textures
 
 
-def test_a_second_fit_forgets_the_first(pipe, pink_noise):
-    textures = _fluttering(pink_noise(16_384, 10_000, count=4), 0.5)
-    first = fit_modulation_gains(pipe, pipe.dale, textures, 10_000, quiet=True)
-    assert fit_modulation_gains(pipe, pipe.dale, textures, 10_000, quiet=True) == first
-
-
 def test_without_band_levels_there_is_none(make_pipeline, pink_noise):
     pipe = make_pipeline()
     assert fit_modulation_gains(pipe, pipe.dale, pink_noise(8192, 10_000), 10_000, quiet=True) is None

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 import torch
-from accelerate import Accelerator
 from safetensors.torch import load_file
 
 from tactile_diffusers.io.locks import fcntl, is_locked, unlock_folder
@@ -110,13 +109,6 @@ def test_a_training_holds_its_folder_from_its_start_to_its_result(make_trainer, 
     run_script(script("train_lctg"), "lctg", tmp_path / "b", max_train_steps=1)
     assert not is_locked(tmp_path / "b")
     unlock_folder(tmp_path / "a")
-
-
-def test_other_processes_than_the_main_one_lock_nothing(make_trainer, tmp_path, monkeypatch):
-    with monkeypatch.context() as patch:
-        patch.setattr(Accelerator, "is_main_process", False)
-        make_trainer(tmp_path)
-    assert not is_locked(tmp_path)
 
 
 def test_tensorboard_gets_scalars(make_trainer, tmp_path):

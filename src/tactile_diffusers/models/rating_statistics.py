@@ -50,14 +50,10 @@ class RatingStatistics:
             raise ValueError(f"`rating_statistics` has unknown entries {unknown}; it may hold {names}.")
         return cls(**(entries or {}))
 
-    def to_dict(self):
-        """What is known, for a config."""
-        return {name: value for name, value in asdict(self).items() if value is not None}
-
     def check(self, axes):
         """Raises a `ValueError` unless every statistic has one number or row for each of the axes."""
-        for name, value in self.to_dict().items():
-            if name != "reach" and len(value) != axes:
+        for name, value in asdict(self).items():
+            if name != "reach" and value is not None and len(value) != axes:
                 raise ValueError(f"`rating_statistics`: `{name}` must hold one entry for each of {axes} axes: {value}.")
         if self.quantiles is not None:
             lengths = {len(row) for row in self.quantiles}

@@ -1,8 +1,5 @@
 """Checks of the arguments of a call, before any work starts."""
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 import torch
 from diffusers.utils import logging
@@ -29,35 +26,26 @@ LARGEST_RATING = 6.0
 LONGEST_SECONDS = 3600.0
 
 
-class _Scale(NamedTuple):
-    low: float
-    high: float
-    unit: str
-    remark: str
-    statistics: tuple[str, ...]  # entries of DALE's `rating_statistics`
-    to_z: Callable  # of values and statistics
-
-
+# smallest and largest value, unit and remark, entries of DALE's `rating_statistics`, function of values and statistics
 _SCALES = {
-    "z": _Scale(-LARGEST_RATING, LARGEST_RATING, "z-scores", "most surfaces lie within -2 and 2", (), np.asarray),
-    "raw": _Scale(*RATING_SCALE, "answers", "as the typical rater gives them", ("mean", "std"), from_raw),
-    "percentile": _Scale(
-        0.0, 100.0, "percentiles", "of the training surfaces' ratings", ("quantiles",), from_percentile
-    ),
+    "z": (-LARGEST_RATING, LARGEST_RATING, "z-scores", "most surfaces lie within -2 and 2", (), np.asarray),
+    "raw": (*RATING_SCALE, "answers", "as the typical rater gives them", ("mean", "std"), from_raw),
+    "percentile": (0.0, 100.0, "percentiles", "of the training surfaces' ratings", ("quantiles",), from_percentile),
 }
 #: Scales in which ratings may be given.
 RATING_SCALES = tuple(_SCALES)
 
 
-def _row_from_mapping(mapping, axes):
-    unknown = sorted(str(name) for name in set(mapping) - set(axes))
-    if unknown:
-        raise ValueError(f"`ratings` has unknown axes {unknown}; the axes are {list(axes)}.")
-    return [mapping.get(axis) for axis in axes]
-
-
-def _row_from_values(row, axes):
-    values = list(row) if isinstance(row, list | tuple | np.ndarray | torch.Tensor) and np.ndim(row) else [row]
+def _row(values, axes):
+    """One texture's ratings as a list, in the order of the axes."""
+    if isinstance(values, dict):
+        unknown = sorted(str(name) for name in set(values) - set(axes))
+        if unknown:
+            raise ValueError(f"`ratings` has unknown axes {unknown}; the axes are {list(axes)}.")
+        return [values.get(axis) for axis in axes]
+    values = (
+        list(values) if isinstance(values, list | tuple | np.ndarray | torch.Tensor) and np.ndim(values) else [values]
+    )
     if len(values) != len(axes):
         raise ValueError(
             f"`ratings` must have {len(axes)} values per texture, in the order {list(axes)}, got {len(values)}: "
@@ -83,16 +71,15 @@ def parse_ratings(ratings, config, rating_scale="z"):
     """
     if rating_scale not in RATING_SCALES:
         raise ValueError(f"`rating_scale` must be one of {list(RATING_SCALES)}, got {rating_scale!r}.")
-    scale = _SCALES[rating_scale]
-    statistics = _statistics(config, rating_scale, scale.statistics)
+    low, high, unit, remark, names, to_z = _SCALES[rating_scale]
+    statistics = _statistics(config, rating_scale, names)
     values = _as_array(ratings, config.rating_axes)
-    for row, index in np.argwhere((values < scale.low) | (values > scale.high)):
+    for row, index in np.argwhere((values < low) | (values > high)):
         raise ValueError(
-            f'`ratings` with `rating_scale="{rating_scale}"` are {scale.unit} between {scale.low:g} and {scale.high:g} '
-            f"({scale.remark}), got {config.rating_axes[index]} = {values[row, index]} in row {row}. The scales are "
-            f"{list(RATING_SCALES)}."
+            f'`ratings` with `rating_scale="{rating_scale}"` are {unit} between {low:g} and {high:g} ({remark}), got '
+            f"{config.rating_axes[index]} = {values[row, index]} in row {row}. The scales are {list(RATING_SCALES)}."
         )
-    return torch.tensor(scale.to_z(values, *statistics), dtype=torch.float32)
+    return torch.tensor(to_z(values, *statistics), dtype=torch.float32)
 
 
 def warn_of_novel_ratings(ratings, config):
@@ -134,20 +121,14 @@ def _statistics(config, rating_scale, names):
     return list(found.values())
 
 
-def _from_table(table):
-    """A table of pandas, or a row of one, as dicts of axes; without names of columns as an array."""
-    labels = table.columns if table.ndim == 2 else table.index
-    if not all(isinstance(label, str) for label in labels):
-        return table.to_numpy()
-    return table.to_dict("records") if table.ndim == 2 else table.to_dict()
-
-
 def _as_array(ratings, axes):
     """Ratings in any accepted form as a (batch, axes) float64 array, NaN = not specified."""
     if ratings is None:
         ratings = {}
     if hasattr(ratings, "to_dict") and hasattr(ratings, "to_numpy"):  # pandas, which need not be imported for that
-        ratings = _from_table(ratings)
+        table = ratings.ndim == 2
+        named = all(isinstance(label, str) for label in (ratings.columns if table else ratings.index))
+        ratings = (ratings.to_dict("records") if table else ratings.to_dict()) if named else ratings.to_numpy()
     if isinstance(ratings, torch.Tensor | np.ndarray):
         if "complex" in str(ratings.dtype):  # a conversion would drop a part of it with no more than a warning
             raise ValueError(f"`ratings` must be real numbers, got {ratings.dtype}.")
@@ -161,7 +142,7 @@ def _as_array(ratings, axes):
         raise ValueError(f"`ratings` must hold at least one texture's {len(axes)} values, got {ratings!r}.")
     if not any(isinstance(row, dict | list | tuple | np.ndarray | torch.Tensor) for row in ratings):
         ratings = [ratings]
-    rows = [_row_from_mapping(row, axes) if isinstance(row, dict) else _row_from_values(row, axes) for row in ratings]
+    rows = [_row(values, axes) for values in ratings]
     try:
         return np.array([[np.nan if value is None else float(value) for value in row] for row in rows], np.float64)
     except (TypeError, ValueError, OverflowError) as error:

@@ -27,19 +27,6 @@ def make_collate(extractor, sampling_rate):
     return collate
 
 
-class TensorRows(torch.utils.data.Dataset):
-    """Rows of equally long tensors, as dicts: `{"state": (n, ...), "weight": (n,)}` has n of them."""
-
-    def __init__(self, tensors):
-        self.tensors = tensors
-
-    def __len__(self):
-        return len(next(iter(self.tensors.values())))
-
-    def __getitem__(self, index):
-        return {name: values[index] for name, values in self.tensors.items()}
-
-
 class EndlessBatches(torch.utils.data.Sampler):
     """Batches of indices for ever: a new seeded permutation each epoch, incomplete last batches dropped.
 
@@ -63,8 +50,8 @@ class EndlessBatches(torch.utils.data.Sampler):
             raise ValueError(
                 f"`train_batch_size` ({batch_size}){of_each} exceeds the number of training segments ({length})."
             )
-        self.length, self.batch_size, self.seed, self.start = length, batch_size, seed, start
-        self.processes = processes
+        self.length, self.batch_size, self.seed = length, batch_size, seed
+        self.start, self.processes = start, processes
         self.drop_last = True  # read by accelerate when it shares batches between processes
 
     def __iter__(self):

@@ -18,8 +18,7 @@ _REQUIRED = {"script": str, "arguments": dict, "changed": dict, "segments": int,
 _REQUIRED |= {"processes": int, "machine": str, "versions": dict}
 #: The argument that names the training that one continued from.
 _EARLIER = "pretrained_model_name_or_path"
-#: Steps and sizes beyond it are damage.
-_LARGEST = 2**53
+_LARGEST = 2**53  # steps and sizes beyond it are damage
 
 
 def write_record(args, accelerator, segments, steps, surfaces):

@@ -5,10 +5,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from ..data.dataset import PreparedDataset
 from ..io.files import atomic_path
 from ..models import RatingStatistics
-from ..pipelines import TactileTexturePipeline
-from ..schedulers import VDDIMScheduler
 from ..signal import nine_band_error_db, power_spectral_density, resample
 from .record import read_log
 
@@ -17,8 +16,8 @@ class Reconstructions:
     """Held-out textures, encoded and decoded with a fixed seed.
 
     Args:
-        dataset (`PreparedDataset`): of the split "validation", at its native rate.
-        extractor (`TactileFeatureExtractor`), scheduler (`VDDIMScheduler`): the pipeline's.
+        path (`str` or `Path`): of the prepared data set, whose split "validation" is read.
+        pipe (`TactileTexturePipeline`): whose decoder is trained.
         count (`int`): textures.
         batch_size (`int`): decoded at once.
 
@@ -27,12 +26,12 @@ class Reconstructions:
         rate (`int`): Hz, at which textures are delivered.
     """
 
-    def __init__(self, dataset, extractor, scheduler, count, batch_size):
+    def __init__(self, path, pipe, count, batch_size):
+        dataset, self.pipe, self.batch_size = PreparedDataset(path, "validation", "filtered"), pipe, batch_size
         count = min(count, len(dataset))
         self.textures = dataset.textures(np.sort(np.random.default_rng(0).permutation(len(dataset))[:count]))
-        self.sampling_rate, self.rate, self.batch_size = dataset.sampling_rate, extractor.delivery_rate, batch_size
+        self.sampling_rate, self.rate = dataset.sampling_rate, pipe.feature_extractor.delivery_rate
         self.references = resample(self.textures, dataset.sampling_rate, self.rate)
-        self.extractor, self.scheduler = extractor, scheduler
 
     def decode(self, model, steps, base_only=False):
         """Textures (count, samples), in N, that a decoder makes of the latents in so many steps.
@@ -42,8 +41,7 @@ class Reconstructions:
             steps (`int`): of the solver.
             base_only (`bool`): from the base layer alone, which is what DALE generates.
         """
-        scheduler = VDDIMScheduler.from_config(self.scheduler.config)
-        pipe = TactileTexturePipeline(lctg=model, scheduler=scheduler, feature_extractor=self.extractor)
+        pipe = type(self.pipe).from_pipe(self.pipe, lctg=model, dale=None, dale_scheduler=None, rating_estimator=None)
         pipe.set_progress_bar_config(disable=True)
         decoded = []
         for start in range(0, len(self.textures), self.batch_size):
