@@ -35,40 +35,13 @@ JSON_FINDINGS = {
         *[(("friction_coefficient",), value) for value in ("x", [])],
         *[(("sampling_rate",), value) for value in (0, 1e308, [], math.nan)],
     ],
-    "hjif": [
-        (("timescale",), math.inf),
-        (("timescale",), 0),
-        (("perceptions", 0, "perception_modality"), GONE),
-        (("perceptions", 0, "channels", 0, "gain"), GONE),
-        *[(("perceptions", 0, "channels", 0, "gain"), value) for value in ("x", None, [None], [[1]], math.nan)],
-        (("perceptions", 0, "channels", 0, "bands", 0, "effects", 0, "keyframes", 1, "relative_position"), 0),
-        (("perceptions", 0, "channels", 0, "bands", 0, "effects", 0, "keyframes", 1, "relative_position"), 1e-320),
-        (("perceptions", 0, "channels", 0, "bands", 0, "effects", 0, "keyframes", 5, "amplitude_modulation"), math.nan),
-        (("perceptions", 0, "channels", 0, "bands", 0, "effects", 0, "keyframes", 5, "amplitude_modulation"), "x"),
-    ],
+    "hjif": [(("timescale",), math.inf), (("perceptions", 0, "channels", 0, "gain"), math.nan)],
     "haptic": [
-        (("metadata", "tactile_diffusers", "sampling_rate"), math.nan),
-        (("metadata", "tactile_diffusers", "ratings"), 0.5),
-        *[(("metadata", "tactile_diffusers", "newtons_per_full_scale"), value) for value in ({}, None, "x", [])],
-        *[(("metadata", "tactile_diffusers", "samples"), value) for value in ("x", None, -1, 0, 2**70, [[1]])],
-        *[
-            (("signals", "continuous", "envelopes", kind, 1, key), value)
-            for kind, key in (("amplitude", "amplitude"), ("amplitude", "time"), ("frequency", "frequency"))
-            for value in ("x", None, {}, math.nan, 2**70)
-        ],
+        (("signals", "continuous", "envelopes", kind, 1, key), value)
+        for kind, key in (("amplitude", "amplitude"), ("amplitude", "time"), ("frequency", "frequency"))
+        for value in (math.nan, 2**70)
     ],
-    "ahap": [
-        *[(("Metadata", "tactile_diffusers", "ratings"), value) for value in (5, [1.5, None, {}])],
-        *[(("Metadata", "tactile_diffusers", "sampling_rate"), value) for value in (0, None, [])],
-        *[(("Metadata", "tactile_diffusers", "samples"), value) for value in ([], 0.5, None, 2**70)],
-        *[(("Metadata", "tactile_diffusers", "newtons_per_full_scale"), value) for value in (None, "x", 2**70)],
-        *[
-            (("Pattern", curve, "ParameterCurve", "ParameterCurveControlPoints", 0, "ParameterValue"), value)
-            for curve in (0, 1)
-            for value in ({}, "x", None, [[1]])
-        ],
-        (("Pattern", 0, "ParameterCurve", "Time"), []),
-    ],
+    "ahap": [(("Metadata", "tactile_diffusers", "ratings"), [1.5, None, {}])],
 }
 #: Reader -> bytes that are no file of its kind.
 NOTHING_OF_THE_KIND = {
@@ -151,14 +124,14 @@ def test_odd_chunks_of_a_png(readers, tmp_path, kind, content):
     assert readers.fault(readers.TARGETS["png"], data[:begin] + chunk + data[begin:], tmp_path) is None
 
 
-@pytest.mark.parametrize("name", ["recordings", "hdf5"])
+@pytest.mark.parametrize("name", ["tables-hdf5", "hdf5"])
 @pytest.mark.parametrize("mark", [b"SNOD", b"TREE", b"HEAP"])
 def test_odd_marks_in_hdf5(readers, tmp_path, name, mark):
-    for data in readers.TARGETS[name].seeds():
-        place = data.index(mark)
-        for begin, end in ((0, 4), (4, 8), (8, 16)):
-            damaged = data[: place + begin] + b"\xff" * (end - begin) + data[place + end :]
-            assert readers.fault(readers.TARGETS[name], damaged, tmp_path) is None
+    (data,) = readers.TARGETS[name].seeds()
+    place = data.index(mark)
+    for begin, end in ((0, 4), (4, 8), (8, 16)):
+        damaged = data[: place + begin] + b"\xff" * (end - begin) + data[place + end :]
+        assert readers.fault(readers.TARGETS[name], damaged, tmp_path) is None
 
 
 def test_a_rate_below_any_float(tmp_path):
