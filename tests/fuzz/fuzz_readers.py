@@ -1,8 +1,8 @@
 """Fuzzes one reader with atheris (`pip install "atheris>=3,<4"`): python tests/fuzz/fuzz_readers.py TARGET [options].
 
 TARGET "all" is every reader, chosen by the first byte: it shows that the harness works, and finds little. Options are
-libFuzzer's: `-max_total_time=180 -rss_limit_mb=2048 -timeout=20`, and a folder for the corpus. Fuzzing ends at the first
-fault; what is found becomes a test in tests/fuzz/test_findings.py.
+libFuzzer's: `-max_total_time=180 -rss_limit_mb=2048 -timeout=20`, and a folder for the corpus. Fuzzing ends at the
+first fault; what is found becomes a test in tests/fuzz/test_findings.py.
 """
 
 import json

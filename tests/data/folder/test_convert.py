@@ -246,71 +246,65 @@ def test_recordings_that_cannot_be_used_are_left_out(rig):
     rig.refuses("none of 2 recordings can be used; felt/0/0: no file with position or velocity")
 
 
-def test_faults_of_the_folder_stop_before_anything_is_written(rig):
-    original = rig.layout
-    rig.layout = original.replace("_force.csv", "_forces.csv")
-    rig.refuses(r"\[\[files\]\] 1, `pattern` = .* matches none of the 4 files in .*nearest are \['felt/0_force.csv'")
-    rig.layout = original.replace('"fz"', '"fzz"')
-    rig.refuses(r"\[\[files\]\] 1: .*felt.0_force.csv has no column 'fzz'.*Did you mean 'fz'")
-    rig.layout = original.replace('unit = "s"', 'unit = "ms"')
-    rig.refuses("none of 2 recordings can be used; felt/0/0: .*0.003 s in common are less than one segment")
-    rig.layout = original.replace('time = { column = "t", unit = "s" }', "")
-    rig.refuses(r"`rate` is missing, there is no `time`")
-    rig.layout = original.replace("{surface}/{trial}_motion", "{trial}/{surface}_motion")
-    rig.refuses("no recording in .* has all its files; .* Let the fields of the patterns agree")
+LAYOUT_FAULTS = {
+    "_force.csv": ("_forces.csv", r"\[\[files\]\] 1, `pattern` = .* matches none of the 4 files.*'felt/0_force.csv'"),
+    '"fz"': ('"fzz"', r"\[\[files\]\] 1: .*felt.0_force.csv has no column 'fzz'.*Did you mean 'fz'"),
+    'unit = "s"': ('unit = "ms"', "none of 2 recordings can be used; felt/0/0: .*0.003 s in common are less than one"),
+    'time = { column = "t", unit = "s" }': ("", "`rate` is missing, there is no `time`"),
+    "{surface}/{trial}_motion": ("{trial}/{surface}_motion", "no recording in .* has all its files; .* Let the fields"),
+    'time = { column = "t"': (
+        'rate = 1020\ntime = { column = "t"',
+        "1020 Hz, but the time stamps are 1000 Hz",
+    ),
+    'unit = "s" }\nforce': (
+        'unit = "s" }\noffset = 1000.0\nforce',
+        "force and motion do not overlap in time",
+    ),
+}
 
 
-def test_faults_of_the_numbers_are_named(rig):
-    rig.edit(
-        rig.force(), lambda table: table.assign(fx=table["fx"] * 1000, fy=table["fy"] * 1000, fz=table["fz"] * 1000)
-    )
-    rig.refuses("wood.0_force.csv.*N.*mN")
-    rig.edit(
-        rig.force(), lambda table: table.assign(fx=table["fz"] / 1000, fz=table["fx"] / 1000, fy=table["fy"] / 1000)
-    )
-    rig.refuses("wood.0_force.csv.*x looks like the normal force")
+@pytest.mark.parametrize("old", LAYOUT_FAULTS)
+def test_faults_of_the_layout_are_named(rig, old):
+    new, message = LAYOUT_FAULTS[old]
+    assert old in rig.layout
+    rig.layout = rig.layout.replace(old, new)
+    rig.refuses(message)
 
 
-def test_faults_of_the_clock_are_named(rig):
-    original = rig.force().read_text()
-    rig.edit(rig.force(), lambda table: pd.concat([table[100:200], table[:100], table[200:]]))
-    rig.refuses("wood.0_force.csv, line 102: time runs backward by 0.199 s")
-    rig.force().write_text(original)
-    rig.layout = rig.layout.replace("[[files]]", "[[files]]\nrate = 1020", 1)
-    rig.refuses("`rate` = 1020 Hz, but the time stamps are 1000 Hz")
-    rig.layout = rig.layout.replace("rate = 1020", "offset = 1000.0", 1)
-    rig.refuses("none of 2 recordings can be used; felt/0/0: force and motion do not overlap in time")
-    rig.layout = rig.layout.replace("offset = 1000.0", "offset = 0.0")
-    rig.edit(rig.force("felt"), lambda table: table.assign(t=5 + (table["t"] - 5) * 8.17))
-    rig.refuses("felt.0_force.csv: the rate of the force is 122.399 Hz; it must be a whole number, and above 40 Hz")
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda t: t.assign(fx=t["fx"] * 1000, fy=t["fy"] * 1000, fz=t["fz"] * 1000), "N.*mN"),
+        (lambda t: t.assign(fx=t["fz"], fz=t["fx"]), "x looks like the normal force"),
+        (lambda t: pd.concat([t[100:200], t[:100], t[200:]]), "line 102: time runs backward by 0.199 s"),
+        (lambda t: t.assign(t=5 + (t["t"] - 5) * 8.17), "rate of the force is 122.399 Hz; it must be a whole number"),
+    ],
+)
+def test_faults_of_the_numbers_are_named(rig, change, message):
+    rig.edit(rig.force(), change)
+    rig.refuses(f"wood.0_force.csv.*{message}")
 
 
-def test_suspicious_units_and_rates_are_noted(rig):
-    """Velocity in m/s that is called mm/s; and recordings at two rates, which no prepared data set can hold."""
-    rig.edit(rig.motion(), lambda table: table.assign(vx=table["vx"] / 1000, vy=table["vy"] / 1000))
-    rig.edit(rig.force(), lambda table: table[::2])
-    report = rig.convert()
-    kind = "recordings with a median speed outside (1.0, 1000.0) mm/s: is the unit right?"
-    assert report.notes[kind] == [1, str(rig.motion())]
-    assert "at 1000 and 500 Hz" in str(report) and "needs one rate" in str(report)
-
-
-def test_wrong_sign_of_pressing_is_noted(rig):
-    rig.edit(rig.force(), lambda table: table.assign(fz=-table["fz"]))
-    assert rig.convert().notes["recordings: z is negative on average: is `normal_sign` right?"] == [1, str(rig.force())]
-    rig.edit(rig.force("felt"), lambda table: table.assign(fz=-table["fz"]))
-    rig.layout = rig.layout.replace('unit = "N"', 'unit = "N", normal_sign = -1')
+@pytest.mark.parametrize(
+    "file, change, note, detail",
+    [
+        (Rig.motion, lambda t: t.assign(vx=t["vx"] / 1000, vy=t["vy"] / 1000), "a median speed outside", ""),
+        (Rig.force, lambda t: t.assign(fz=-t["fz"]), "z is negative on average: is `normal_sign` right", ""),
+        (Rig.force, lambda t: t.assign(fz=t["fz"] / 1000), "a median normal force outside", " (0.0005 N)"),
+        (Rig.motion, lambda t: t[:560], "force and motion differ in length", " (2.24 s, {} 3 s)"),
+    ],
+)
+def test_suspicious_units_signs_and_lengths_are_noted(rig, file, change, note, detail):
     assert not rig.convert().notes
+    rig.edit(file(rig), change)
+    (kind, (count, place)) = rig.convert().notes.popitem()
+    assert note in kind and count == 1 and place == str(file(rig)) + detail.format(rig.force())
 
 
-def test_force_and_motion_of_different_length_are_noted(rig):
-    """A file without time stamps whose declared rate is wrong, and a file that was cut off."""
-    rig.edit(rig.motion(), lambda table: table[: int(0.75 * len(table))])
-    kind = "recordings: force and motion differ in length: is a rate wrong, or a file cut off?"
-    assert rig.convert().notes[kind] == [1, f"{rig.motion()} (2.25 s, {rig.force()} 3 s)"]
-    stamps, (before, after) = 'time = { column = "t", unit = "s" }', rig.layout.split("[[files]]")[1:]
-    rig.layout = f"{HEAD}[[files]]{before}[[files]]{after.replace(stamps, 'rate = 25')}"
-    assert rig.convert().notes[kind][0] == 2
+def test_two_rates_cannot_be_prepared(rig):
+    rig.edit(rig.force(), lambda table: table[::2])
+    text = str(rig.convert())
+    assert "at 1000 and 500 Hz" in text and "needs one rate" in text
 
 
 def test_a_dead_sensor_is_left_out(rig):

@@ -195,12 +195,6 @@ def test_drafted_and_converted(foreign, tmp_path):
     assert np.isnan(ratings.values[1, 1, 1]) and np.isnan(ratings.values).sum() == 1
 
 
-def test_recordings_of_unlike_length_are_reported(foreign):
-    short = pd.read_csv(foreign / "sliding/texture_01/P1_force.csv").head(1000)
-    table(foreign / "sliding/texture_01/P1_force.csv", short)
-    assert "check: lasts 1 s, others 2 s: is the rate right?" in str(inspect_folder(foreign, quiet=True))
-
-
 def test_one_hdf5_file_for_all(tmp_path):
     with h5py.File(tmp_path / "all.h5", "w") as file:
         for surface in range(4):
@@ -243,15 +237,6 @@ def test_measured_velocity_is_preferred(foreign):
         table(path.with_name(path.name.replace("position", "velocity")), columns)
     entries = drafted(foreign)["files"]
     assert [set(entry) & {"force", "position", "velocity"} for entry in entries] == [{"force"}, {"velocity"}]
-
-
-def test_files_with_other_columns_are_of_another_kind(tmp_path):
-    table(tmp_path / "alpha.csv", force_columns())
-    table(tmp_path / "subjects.csv", {"age": [20, 30]})
-    patterns = [group.files.pattern for group in inspect_folder(tmp_path, quiet=True).groups]
-    assert patterns == ["alpha.csv", "subjects.csv"]
-    (entry, _) = drafted(tmp_path)["files"]
-    assert entry["pattern"] == "TODO: put {surface} where its name stands in alpha.csv"
 
 
 def test_a_row_an_answer(tmp_path):

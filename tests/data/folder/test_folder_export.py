@@ -2,15 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from tactile_diffusers.data import RecordingsFile, RecordingsWriter
 from tactile_diffusers.data.folder import folder_export
 from tactile_diffusers.data.folder.convert import convert_folder
 from tactile_diffusers.data.folder.folder_export import export_folder
-from tactile_diffusers.data.folder.tables import read_table
 
 
 def write(path, recordings, ratings=None, **attributes):
@@ -67,16 +63,6 @@ def test_ratings_with_gaps_and_further_axes(tmp_path, recording_maker):
     order = [names[2].index(axis) for axis in ratings.axes]
     assert sorted(order) == [0, 1, 2, 3]
     np.testing.assert_allclose(ratings.values, values[:, :, order], rtol=2**-23)
-
-
-@given(arrays(np.float32, (7, 3), elements=st.floats(width=32, allow_infinity=False)))
-@settings(max_examples=200, deadline=None)
-def test_every_float32_survives_in_text(tmp_path_factory, values):
-    path = tmp_path_factory.mktemp("float") / "t.csv"
-    folder_export._write_csv(path, ["fx_N", "fy_N", "fz_N"], values)
-    table = read_table(path, header=1)
-    for column, expected in zip(table.names, values.T, strict=True):
-        np.testing.assert_array_equal(np.float32(table.numbers(column)), expected)
 
 
 def test_only_what_can_be_read_back_is_written(tmp_path, recording_maker, monkeypatch):

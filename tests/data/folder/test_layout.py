@@ -5,8 +5,6 @@ import textwrap
 import tomllib
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tactile_diffusers.data.folder import layout as layout_module
 from tactile_diffusers.data.folder import layout_text, load_layout
@@ -107,11 +105,6 @@ def test_channels_must_make_a_recording(load):
             load(head + text)
 
 
-def test_missing_layout(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no layout"):
-        load_layout(tmp_path / "layout.toml")
-
-
 @pytest.mark.parametrize(
     "pattern, path, fields",
     [
@@ -126,15 +119,6 @@ def test_missing_layout(tmp_path):
 )
 def test_patterns(pattern, path, fields):
     assert Pattern(pattern).match(path) == fields
-
-
-@settings(deadline=None, derandomize=True)
-@given(st.lists(st.text("abc01 -.é", min_size=1), min_size=3, max_size=3))
-def test_patterns_give_back_any_name_without_the_separator(names):
-    path = "{}/{}_{}.csv".format(*names)
-    assert Pattern("{surface}/{explorer}_{trial}.csv").match(path) == dict(
-        zip(("surface", "explorer", "trial"), names, strict=True)
-    )
 
 
 ODD_VALUES = (None, True, -1, 10**300, float("nan"), "", "x", "..", "{", [], [1], ["a"], {}, {"a": 1}, [{}])

@@ -111,17 +111,6 @@ def test_wide(tmp_path, read, rows, kind):
         assert_scores(read('pattern = "ratings.xlsx"\nsheet = "{axis}"\n' + form)[0])
 
 
-def test_wide_with_numbers_as_names(tmp_path, read):
-    """Names that are numbers stay names: "01" is not "1"."""
-    for axis in ("rough", "bumpy", "slippery"):
-        (tmp_path / f"{axis}.csv").write_text(",1,2\n01,3,4\n1,5,6\n")
-    scores, _ = read(
-        'pattern = "{axis}.csv"\nform = "wide"\nrows = "surface"\ncolumns = "rater"\n', surfaces=("01", "1")
-    )
-    assert scores.raters == ("1", "2") and scores.surfaces == ("01", "1")
-    np.testing.assert_array_equal(scores.values[:, :, 0], [[3, 5], [4, 6]])
-
-
 @settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(low=st.integers(-5, 5), points=st.integers(2, 101), turned=st.booleans(), data=st.data())
 def test_scale_and_direction(tmp_path, read, low, points, turned, data):
@@ -216,14 +205,3 @@ def test_a_scale_that_is_hardly_used_is_noted(tmp_path, read):
     for axes in (COLUMNS, turned):
         assert note in read(LONG, axes=axes, scale=(0, 100))[1]
         assert not any("is `scale` right" in other for other in read(LONG, axes=axes, scale=(0, 16))[1])
-
-
-def test_no_recording_is_suggested_for_two_names(tmp_path, read):
-    """Pasting one twice would merge the answers on two surfaces."""
-    table = long_table().replace({"felt": "sandpaper P320", "glass": "P80 sandpaper", "wood": "Wodd"})
-    table.to_csv(tmp_path / "ratings.csv", index=False)
-    with pytest.raises(ValueError) as raised:
-        read(LONG, surfaces=("sandpaper P80", "wood", "cork"))
-    message = str(raised.value)
-    assert '"P80 sandpaper" = "sandpaper P80"' in message and '"Wodd" = "wood"' in message
-    assert '"sandpaper P320" = ""' in message

@@ -138,35 +138,3 @@ def test_time_columns_instead_of_rates(source, direct, tmp_path):
     convert_folder(folder, folder / "layout.toml", output, quiet=True)
     assert_same_recordings(output, source)
     assert_same_segments(prepared(output), direct)
-
-
-def test_position_instead_of_velocity(source, direct, tmp_path):
-    """The velocity of each recording, integrated to a position in mm.
-
-    A short window suits a position without noise. It rounds turnarounds (80 ms) a little: the direction of the force
-    and the instants at which limits are crossed move. Measured: 6 samples, 0.1 % of the texture, 0.14 mm/s.
-    """
-    folder, output = tmp_path / "folder", tmp_path / "recordings.h5"
-    export_folder(source, folder, quiet=True)
-
-    def integrated(velocity):
-        return np.concatenate([np.zeros((1, 2)), np.cumsum((velocity[1:] + velocity[:-1]) / (2 * 500), axis=0)])
-
-    rewrite(folder, "velocity_500Hz.csv", "vx_mm_s,vy_mm_s", integrated)
-    edit_layout(folder, ("velocity = {", "position = {"), ('unit = "mm/s"', 'unit = "mm"'))
-    with (folder / "layout.toml").open("a") as file:
-        file.write("[velocity]\nwindow = 0.02\n")
-    convert_folder(folder, folder / "layout.toml", output, quiet=True)
-    ours = datasets(prepared(output))
-    theirs = datasets(direct)
-    for subset, count in (("filtered", 5), ("full", 20)):
-        index = {name: ours[f"segments/{subset}/{name}"] for name in ("recording", "start", "level", "speed")}
-        expected = {name: theirs[f"segments/{subset}/{name}"] for name in index}
-        assert len(index["start"]) > count
-        np.testing.assert_array_equal(index["recording"], expected["recording"])
-        np.testing.assert_allclose(index["start"], expected["start"], atol=20)
-        np.testing.assert_allclose(index["level"], expected["level"], atol=1e-3)
-        np.testing.assert_allclose(index["speed"], expected["speed"], atol=0.5)
-    name = "segments/filtered/friction_coefficient"
-    np.testing.assert_allclose(ours[name], theirs[name], atol=5e-4)
-    np.testing.assert_array_equal(ours["ratings/mean"], theirs["ratings/mean"])

@@ -44,13 +44,6 @@ def test_metres_for_millimetres_stop_the_conversion(convert, tmp_path):
     assert not (tmp_path / "r.h5").exists()
 
 
-def test_millinewtons_for_newtons_are_noted_at_conversion(convert):
-    kind = "recordings with a median normal force outside (0.01, 30.0) N: is the unit right?"
-    assert not convert().notes
-    count, first = convert('"N"', '"mN"').notes[kind]
-    assert count == 1 and first.endswith("(0.00051 N)")
-
-
 BATCH = FILES.replace('"{surface}.csv"', '"{surface}/P{explorer}_{trial}.csv"').replace("fz", "fz_N")
 ODD = BATCH.replace("fz_N", "fz_mN")
 
