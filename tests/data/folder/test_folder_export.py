@@ -1,9 +1,10 @@
 """recordings.h5 as a folder: nothing lost, nothing half-written, nothing that a file cannot be named."""
 
+import h5py
 import numpy as np
 import pytest
 
-from tactile_diffusers.data import RecordingsFile, RecordingsWriter
+from tactile_diffusers.data import RecordingsFile, RecordingsWriter, prepare_recordings
 from tactile_diffusers.data.folder import folder_export
 from tactile_diffusers.data.folder.convert import convert_folder
 from tactile_diffusers.data.folder.folder_export import export_folder
@@ -19,11 +20,32 @@ def write(path, recordings, ratings=None, **attributes):
     return path
 
 
+def datasets(path):
+    """All datasets of an HDF5 file: {name: array}."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+    return found
+
+
 def back(folder, tmp_path):
     """Converts an exported folder with its own layout; returns the recordings and the ratings."""
     convert_folder(folder, folder / "layout.toml", tmp_path / "back.h5", quiet=True)
     with RecordingsFile(tmp_path / "back.h5") as file:
         return {recording.name: recording for recording in file}, file.ratings
+
+
+def test_the_way_back_gives_the_same_recordings_and_segments(virtual_recordings, virtual_prepared, tmp_path):
+    """Virtual recordings: every dataset of the recordings, and of the data set prepared from them, bit for bit."""
+    export_folder(virtual_recordings, tmp_path / "folder", quiet=True)
+    report = convert_folder(tmp_path / "folder", tmp_path / "folder/layout.toml", tmp_path / "back.h5", quiet=True)
+    assert not report.left_out and not report.notes
+    prepare_recordings(tmp_path / "back.h5", tmp_path / "prepared.h5", validation=1, test=1, quiet=True)
+    ours = datasets(tmp_path / "back.h5") | datasets(tmp_path / "prepared.h5")
+    theirs = datasets(virtual_recordings) | datasets(virtual_prepared)
+    assert len(theirs["segments/filtered/start"]) > 5
+    for name in (name for name in theirs if not name.startswith("truth")):
+        np.testing.assert_array_equal(ours[name], theirs[name], err_msg=name)
 
 
 def test_names_gaps_rates_and_counts_survive(tmp_path, recording_maker):

@@ -13,10 +13,9 @@ from ..projection import DIRECTION_BANDWIDTH
 WHOLE_RATE = 1e-3
 #: A declared rate and time stamps may differ by this much (share).
 RATE_TOLERANCE = 0.01
-#: A step between time stamps of more than this many sample periods means dropped samples ...
-LONGEST_STEP = 1.5
-#: ... unless the stamps are back on schedule within this many samples: then the one stamp came late (recipe).
-SETTLING = 5
+#: A step between time stamps of more than so many sample periods means dropped samples, unless the stamps are back on
+#: schedule within so many samples: then the one stamp came late (recipe).
+LONGEST_STEP, SETTLING = 1.5, 5
 #: Time stamps with a larger share of duplicates are coarser than the samples (recipe).
 MOST_DUPLICATES = 0.1
 #: A recording that lacks a larger share of its samples is left out (recipe). Where the rate is found from the stamps,
@@ -27,15 +26,12 @@ SHORTEST_SHARE = 0.8
 #: A start that is later by less than this share of a sample is no later: time stamps are rounded.
 START_TOLERANCE = 0.01
 #: Lags between force and motion are looked for up to this much (s), at this rate (Hz), in so much of a recording (s).
-LONGEST_LAG = 0.25
-LAG_RATE = 500
-LAG_SECONDS = 120.0
+LONGEST_LAG, LAG_RATE, LAG_SECONDS = 0.25, 500, 120.0
 #: Well below this speed (mm/s) noise decides the direction, and it fades to none (recipe).
 REST_SPEED = 3.0
 #: Travels (mm) within which the force may follow a new direction (recipe: friction of 0.1-2 N over 0.5-3 N/mm), and
 #: the step of distance at which that is computed.
-SHEAR_TRAVELS = (0.0, *np.geomspace(0.1, 1.6, 19))
-TRAVEL_STEP = 0.05
+SHEAR_TRAVELS, TRAVEL_STEP = (0.0, *np.geomspace(0.1, 1.6, 19)), 0.05
 #: After a longer way (mm; 120 s at 2 m/s), as where tracking jumps, no lag is told: the steps would fill the memory.
 LONGEST_WAY = 240_000.0
 #: Shears that leave so much (factor) unexplained of what the best one leaves are as good; if their lags differ by more
@@ -238,14 +234,9 @@ def residual_lag(force, force_rate, velocity, velocity_rate):
     lag in time: the force along the surface, low-passed at 25 Hz, is correlated with the direction of the velocity,
     delayed by each of `SHEAR_TRAVELS` and by up to +-0.25 s; the best pair counts (recipe).
 
-    Args:
-        force (`np.ndarray`): (n, 2) along the surface, or (n, 1) with a movement along x; NaN = missing.
-        force_rate, velocity_rate (`float`): Hz.
-        velocity (`np.ndarray`): (m, 2) or (m, 1) mm/s, starting at the same instant.
-
-    Returns:
-        `Lag`, or `None` if the recording hardly turns, the force does not follow, lag and shear cannot be told apart,
-        or the way is too long to be one of a finger.
+    `force` is (n, 2) along the surface, or (n, 1) with a movement along x, `velocity` (m, 2) or (m, 1) in mm/s from the
+    same instant on; rates are in Hz, NaN = missing. `None` if the recording hardly turns, the force does not follow,
+    lag and shear cannot be told apart, or the way is too long to be one of a finger.
     """
     seconds = min(len(force) / force_rate, len(velocity) / velocity_rate, LAG_SECONDS)
     force, velocity = force[: math.ceil(seconds * force_rate)], velocity[: math.ceil(seconds * velocity_rate)]

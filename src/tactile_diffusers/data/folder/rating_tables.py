@@ -21,18 +21,10 @@ _KEY = ["rater", "surface", "axis"]
 
 
 def read_ratings(root, layout, surfaces):
-    """Reads the answers that `[ratings]` of a layout describes.
+    """The answers on the recorded `surfaces` that `[ratings]` of a layout describes, `RaterScores`, and notes.
 
     Missing answers are NaN, and raters may have rated different surfaces. Axes that the layout does not name are
     ignored. An axis whose `high` is our low word is turned round, and the scale is mapped linearly to 0-8.
-
-    Args:
-        root (`str` or `Path`): the folder.
-        layout (`Layout`): with `ratings`.
-        surfaces (`tuple[str, ...]`): names of the recorded surfaces.
-
-    Returns:
-        `tuple[RaterScores, list[str]]`: the answers on recorded surfaces, and notes on what was missing or ignored.
 
     Raises:
         ValueError: naming file, line, value and remedy, if no table matches, a column is missing, an answer is no
@@ -48,9 +40,10 @@ def read_ratings(root, layout, surfaces):
     ignored = [name for name in answers["axis"].unique() if name and name not in ours]
     answers = answers[answers["axis"].isin(list(ours))]
     answers = answers.assign(axis=answers["axis"].map(ours))
-    for name in ("rater", "surface"):
-        for row in answers[answers[name] == ""].head(1).itertuples():
-            raise ValueError(f"{row.place}: the answer {row.text!r} on {row.axis} has no {name}.")
+    for row in answers[(answers["rater"] == "") | (answers["surface"] == "")].head(1).itertuples():
+        raise ValueError(
+            f"{row.place}: the answer {row.text!r} on {row.axis} has no {'surface' if row.rater else 'rater'}."
+        )
     answers, notes = _on_recorded(answers, layout, surfaces)
     for axis, theirs in ratings.axes.items():
         if not (answers["axis"] == axis).any():

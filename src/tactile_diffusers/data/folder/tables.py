@@ -175,7 +175,7 @@ def paths_inside(path, kind=None):
     path, kind = Path(path), kind or kind_of(path)
     with reading(path, kind, _REMEDY):
         if kind != "xlsx":
-            return open_tree(path, kind).places
+            return list(open_tree(path, kind).columns)
         check_archive(path)
         with pd.ExcelFile(path, engine="openpyxl") as book:
             return [str(name) for name in book.sheet_names]
@@ -262,9 +262,9 @@ def _read_wav(path):
 
 
 def _tree_table(path, tree, inside):
-    columns = tree.columns(inside)
+    columns = tree.columns.get(inside)
     if columns is None:
-        names = tree.places[1:]
+        names = list(tree.columns)[1:]
         near = difflib.get_close_matches(inside, names, n=3) or names
         raise ValueError(f"{path} has no group, struct or array {inside!r}; it has {few(near, 12) or 'none'}.")
 

@@ -7,8 +7,8 @@ axis is time: MATLAB and HDF5 disagree about which comes first.
 import struct
 import zlib
 from collections import defaultdict
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import h5py
@@ -26,62 +26,44 @@ MOST_COLUMNS = 10_000
 _COMPRESSED = 15
 
 
-@dataclass
 class Tree:
-    """All arrays of a file by place, the rates in Hz that groups and arrays state, and the attributes of the file."""
+    """What a file of arrays holds.
 
-    arrays: dict
-    rates: dict = field(default_factory=dict)
-    attributes: dict = field(default_factory=dict)
+    Args:
+        arrays (`dict`): place -> array, or what is read like one.
+        rates (`dict`): place of a group or an array -> Hz that it states; default: by scalars beside the arrays.
+        attributes (`dict`): of the file.
 
-    @cached_property
-    def members(self):
-        """Group -> name -> array; "" = the top."""
-        members = defaultdict(dict)
-        for place, array in self.arrays.items():
+    Attributes:
+        columns (`dict`): place of a group or array ("" = the top) -> name -> (length, function without arguments that
+            reads the column as a 1-D array). In a group a vector has its own name, a 2-D array `force` gives "force/0",
+            "force/1", .., a structured one "force/<field>".
+        tables (`list[str]`): places that are tables: groups that hold vectors, and 2-D or structured arrays in others.
+    """
+
+    def __init__(self, arrays, rates=None, attributes=None):
+        self.columns, self.attributes, members, whole = {"": {}}, attributes or {}, defaultdict(dict), set()
+        for place, array in arrays.items():
             group, _, name = place.rpartition("/")
+            parts = group.split("/")
+            for count in range(1, len(parts) + 1):
+                self.columns.setdefault("/".join(parts[:count]), {})
             members[group][name] = array
-        return members
-
-    @property
-    def places(self):
-        """All groups and arrays: `list[str]`; the first is "", the top."""
-        found = {"": True}
-        for place in self.arrays:
-            parts = place.split("/")
-            found |= {"/".join(parts[:count]): True for count in range(1, len(parts) + 1)}
-        return list(found)
-
-    @property
-    def tables(self):
-        """Places that are tables: groups that hold vectors, and 2-D or structured arrays in other groups."""
-        whole = {group for group, members in self.members.items() if any(map(_is_vector, members.values()))}
-        found = {}
-        for place, array in self.arrays.items():
-            group = place.rpartition("/")[0]
-            if group in whole:
-                found[group] = True
-            elif _array_columns(array):
-                found[place] = True
-        return list(found)
+            columns = self.columns[place] = _array_columns(array)
+            if _is_vector(array):
+                whole.add(group)
+                columns = {name: columns["0"]} if columns else {}
+            elif place:
+                columns = {f"{name}/{part}": column for part, column in columns.items()}
+            if place:
+                self.columns[group] |= columns
+        self.rates = {group: _rate_of(values) for group, values in members.items()} if rates is None else rates
+        held = (place for place in arrays if self.columns[place] or _group(place) in whole)
+        self.tables = list(dict.fromkeys(_group(place) if _group(place) in whole else place for place in held))
 
     def rate(self, place):
         """Hz that a place, or the group it is in, states; `None` if none does."""
-        return self.rates.get(place) or self.rates.get(place.rpartition("/")[0])
-
-    def columns(self, place):
-        """Columns of an array, or of all arrays of a group; `None` if there is no such place.
-
-        Name -> (length, function without arguments that reads it as a 1-D array). In a group a vector has its own
-        name, a 2-D array `force` gives "force/0", "force/1", .., a structured one "force/<field>".
-        """
-        if place in self.arrays:
-            return _array_columns(self.arrays[place])
-        columns = {}
-        for name, array in self.members.get(place, {}).items():
-            for part, column in _array_columns(array).items():
-                columns[name if part == "0" and _is_vector(array) else f"{name}/{part}"] = column
-        return columns if columns or place in self.places else None
+        return self.rates.get(place) or self.rates.get(_group(place))
 
 
 @dataclass
@@ -120,32 +102,32 @@ def _open_tree(path, kind, _changed):
         for name, value in io.loadmat(path, simplify_cells=True).items():
             if not name.startswith("__"):
                 _flatten(name, value, arrays)
-    tree = Tree(arrays)
-    for group, members in tree.members.items():
-        tree.rates[group] = _rate_of(members)
-    return tree
+    return Tree(arrays)
 
 
 def _hdf5_tree(path):
-    tree = Tree({})
+    arrays, rates = {}, {}
 
     def visit(name, node):
         place = name if isinstance(name, str) else name.decode(errors="backslashreplace")
         if any(part.startswith("#") for part in place.split("/")):  # MATLAB's own groups
             return
-        tree.rates[place] = _rate_of(node.attrs)
+        rates[place] = _rate_of(node.attrs)
         if isinstance(node, h5py.Dataset):
             group, _, last = place.rpartition("/")
             if last in RATE_NAMES and node.size == 1:
-                tree.rates[group] = tree.rates.get(group) or _rate_of({last: node[()]})
+                rates[group] = rates.get(group) or _rate_of({last: node[()]})
             if node.shape is not None:
-                tree.arrays[place] = _Stored(path, name, node.shape, node.dtype)
+                arrays[place] = _Stored(path, name, node.shape, node.dtype)
 
     with open_whole(path) as file:
-        tree.attributes = plain_attributes(file)
-        tree.rates[""] = _rate_of(file.attrs)
+        rates[""] = _rate_of(file.attrs)
         file.visititems(visit)  # each object once, so links that lead back end
-    return tree
+        return Tree(arrays, rates, plain_attributes(file))
+
+
+def _group(place):
+    return place.rpartition("/")[0]
 
 
 def _flatten(place, value, arrays):
