@@ -15,10 +15,6 @@ def path():
     return FingerPath(RATE, SENSOR)
 
 
-def _state(path):
-    return path.time, path._times.tolist(), path._places.tolist()
-
-
 @pytest.mark.parametrize("origin", [1.7e9, 5.0, -5.0])
 def test_stamps_of_another_clock_are_refused_and_can_be_converted(path, origin):
     path.advance(800)
@@ -35,13 +31,13 @@ def test_stamps_of_another_clock_are_refused_and_can_be_converted(path, origin):
 def test_milliseconds_are_refused(path):
     path.report(0.0, 0.0)
     path.advance(80)
-    before = _state(path)
+    before = path.time, path._times.tolist(), path._places.tolist()
     with pytest.raises(ValueError, match=r"at most 1 s ahead of `stream.time`.*got 8\. .*milliseconds by 1000"):
         path.report(8.0, 0.5)
-    assert _state(path) == before
+    assert (path.time, path._times.tolist(), path._places.tolist()) == before
 
 
-@pytest.mark.parametrize("pause", [0.5, 3.0, 600.0])
+@pytest.mark.parametrize("pause", [0.5, 60.0])
 def test_a_pause_of_the_finger_is_no_other_clock(path, pause):
     """Blocks are read on; so it is when reports come again on the clock that went on with them."""
     with warnings.catch_warnings():
@@ -81,17 +77,6 @@ def test_another_rate_is_warned_of_once(observed):
             path.report(number / observed, 1.0 * number)
             path.advance(round(RATE / observed))
     assert len(seen) == 1
-
-
-def test_jitter_rests_and_a_rate_within_the_factor_are_not(path):
-    rng = np.random.default_rng(0)
-    times = np.arange(0, 8, 1 / 60) + rng.uniform(0, 0.004, 480)
-    times = times[((times < 2) | (times > 2.9)) & ((times < 5) | (rng.random(480) < 0.2))]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for time in times[times < 5]:
-            path.report(time, 40 * time)
-            path.advance(max(1, round((time - path.time) * RATE)))
 
 
 @pytest.mark.parametrize(

@@ -177,20 +177,6 @@ class TestFrictionForADisplay:
         np.testing.assert_allclose(friction[5000:], -(force @ heading)[5000:] - 0.48, atol=1e-4)
         np.testing.assert_allclose(speed[9000:], 80, rtol=1e-3)
 
-    def test_blocks_may_be_read_in_either_way(self, make_stream):
-        """A second landing while the first one fades: what fades is kept for both."""
-        times = np.arange(0, 1, 1 / SENSOR)
-        places = 80 * times + 500 * (times > 0.5) + 500 * (times > 0.51)
-        streams = [make_stream(friction=0.8) for _ in range(2)]
-        for stream in streams:
-            stream.report(times, places)
-        one = [streams[0].read(32) for _ in range(300)]
-        mixed = [streams[1].read(32) if block % 2 else streams[1].read_friction(32)[0] for block in range(300)]
-        for block in range(1, 300, 2):
-            np.testing.assert_array_equal(one[block], mixed[block])
-        friction = np.concatenate([streams[0].read_friction(32)[0] for _ in range(10)])
-        assert np.isfinite(friction).all()
-
 
 @pytest.mark.parametrize("jumps", [(1.0,), (1.0, 1.01)])
 def test_a_jump_of_a_metre_is_felt_without_a_step(make_stream, profile, jumps):

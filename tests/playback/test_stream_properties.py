@@ -19,11 +19,6 @@ def profiles():
     return [TextureProfile(0.01 * rng.standard_normal(3000), RATE, speed) for speed in (80.0, 120.0)]
 
 
-def _largest(profiles):
-    # two resolutions that are subtracted, and a cubic between samples
-    return 2.5 * max(np.abs(profile._samples).max() for profile in profiles)
-
-
 @st.composite
 def sessions(draw, dimensions=1):
     """Chunks of (reports, samples to read, event): what arrives, and how much is then read in blocks."""
@@ -72,9 +67,9 @@ def _in_blocks(rng):
 @given(
     data=st.data(), dimensions=st.sampled_from([1, 1, 2]), friction=st.sampled_from([0.0, 0.7]), seed=st.integers(0, 99)
 )
-def test_blocks_do_not_matter(profiles, data, dimensions, friction, seed):
+def test_blocks_do_not_matter_and_force_is_bounded_by_the_profile(profiles, data, dimensions, friction, seed):
     chunks = data.draw(sessions(dimensions))
-    options = {"dimensions": dimensions, "sensor_rate": SENSOR}
+    options = {"dimensions": dimensions, "sensor_rate": SENSOR, "force_exponent": 0, "speed_exponent": 0}
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         warnings.simplefilter("ignore", UserWarning)  # of clocks and rates: sessions are odd ones
@@ -86,18 +81,10 @@ def test_blocks_do_not_matter(profiles, data, dimensions, friction, seed):
     assert np.isfinite(whole).all()
     far = max((np.abs(place).max() for reports, *_ in chunks for _, place in reports), default=0.0)
     np.testing.assert_allclose(blocks, whole, atol=1e-6 + 1e-9 * far)
-
-
-@settings.get_profile("few")
-@given(data=st.data(), dimensions=st.sampled_from([1, 1, 2]), friction=st.sampled_from([0.0, 0.7]))
-def test_force_is_bounded_by_the_profile(profiles, data, dimensions, friction):
-    chunks = data.draw(sessions(dimensions))
-    stream = TextureStream(profiles[0], friction, SENSOR, force_exponent=0, speed_exponent=0, dimensions=dimensions)
-    made = _play(stream, profiles, chunks, lambda samples: [samples])
-    heaviest = max(normal_force for *_, normal_force in chunks)
-    # three axes of a plane, whose weights have the norm 1; what fades where a finger lands elsewhere comes on top, once
-    most = 1.0 * heaviest + _largest(profiles) * (np.sqrt(3) if dimensions == 2 else 1)
-    assert np.abs(made).max() <= 2 * most
+    # two resolutions that are subtracted, and a cubic between samples; three axes of a plane, whose weights have the
+    # norm 1; what fades where a finger lands elsewhere comes on top, once
+    largest = 2.5 * max(np.abs(profile._samples).max() for profile in profiles) * (np.sqrt(3) if dimensions == 2 else 1)
+    assert np.abs(whole).max() <= 2 * (max(normal_force for *_, normal_force in chunks) + largest)
 
 
 BAD_REPORTS = [

@@ -136,16 +136,13 @@ class TextureScene:
         return self._state.patches.at(position)
 
     def near(self, position, velocity=None, margin=MARGIN_MM, seconds=AHEAD_SECONDS):
-        """Surfaces that a finger touches or is about to touch.
+        """Surfaces that a finger touches or is about to touch, first to be reached first: a list of names.
 
         Args:
             position (`float` or `Sequence[float]`): (dimensions,), mm.
             velocity (`float` or `Sequence[float]`, *optional*): (dimensions,), mm/s; `None` = it rests.
             margin (`float`, *optional*, defaults to 10.0): mm around a patch that count as near.
             seconds (`float`, *optional*, defaults to 0.3): how far ahead to look, straight on.
-
-        Returns:
-            `list[str]`: names, first to be reached first.
 
         Raises:
             ValueError: if an argument is not finite or of other dimensions, or the scene has no patches.

@@ -26,16 +26,8 @@ class WindowGenerator:
     at constant variance, and both are decoded from these latents and the same noise, so that they nearly agree. A
     window depends on the seed and its index alone, to rounding.
 
-    Args:
-        pipe (`TactileTexturePipeline`): with a DALE.
-        ratings, seed, fill, **options: as for [`EndlessProfile`].
-
-    Attributes:
-        level, friction_coefficient, reference_speed, spacing, window_length: as of [`EndlessProfile`].
-        lock (`threading.RLock`): to be held while generating; surfaces of one pipeline share it.
-
-    Raises:
-        ValueError: for impossible ratings or options, or a pipeline without DALE or reference speed.
+    Arguments, attributes and errors are those of [`EndlessProfile`]. `lock` is to be held while generating: surfaces of
+    one pipeline share it.
     """
 
     def __init__(self, pipe, ratings, seed=0, fill=True, **options):
@@ -73,11 +65,10 @@ class WindowGenerator:
         if self.pipe.interrupt:
             return {}
         windows = {}
+        common = {"sampling_rate": out.sampling_rate, "reference_speed": self.reference_speed, "fill": self.fill}
         for index, texture in zip(indices, out.textures, strict=True):
             filling = self._noise(index, "filling", len(texture)).numpy() if self.fill else None
-            windows[index] = TextureProfile(
-                texture, out.sampling_rate, self.reference_speed, fill=self.fill, repeats=False, noise=filling
-            )
+            windows[index] = TextureProfile(texture, **common, repeats=False, noise=filling)
         return windows
 
     def interrupt(self):
