@@ -16,7 +16,7 @@ from tactile_diffusers.display import DriveProfile
 from tactile_diffusers.display.drive_files import read_drive_calibration
 from tactile_diffusers.signal import RATING_AXES
 from tactile_diffusers.study.folder import FORMAT, KEY, KEY_COLUMNS, SETTINGS, VERSION, read_study
-from tactile_diffusers.study.responses import read_tables
+from tactile_diffusers.study.trials import read_tables
 from tactile_diffusers.training.launch import read_model_config
 from tactile_diffusers.training.record import read_log, read_losses, read_record
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from tactile_diffusers.study import Population, check_responses, participant_trials, read_tables, simulate_participants
-from tactile_diffusers.study.folder import write_csv
+from tactile_diffusers.study import check_responses, participant_trials, read_tables
 
 
 @pytest.fixture
@@ -79,20 +78,6 @@ def test_missing_answers_may_be_left_out(trials, filled):
     assert missing == 2 and len(answers) == len(trials) - 2
 
 
-def test_participants_still_to_come_are_not_missing(make_key):
-    key = make_key(surfaces=2)
-    both = simulate_participants(key, 2, 0, Population())
-    answers, missing = check_responses(both, both[both["participant"] == "simulated001"])
-    assert missing == 0 and answers["participant"].unique().tolist() == ["simulated001"]
-
-
-def test_tables_of_spreadsheets_are_read(filled, tmp_path):
-    (tmp_path / "one.csv").write_text("\ufeff" + filled.to_csv(index=False), encoding="utf-8")
-    read = read_tables(tmp_path)
-    assert read["participant"].unique().tolist() == ["p001"] and set(read["file"]) == {"one.csv"}
-    assert (read["axis"] == filled["axis"]).all()
-
-
 def test_bad_tables_are_named(filled, tmp_path):
     with pytest.raises(FileNotFoundError, match="no .csv file"):
         read_tables(tmp_path)
@@ -102,12 +87,6 @@ def test_bad_tables_are_named(filled, tmp_path):
     (tmp_path / "semicolons.csv").write_bytes(b"")
     with pytest.raises(ValueError, match="semicolons.csv cannot be read as a table"):
         read_tables(tmp_path)
-
-
-def test_nothing_is_left_behind_by_a_failed_write(tmp_path, filled):
-    with pytest.raises(OSError):
-        write_csv(tmp_path / "absent" / "x.csv", filled)
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("what", ["empty rows below the last one", "a comma after each row", "a Mac's file beside it"])

@@ -32,9 +32,3 @@ def test_below_chance_is_negative_and_certainty_is_finite_where_trials_are_known
     assert abx_dprime(1.0, trials=20) == pytest.approx(abx_dprime(1 - 1 / 40))
     assert abx_dprime(0.0, trials=20) == pytest.approx(-abx_dprime(1 - 1 / 40))
     assert np.isnan(abx_dprime(np.nan))
-
-
-@pytest.mark.parametrize("proportion", [-0.1, 1.01])
-def test_what_is_no_proportion_is_refused(proportion):
-    with pytest.raises(ValueError, match=r"`proportion_correct` must be in \[0, 1\]"):
-        abx_dprime(proportion)

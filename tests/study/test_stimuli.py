@@ -8,7 +8,14 @@ import pytest
 from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.export import read_wav
 from tactile_diffusers.signal import RATING_AXES, rms
-from tactile_diffusers.study import BASELINES, StimulusSettings, make_stimuli, make_study, read_study
+from tactile_diffusers.study import (
+    BASELINES,
+    StimulusSettings,
+    make_stimuli,
+    make_study,
+    participant_trials,
+    read_study,
+)
 from tactile_diffusers.study.stimuli import choose_takes
 from tactile_diffusers.virtual import generate_recordings
 
@@ -24,15 +31,22 @@ def prepared(tmp_path_factory):
     return folder / "p.h5"
 
 
-@pytest.fixture
-def stimuli(evaluable_pipe, prepared):
+@pytest.fixture(scope="module")
+def tiny_pipe(make_pipeline):
+    return make_pipeline(True, 0, {"latent_frames": 128}, {"segment_samples": 2048})
+
+
+@pytest.fixture(scope="module")
+def stimuli(tiny_pipe, prepared):
     """A function of changed settings."""
-    return lambda **changes: make_stimuli(evaluable_pipe(), prepared, StimulusSettings(**{**vars(SETTINGS), **changes}))
+    return lambda **changes: make_stimuli(tiny_pipe, prepared, StimulusSettings(**{**vars(SETTINGS), **changes}))
 
 
-@pytest.fixture
-def study(evaluable_pipe, prepared, tmp_path):
-    return make_study(evaluable_pipe(), prepared, tmp_path / "study", SETTINGS, participants=2, checkpoint="tiny")
+@pytest.fixture(scope="module")
+def study(tiny_pipe, prepared, tmp_path_factory):
+    """Nobody writes to it."""
+    folder = tmp_path_factory.mktemp("made") / "study"
+    return make_study(tiny_pipe, prepared, folder, SETTINGS, participants=2, checkpoint="tiny")
 
 
 def test_textures_of_a_surface_have_one_level(stimuli):
@@ -59,16 +73,6 @@ def test_natural_levels_are_kept(stimuli, prepared):
     assert made.key.loc[made.key["surface"] == made.key["surface"][0], "rms_n"].nunique() > 2
 
 
-def test_a_weak_device_attenuates_all_alike(stimuli):
-    loud = stimuli()
-    weak = stimuli(full_scale=loud.full_scale / 2)
-    assert weak.attenuation_db == pytest.approx(20 * np.log10(2))
-    np.testing.assert_allclose(weak.textures, loud.textures / 2, rtol=1e-12)
-    strong = stimuli(full_scale=2 * loud.full_scale)
-    assert strong.attenuation_db == 0 and np.array_equal(strong.textures, loud.textures)
-    np.testing.assert_allclose(weak.key["gain_db"], loud.key["gain_db"] - weak.attenuation_db, atol=1e-9)
-
-
 def test_takes_are_far_apart_in_ratings_and_share_no_sample(prepared):
     dataset = PreparedDataset(prepared, "test")
     rows, others = choose_takes(dataset, 3, seed=0)
@@ -80,18 +84,6 @@ def test_takes_are_far_apart_in_ratings_and_share_no_sample(prepared):
     ratings = dataset.ratings.mean[surfaces]
     extreme = surfaces[np.argmax(np.linalg.norm(ratings - ratings.mean(0), axis=-1))]
     assert extreme in dataset.surface_ids[rows]
-
-
-def test_takes_are_of_one_explorer_where_one_has_two(prepared):
-    dataset = PreparedDataset(prepared, "test")
-    rows = dataset.non_overlapping(4, seed=0)
-    explorers = np.array([dataset.recordings[i].split("/")[1] for i in dataset.recording_ids])
-    pairs = list(zip(*choose_takes(dataset, 3, seed=0), strict=True))
-    for first, second in pairs:
-        own = explorers[rows[dataset.surface_ids[rows] == dataset.surface_ids[first]]]
-        if max(np.unique(own, return_counts=True)[1]) >= 2:
-            assert explorers[first] == explorers[second]
-    assert any(explorers[first] == explorers[second] for first, second in pairs)  # the data put it to the test
 
 
 def test_files_are_blind(study):
@@ -110,15 +102,11 @@ def test_files_are_blind(study):
     public = [path for path in study.folder.rglob("*") if path.is_file() and path.parent.name != "experimenter"]
     for path in public:
         assert not any(surface.encode() in path.read_bytes() for surface in key["surface"].unique()), path
+    abx = participant_trials(key, 1, seed=0, tasks=["abx"])
+    assert not set(abx["stimulus_x"]) & {*abx["stimulus_a"], *abx["stimulus_b"]}
     # order of the ids tells nothing: conditions are mixed in the alphabet
     ordered = key.sort_values("id")["condition"].tolist()
     assert ordered != sorted(ordered) and (study.folder / "protocol.md").is_file()
-
-
-def test_ids_do_not_follow_conditions(stimuli):
-    """Another seed names, chooses and orders anew."""
-    first, second = stimuli(), stimuli(seed=1)
-    assert not set(first.key["id"]) & set(second.key["id"])
 
 
 def test_files_hold_what_the_key_says(study):
@@ -171,10 +159,8 @@ def test_what_cannot_be_made_is_refused(evaluable_pipe, prepared, tmp_path):
     [
         ({"surfaces": 1}, "`surfaces` must be at least 2"),
         ({"baselines": ("silence",)}, "`baselines` must be different ones"),
-        ({"baselines": ("ridge", "ridge")}, "`baselines` must be different ones"),
         ({"level": "loud"}, "`level` must be one of"),
         ({"full_scale": 0.0}, "`full_scale` must be a finite number above 0 in N"),
-        ({"full_scale": float("nan")}, "`full_scale` must be a finite number above 0 in N"),
         ({"seed": -1}, "`seed` must be a whole number of at least 0"),
     ],
 )
@@ -198,7 +184,7 @@ def test_the_key_tells_where_textures_come_from(stimuli):
 
 
 def test_a_failure_leaves_no_half_of_a_study(evaluable_pipe, prepared, tmp_path, monkeypatch):
-    monkeypatch.setattr("tactile_diffusers.study.make.protocol_markdown", lambda facts: 1 / 0)
+    monkeypatch.setattr("tactile_diffusers.study.folder.protocol_markdown", lambda facts: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         make_study(evaluable_pipe(), prepared, tmp_path / "study", SETTINGS, participants=1)
     assert not list(tmp_path.iterdir())

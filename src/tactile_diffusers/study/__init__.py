@@ -1,14 +1,11 @@
 """Studies with people: stimuli, trial lists, analysis, and simulated participants to rehearse with."""
 
-from .analysis import analyse
-from .folder import Study, read_study
-from .make import make_study, read_answers
-from .responses import check_responses, read_tables
-from .sensitivity import abx_dprime, abx_proportion_correct
+from .analysis import abx_dprime, abx_proportion_correct, analyse
+from .folder import Study, make_study, read_answers, read_study
 from .simulated import Population, power, simulate_participants
 from .stimuli import BASELINES, Stimuli, StimulusSettings, make_stimuli
 from .study_report import report_markdown, write_report
-from .trials import TASKS, participant_trials
+from .trials import TASKS, check_responses, participant_trials, read_tables
 
 __all__ = [
     "BASELINES",

@@ -3,24 +3,32 @@
 Each participant gives one number per measure and condition. The group's number is the mean over participants; its 95 %
 interval is a bootstrap over participants, bias-corrected and accelerated (Efron 1987), with percentiles expanded for
 few participants (Hesterberg 2015, "What teachers should know about the bootstrap"). It holds for these surfaces.
+
+ABX follows the differencing model (Macmillan and Creelman, "Detection Theory: A User's Guide"; `dprime.ABX(method =
+"diff")` of the R package psyphy). Two textures are Gaussian values of unit variance, d' apart; the observer compares X
+with the middle between A and B:
+
+    p(correct) = Phi(d'/sqrt 2) Phi(d'/sqrt 6) + Phi(-d'/sqrt 2) Phi(-d'/sqrt 6)
 """
 
 import numpy as np
 import pandas
 from scipy import stats
+from scipy.optimize import brentq
+from scipy.special import ndtr
 
 from ..data import RaterScores, rating_reliability
 from ..evaluation.metrics.statistics import number
 from ..signal import RATING_AXES
-from .responses import SIMULATED
-from .sensitivity import abx_dprime
 from .stimuli import OTHER_TAKE, REFERENCE
-from .trials import ABX, OTHER_SURFACE, RATING, SIMILARITY
+from .trials import ABX, OTHER_SURFACE, RATING, SIMILARITY, SIMULATED
 
 FORMAT, VERSION = "tactile-study-report", 1
 RESAMPLES = 4000
 #: A bootstrap over fewer has nothing to draw from.
 LEAST_PARTICIPANTS = 3
+#: No larger sensitivity is looked for: there the observer is wrong once in 50 000 trials.
+LARGEST_DPRIME = 10.0
 #: A slope over fewer surfaces says nothing.
 _LEAST_SURFACES = 3
 
@@ -104,8 +112,7 @@ def _pivot(answers, values):
 def rating_scores(described):
     """Regression of answers on requested ratings over surfaces: (participants, (measure, condition, axis)).
 
-    Measures are "slope", in answer units per z-score, and "correlation" (Pearson); NaN where fewer than three surfaces
-    were rated, or, for the correlation, all were rated alike.
+    Measures are "slope", in answer units per z-score, and "correlation" (Pearson), NaN for fewer than three surfaces.
     """
     rated = described[described["task"] == RATING]
     scores = {}
@@ -122,15 +129,9 @@ def rating_scores(described):
 
 
 def bootstrap(values, seed=0):
-    """Leaf of the mean of one number per participant.
+    """Leaf of the mean of one number per participant, (participants,), NaN left out, with its 95 % interval.
 
-    Args:
-        values (`np.ndarray`): (participants,); NaN is left out.
-        seed (`int`): of the resamples.
-
-    Returns:
-        `dict`: as `evaluation.statistics.number`; "interval" is the 95 % interval of the mean, None for fewer than
-        three participants.
+    The interval is None for fewer than three participants.
     """
     values = np.asarray(values, dtype=np.float64)
     values = values[np.isfinite(values)]
@@ -172,10 +173,9 @@ def _abx(answers, seed):
 
 
 def dprime_leaf(proportion, trials):
-    """Leaf of d' from that of the proportion correct of a group, limited as one of `trials` trials is.
+    """Leaf of d' of one observer with the group's proportion correct, limited as one of `trials` trials is.
 
-    It is the sensitivity of one observer with the group's proportion correct. The mean of single participants' d'
-    would depend on how many trials each did: d' bends, and steeply so near chance.
+    The mean of single participants' d' would depend on how many trials each did: d' bends, steeply so near chance.
     """
     bounds = proportion["interval"]
     interval = bounds and [_dprime(bound, trials) for bound in bounds]
@@ -250,3 +250,39 @@ def _reliability(answers):
 
 def _plain(value):
     return float(value) if np.isfinite(value) else None
+
+
+def abx_proportion_correct(dprime):
+    """Proportion correct of an unbiased observer: float or array in [0.5, 1), of `dprime` >= 0 (likewise for < 0)."""
+    first, second = np.asarray(dprime) / np.sqrt(2), np.asarray(dprime) / np.sqrt(6)
+    return ndtr(first) * ndtr(second) + ndtr(-first) * ndtr(-second)
+
+
+def abx_dprime(proportion_correct, trials=None):
+    """Sensitivity from a proportion correct in [0, 1] (float or array; NaN stays NaN): at most `LARGEST_DPRIME`.
+
+    A proportion below one half is a chance result: it gives the negative of what its mirror image gives. With `trials`,
+    proportions are limited to 1 / (2 trials) from 0 and 1 (Macmillan and Kaplan 1985), so that d' is finite.
+
+    Raises:
+        ValueError: if a proportion is outside [0, 1].
+    """
+    proportion = np.asarray(proportion_correct, dtype=np.float64)
+    outside = (proportion < 0) | (proportion > 1)
+    if outside.any():
+        raise ValueError(f"`proportion_correct` must be in [0, 1], got {proportion[outside].flat[0]}.")
+    if trials is not None:
+        margin = 1 / (2 * np.asarray(trials))
+        proportion = np.clip(proportion, margin, 1 - margin)
+    found = _solve(np.abs(proportion - 0.5) + 0.5) * np.sign(proportion - 0.5)
+    return float(found) if found.ndim == 0 else found
+
+
+@np.vectorize
+def _solve(proportion):
+    """The d' of one proportion correct of at least one half."""
+    if np.isnan(proportion):
+        return np.nan
+    if proportion >= abx_proportion_correct(LARGEST_DPRIME):
+        return LARGEST_DPRIME
+    return brentq(lambda dprime: abx_proportion_correct(dprime) - proportion, 0.0, LARGEST_DPRIME)

@@ -13,9 +13,18 @@ from ..signal import RATING_AXES
 from ..signal.checks import check_number, check_whole_number
 from ..virtual.raters import DISAGREEMENT, GAIN_SPREAD, OFFSET_SPREAD, TYPICAL_GAIN
 from .analysis import abx_scores, bootstrap, describe, rating_scores, similarity_scores
-from .responses import SIMULATED, check_responses
 from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE
-from .trials import ABX, OTHER_SURFACE, RATING, SCALES, SIMILARITY, TASKS, participant_trials
+from .trials import (
+    ABX,
+    OTHER_SURFACE,
+    RATING,
+    SCALES,
+    SIMILARITY,
+    SIMULATED,
+    TASKS,
+    check_responses,
+    participant_trials,
+)
 
 #: d' from the reference take, assumed for a rehearsal; a baseline has that of `BASELINE_DPRIME`.
 DPRIME = {OTHER_TAKE: 0.5, RECONSTRUCTED: 0.8, GENERATED: 1.5, OTHER_SURFACE: 4.0}
@@ -72,21 +81,17 @@ class Population:
 
 
 def simulate(key, trials, population, rng):
-    """Fills in the responses of simulated participants.
+    """Fills in the responses of simulated participants: the trial lists with `response`, strings.
 
     ABX: A, B and X are drawn in each trial from Gaussians of unit variance, 0 and d' for the two textures, and decided
-    by the differencing model (`sensitivity.py`). Similarity falls by `SIMILARITY_PER_DPRIME` points a d', with noise,
-    clipped to the scale. Ratings are the surface's rating times the share that is felt, plus noise, times the gain,
-    plus the offset, rounded and clipped.
+    by the differencing model (`analysis.py`). Similarity falls by `SIMILARITY_PER_DPRIME` points a d', with noise.
+    Ratings are the surface's rating times the share that is felt, plus noise, times the gain, plus the offset, rounded.
 
     Args:
         key (`pandas.DataFrame`): of the study.
         trials (`pandas.DataFrame`): lists of one participant or more.
         population (`Population`): whom the participants are drawn from.
         rng (`np.random.Generator`): draws everything.
-
-    Returns:
-        `pandas.DataFrame`: the trial lists with `response`, strings.
     """
     described = describe(key, trials.assign(value=np.nan))
     person, names = pandas.factorize(trials["participant"])
@@ -138,12 +143,7 @@ def simulated_trials(key, participants, seed, tasks=TASKS):
 def simulate_participants(key, participants, seed, population, tasks=TASKS):
     """Trial lists of simulated participants with their responses: columns `TRIAL_COLUMNS`.
 
-    Args:
-        key (`pandas.DataFrame`): of the study.
-        participants (`int`): how many.
-        seed (`int`): of the study; it decides the lists and the answers.
-        population (`Population`): whom they are drawn from.
-        tasks (`Sequence[str]`): of `TASKS`.
+    Arguments as in `power`; the seed of the study decides the lists and the answers.
 
     Raises:
         ValueError: if the population names conditions that the study has not.
@@ -157,14 +157,17 @@ def power(key, participants, seed, population, tasks=TASKS, repeats=100, quiet=T
     """How often a design would find what the population has.
 
     Args:
-        key, participants, seed, population, tasks: as in `simulate_participants`.
+        key (`pandas.DataFrame`): of the study.
+        participants (`int`): how many.
+        seed (`int`): of the study.
+        population (`Population`): whom they are drawn from.
+        tasks (`Sequence[str]`): of `TASKS`.
         repeats (`int`): simulated studies, with other participants each.
         quiet (`bool`): no progress bar.
 
     Returns:
         `dict[str, dict]`: measure -> condition (for slopes: "condition: axis") -> share of the studies whose 95 %
-        interval leaves out what there is if there is nothing to find: "abx_above_chance", "abx_unlike_other_take",
-        "similarity_unlike_other_take" and "slope_unlike_zero".
+        interval leaves out what there is if there is nothing to find.
 
     Raises:
         ValueError: if `repeats` is below 1 or the population names conditions that the study has not.

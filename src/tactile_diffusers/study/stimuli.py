@@ -12,13 +12,27 @@ from ..evaluation.sampling import generate, noise_seeds, reconstruct
 from ..export import write_npz, write_wav
 from ..signal import RATING_AXES, rms
 from ..signal.checks import check_number, check_seed
-from .folder import KEY_COLUMNS
 
 REFERENCE, OTHER_TAKE, GENERATED, RECONSTRUCTED = "reference", "other_take", "generated", "reconstructed"
 #: Baselines that can be felt and need no more than the data: silence has no level to match, and `decimated` belongs to
 #: one latent.
 BASELINES = tuple(slug for slug in SLUGS if slug not in ("silence", "other_take", "decimated"))
 LEVELS = ("matched", "natural")
+#: Columns of the key and what they hold.
+KEY_COLUMNS = {
+    "id": "blind id: the name of the files in stimuli/",
+    "surface": "held-out surface",
+    "condition": "what the texture is",
+    "copy_of": "id of the same texture; a copy is only played as X of ABX, so that no trial list reveals the answer",
+    **{f"asked_{axis}": f"{axis} of the surface, z-score: the request" for axis in RATING_AXES},
+    "rms_n": "level of the file, RMS in N",
+    "peak_n": "largest force of the file, N",
+    "recording": "of a real take: surface, explorer and trial; the takes are of one explorer where one has two",
+    "gain_db": "applied to the texture as recorded or generated, the study's attenuation included",
+    "friction_coefficient": "written to the file; empty = unknown",
+    "reference_speed": "finger speed of the recording or of the model, mm/s; empty = unknown",
+    "seed": "of the noise of a generated or reconstructed texture, or of the study for others",
+}
 #: Letters of blind ids: without vowels they form no words, without l and digits they are not misread.
 _LETTERS, _LETTERS_PER_ID = list("bcdfghjkmnpqrstvwxz"), 6
 #: Segments of each training surface that baselines learn from, and of each held-out one that takes are chosen among.
@@ -80,16 +94,13 @@ class Stimuli:
 
 
 def make_stimuli(pipe, data, settings, quiet=True):
-    """Makes every texture of a study.
+    """Makes every texture of a study: `Stimuli`.
 
     Args:
         pipe (`TactileTexturePipeline`): with a DALE.
         data (`str` or `Path`): a prepared data set; its split "test" is used, baselines learn from "train".
         settings (`StimulusSettings`): what is made.
         quiet (`bool`): no progress bars.
-
-    Returns:
-        `Stimuli`
 
     Raises:
         ValueError: if the checkpoint cannot generate or does not fit the data, the data are not in newtons, surfaces
@@ -256,14 +267,10 @@ def blind_ids(count, rng):
 
 
 def write_stimuli(folder, stimuli):
-    """Writes each texture as `<id>.wav` with its sidecar and as `<id>.npz`.
+    """Writes each texture as `<id>.wav` with its sidecar and as `<id>.npz` to an existing folder.
 
     All files have one scale, so that a player that ignores sidecars keeps the levels. They hold nothing that would
     reveal a condition: no ratings, the seed 0, one reference speed, and they are written in the order of their ids.
-
-    Args:
-        folder (`Path`): exists.
-        stimuli (`Stimuli`): what to write.
     """
     nothing = [np.nan] * len(RATING_AXES)
     for row in np.argsort(stimuli.key["id"].to_numpy()):

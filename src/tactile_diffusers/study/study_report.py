@@ -9,8 +9,7 @@ from ..evaluation.report_figures import figure_panels
 from ..evaluation.tables import markdown_table, title
 from ..io.files import write_text
 from ..signal import RATING_AXES
-from .analysis import LEAST_PARTICIPANTS, RESAMPLES, abx_scores, describe, similarity_scores
-from .sensitivity import abx_proportion_correct
+from .analysis import LEAST_PARTICIPANTS, RESAMPLES, abx_proportion_correct, abx_scores, describe, similarity_scores
 from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE
 from .trials import ENDS, OTHER_SURFACE, RATING, SCALES
 
@@ -68,14 +67,7 @@ def _ordered(conditions):
 
 
 def write_report(folder, report, key, answers):
-    """Writes report.json, report.md and the pictures of the tasks that were done.
-
-    Args:
-        folder (`Path`): made if absent.
-        report (`dict`): of `analyse`.
-        key (`pandas.DataFrame`): of the study.
-        answers (`pandas.DataFrame`): of `check_responses`.
-    """
+    """Writes report.json, report.md and the pictures of the tasks that were done; `report` is of `analyse`."""
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     plots = {"abx": _plot_abx, "similarity": _plot_similarity, "ratings": _plot_ratings}
@@ -197,9 +189,6 @@ def power_markdown(facts, population, conditions):
         facts (`dict`): "participants", "repeats" and "power" (of `simulated.power`).
         population (`Population`): the assumptions.
         conditions (`Sequence[str]`): of the study.
-
-    Returns:
-        `str`
     """
     shares = facts["power"]
     counts = f"{facts['participants']} participants, {facts['repeats']} simulated studies."
