@@ -128,7 +128,6 @@ def plot_rows(results, output_path):
                 panel.plot(*place, linestyle="", marker="o", color=_colours(results)[name], label=name)
             panel.axhline(0, color="black", linewidth=1, label="real, held out")
             panel.set(title=title, xlabel="nine-band error, dB", ylabel="KTD over real")
-            panel.grid(alpha=0.3)
             panel.legend(fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5))
 
 
@@ -145,7 +144,6 @@ def plot_rate_distortion(results, output_path):
                 panel.plot([], [], color="grey", linestyle="", marker="*", markersize=9, label="base layer only")
             panel.plot([], [], color="grey", linestyle=":", label="low-passed to the same bits")
             panel.set(xscale="log", xlabel="kbit/s", title="SNR, dB")
-            panel.grid(alpha=0.3, which="both")
             panel.legend(fontsize=7)
         far = [point["decimated"]["nine_band_db"] for point in points]
         panels[0, 0].set_title(f"nine-band error, dB (low-passed: {min(far):.1f} to {max(far):.1f})")

@@ -10,12 +10,11 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import torch
-from study_context import open_study
+from study_context import run_study
 from tqdm.auto import tqdm
 
 from tactile_diffusers.evaluation.metrics.statistics import jackknife, leaf, number
 from tactile_diffusers.evaluation.report_figures import figure_panels
-from tactile_diffusers.evaluation.result_files import write_results
 from tactile_diffusers.evaluation.sampling import encode, noise_seeds
 from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.evaluation.tables import text as shown
@@ -54,12 +53,8 @@ _SHIFTS = {
 
 def main(argv=None):
     """Writes latents.json, latents.md and latents.png."""
-    context = open_study("latents.py", "Statistics of a checkpoint's latents on held-out surfaces.", argv)
-    result = study(context)
-    text = markdown(result) + "\n\n![latents](latents.png)\n"
-    write_results(context.output, "latents", result, text)
-    print(text)
-    return 0
+    description = "Statistics of a checkpoint's latents on held-out surfaces."
+    return run_study("latents", description, study, markdown, argv)
 
 
 def study(context):
@@ -261,7 +256,7 @@ def markdown(section):
     shifts = markdown_table(
         {f"{name} layer": entry for name, entry in section["time_shift"].items()}, digits=3, labels=_SHIFTS
     )
-    return "\n\n".join(["# Latents", layers, shift, shifts, words])
+    return "\n\n".join(["# Latents", layers, shift, shifts, words, "![latents](latents.png)"])
 
 
 def plot_latents(blends, standardised, edges, output_path):
@@ -285,7 +280,6 @@ def plot_latents(blends, standardised, edges, output_path):
                 panel.plot(weights, levels, color=colour, marker="o", markersize=2, label=f"{low:.0f}–{high:.0f} Hz")
             panel.set_title(title, fontsize=9)
             panel.set(xlabel="weight of the second surface", ylabel="dB re 1 N²")
-            panel.grid(alpha=0.3)
         if shown:
             shown[0].legend(fontsize=6, ncols=2)
         _plot_histogram(histogram, standardised)
@@ -300,7 +294,6 @@ def _plot_histogram(panel, standardised):
     panel.plot(centres, np.exp(-0.5 * centres**2) / np.sqrt(2 * np.pi), color="black", linestyle=":", label="Gaussian")
     panel.set_title("channels, each standardised", fontsize=9)
     panel.set(xlabel="standard deviations", ylabel="density")
-    panel.grid(alpha=0.3)
     panel.legend(fontsize=7)
 
 

@@ -5,12 +5,11 @@ from copy import deepcopy
 
 import numpy as np
 import torch
-from study_context import open_study
+from study_context import run_study
 
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.metrics.errors import DB_PER_NEPER, out_of_band_ratio_db, snr_db
 from tactile_diffusers.evaluation.metrics.statistics import leaf, number
-from tactile_diffusers.evaluation.result_files import write_results
 from tactile_diffusers.evaluation.sampling import noise_seeds, reconstruct
 from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.evaluation.tables import text as shown
@@ -50,12 +49,8 @@ _INPUTS = {
 
 def main(argv=None):
     """Writes robustness.json and robustness.md."""
-    context = open_study("robustness.py", "Hard inputs and surfaces, half precision, windows of long textures.", argv)
-    result = study(context)
-    text = markdown(result) + "\n"
-    write_results(context.output, "robustness", result, text)
-    print(text)
-    return 0
+    description = "Hard inputs and surfaces, half precision, windows of long textures."
+    return run_study("robustness", description, study, markdown, argv)
 
 
 def study(context):

@@ -236,7 +236,6 @@ def plot(report, output_path):
         solver.set(title="trained LCTG", xlabel="steps", ylabel="solver error, RMS")
         pareto.set(title="trained LCTG", xlabel="s per segment (batch 8)", ylabel="nine-band error, dB", ylim=(0.7, 2))
         for panel in panels[0]:
-            panel.grid(alpha=0.3)
             panel.legend(fontsize=6)
 
 

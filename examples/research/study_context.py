@@ -11,20 +11,33 @@ from tactile_diffusers.cli.program import (
     load_pipeline,
 )
 from tactile_diffusers.data.splits import SPLITS
+from tactile_diffusers.evaluation.result_files import write_results
 from tactile_diffusers.evaluation.sections import QUICK, make_context
 
 
-def open_study(script, description, argv=None):
-    """Parses the arguments of a study and opens its checkpoint and data.
+def run_study(name, description, study, markdown, argv=None):
+    """A study as a command: opens checkpoint and data, writes NAME.json and NAME.md, and prints the latter.
 
     Args:
-        script (`str`): name of the script.
+        name (`str`): of the script and its results.
         description (`str`): for `--help`.
+        study (`Callable`): `Context` -> results, a dict.
+        markdown (`Callable`): results -> Markdown.
         argv (`list[str]`, *optional*): defaults to the command line.
 
     Returns:
-        `Context`: with two segments per surface.
+        `int`: 0
     """
+    context = open_study(f"{name}.py", description, argv)
+    result = study(context)
+    text = markdown(result) + "\n"
+    write_results(context.output, name, result, text)
+    print(text)
+    return 0
+
+
+def open_study(script, description, argv=None):
+    """The `Context` of a study, two segments a surface, from its command line."""
     parser = Parser(prog=script, description=description)
     add_checkpoint_argument(parser)
     parser.add_argument(

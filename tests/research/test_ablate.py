@@ -2,7 +2,6 @@
 
 import json
 import os
-import sys
 from pathlib import Path
 
 import ablate
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 from ablate_rows import read_rows
-from ablate_training import DIGEST, TrainingFailed, stages, train
+from ablate_training import DIGEST
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.evaluation.sections import Settings
@@ -87,15 +86,6 @@ def test_rows_say_what_is_wrong(tmp_path, change, message):
     with pytest.raises(ValueError, match=message) as error:
         read_rows(write_rows(tmp_path / "rows", row=BASE | change, noise=other))
     assert "row.json" in str(error.value) or "noise.json" in str(error.value)
-
-
-def test_a_folder_without_rows_is_refused(tmp_path):
-    (tmp_path / "bad.json").write_text("{")
-    with pytest.raises(ValueError, match="bad.json cannot be read as a row"):
-        read_rows(tmp_path)
-    (tmp_path / "bad.json").unlink()
-    with pytest.raises(ValueError, match="there is no row file"):
-        read_rows(tmp_path)
 
 
 @pytest.fixture
@@ -249,23 +239,6 @@ def test_foreign_folders_and_unknown_rows_are_refused(run, launched, tmp_path, c
     assert f"has no file {DIGEST}" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("extra", ["--data nowhere.h5", "--rows nowhere", "--threads 0"])
-def test_the_command_refuses_bad_arguments(run, launched, extra):
-    with pytest.raises(SystemExit) as stop:
-        run(extra)
-    assert stop.value.code == 2 and not launched
-
-
-def test_the_log_of_a_failed_process_is_shown(tmp_path, data, monkeypatch):
-    """A process is really started here, without accelerate, which takes seconds to import."""
-    rows = read_rows(write_rows(tmp_path / "rows", base=BASE))
-    (tmp_path / "train_lctg.py").write_text("import os, sys\nprint(os.environ['OMP_NUM_THREADS'])\nsys.exit('broken')")
-    (tmp_path / "launcher.py").write_text("import runpy, sys\nrunpy.run_path(sys.argv[3])  # after the threads")
-    monkeypatch.setattr(ablate_training, "LAUNCHER", [sys.executable, str(tmp_path / "launcher.py")])
-    with pytest.raises(TrainingFailed, match="exit code 1; the last lines of .*phase-1.log:\n2\nbroken"):
-        train(rows[0], stages(rows[0], tmp_path / "out", data), tmp_path, threads=2)
-
-
 @pytest.fixture
 def bench(prepared, monkeypatch):
     monkeypatch.setattr(ablate_measure, "SETTINGS", Settings(per_surface=1, takes=1, repeats=1))
@@ -320,8 +293,3 @@ def test_the_detail_layer_is_measured_apart(bench, make_lctg, make_extractor):
     assert [point["base_only"] for point in layers] == [False, False] and base["base_only"]
     assert not decoded[-1][:, 2:].any() and decoded[-1][:, :2].any() and decoded[0][:, 2:].any()
     assert base["sigma"] == pytest.approx(pipe.lctg.config.latent_noise or 0.1)
-
-
-def test_rows_share_the_data(bench, evaluable_pipe):
-    first, second = bench.context(evaluable_pipe()), bench.context(evaluable_pipe(dale=False))
-    assert first.data is second.data and first.pipe is not second.pipe

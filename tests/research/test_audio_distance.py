@@ -63,14 +63,6 @@ def test_rows_are_band_powers_in_newtons(held_out):
     assert set(np.argsort(rows[0])[-2:]) == {7, 8}
 
 
-def test_rows_belong_to_their_stretch_of_time():
-    texture = np.zeros((1, 2**14))
-    texture[0, :2000] = np.random.default_rng(2).normal(size=2000)
-    rows = log_mel_embedding(texture, DEVICE_RATE)
-    # 0.2 s of noise at the beginning is over when the second row begins, at 0.3 s
-    assert rows[0].min() > np.log(1e-6) and np.allclose(rows[1:], np.log(1e-10))
-
-
 def test_embedding_does_not_depend_on_batch_dtype_or_rate(held_out):
     whole = log_mel_embedding(held_out, DEVICE_RATE)
     single = np.concatenate([log_mel_embedding(texture[None], DEVICE_RATE) for texture in held_out[:4]])
@@ -80,12 +72,3 @@ def test_embedding_does_not_depend_on_batch_dtype_or_rate(held_out):
     # filters are sampled at the same bins, 5 Hz apart; the last samples of a texture are not needed
     slow = log_mel_embedding(resample(held_out[:10], DEVICE_RATE, WORKING_RATE), WORKING_RATE)
     np.testing.assert_allclose(slow, whole[:50], atol=0.02)
-
-
-def test_bad_input_is_refused(held_out):
-    with pytest.raises(ValueError, match="`sampling_rate` must be above 2000 Hz, got 2000"):
-        log_mel_embedding(held_out, 2000)
-    with pytest.raises(ValueError, match=r"at least 4000 samples \(0.4 s\) for one row, got 3999"):
-        log_mel_embedding(held_out[:, :3999], DEVICE_RATE)
-    with pytest.raises(ValueError, match="must have more than 32 members"):  # 6 textures: 30 rows of 32 features
-        frechet_audio_distance(held_out[:6], held_out, DEVICE_RATE)

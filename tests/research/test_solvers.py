@@ -100,13 +100,6 @@ def test_trained_comparison_on_tiny_networks(pipe, pink_noise, monkeypatch):
     assert theirs == pytest.approx(ours, rel=0.02)
 
 
-def test_batches_of_a_stage_do_not_matter(pipe, pink_noise):
-    stage = TrainedStage(pipe, "lctg", pink_noise(2048, 10_000, count=3), None, 10_000)
-    whole, split = (stage.solve(VDDIMScheduler(multistep_order=2), 3, batch) for batch in (3, 2))
-    torch.testing.assert_close(whole, split, rtol=0, atol=1e-4)  # float32 networks
-    assert stage.textures(whole, 2048).shape == (3, 2048)
-
-
 def test_settled_is_the_first_count_within_the_noise_of_the_best():
     by_steps = {
         str(n): {"ktd": number(mean, 9, (mean - 2, mean + 2))} for n, mean in ((1, 30.0), (4, 10.9), (10, 10.0))

@@ -122,7 +122,6 @@ def _plot_conditions(panel, leaves, scores):
         reach = np.abs(np.array(bounds) - leaf["mean"])[:, None]
         panel.errorbar([place + 0.12], [leaf["mean"]], reach, fmt="o", color="C0", capsize=4)
     panel.set_xticks(range(len(names)), [label(name).replace(" (", "\n(") for name in names], rotation=20, ha="right")
-    panel.grid(alpha=0.3, axis="y")
 
 
 def _plot_abx(report, described, path):
@@ -164,7 +163,6 @@ def _plot_ratings(report, described, path):
             zero, full = ENDS[axis]
             panel.set(ylim=(low - 0.2, high + 0.2), xlabel=f"requested {axis}, z")
             panel.set_ylabel(f"answer: {low:g} {zero}, {high:g} {full}")
-            panel.grid(alpha=0.3)
         panels[0, 0].figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
         panels[0, 1].set_title(_heading(report, "ratings: mean over participants"))
 
