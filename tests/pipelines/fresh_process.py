@@ -71,7 +71,7 @@ def main(root, tiny):
 
 def load(attempt, tactile_diffusers, root, tiny):
     import torch
-    from diffusers import AutoModel, DiffusionPipeline
+    from diffusers import DiffusionPipeline
 
     Pipeline = tactile_diffusers.TactileTexturePipeline
 
@@ -108,13 +108,6 @@ def load(attempt, tactile_diffusers, root, tiny):
     attempt("dtype of each", lambda: loaded("plain", dtype={"dale": torch.bfloat16, "default": torch.float16}))
     attempt("device map", lambda: loaded("plain", device_map="balanced"))
     attempt("unknown device map", lambda: loaded("plain", device_map="auto"))
-
-    plain = os.path.join(root, "plain")
-    for name in ("lctg", "dale", "rating_estimator"):
-        cls = {"lctg": "LCTGModel", "dale": "DALEModel", "rating_estimator": "RatingEstimator"}[name]
-        own = getattr(tactile_diffusers, cls)
-        attempt(f"auto {name}", lambda name=name: type(AutoModel.from_pretrained(plain, subfolder=name)).__name__)
-        attempt(f"own {name}", lambda name=name, own=own: type(own.from_pretrained(plain, subfolder=name)).__name__)
 
     attempt("base class", lambda: full_name("plain"))
     attempt("code without trust", lambda: full_name("plain", custom_pipeline="pipeline"))

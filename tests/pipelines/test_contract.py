@@ -94,14 +94,6 @@ def test_models_leave_the_accelerator_in_the_order_of_use(whole, pink_noise):
     np.testing.assert_allclose(whole.estimate_ratings(pink_noise(2048, 10_000), 10_000), ratings, atol=1e-5)
 
 
-def test_the_place_of_execution_is_that_of_diffusers(whole):
-    """Ours is a short cut to what diffusers finds by searching."""
-    base = super(TactileTexturePipeline, whole)
-    assert whole._execution_device == base._execution_device == torch.device("cpu")
-    whole.enable_model_cpu_offload(device="cpu")
-    assert whole._execution_device == base._execution_device
-
-
 # --- files
 
 

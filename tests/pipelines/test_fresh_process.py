@@ -89,11 +89,6 @@ def test_types_of_components_are_chosen_one_by_one(found):
     }
 
 
-def test_single_models_load_by_class_and_by_auto_class(found):
-    for name in ("lctg", "dale", "rating_estimator"):
-        assert _silent(found, f"auto {name}") == _silent(found, f"own {name}") == CLASSES[name]
-
-
 def test_what_was_pickled_here_is_unpickled_there(found):
     assert _silent(found, "pickle") == CLASSES
 

@@ -200,15 +200,6 @@ def test_guidance_equals_its_formula(pipe, scale):
 # --- steps and callbacks
 
 
-def test_steps_of_the_stages_are_separate(pipe):
-    dale, lctg = _watch(pipe.dale), _watch(pipe.lctg)
-    _run(pipe, num_inference_steps=2, num_latent_inference_steps=5)
-    assert len(dale) == 5 and len(lctg) == 2 and pipe.num_timesteps == 7
-    one = _run(pipe, num_inference_steps=4)
-    assert np.array_equal(_run(pipe, num_inference_steps=4, num_latent_inference_steps=4).textures, one.textures)
-    assert np.isfinite(_run(pipe, num_inference_steps=1).textures).all()
-
-
 def test_callbacks_see_every_step_of_both_stages(pipe):
     seen = []
 

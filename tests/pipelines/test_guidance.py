@@ -86,19 +86,6 @@ def test_all_conditions_go_through_in_one_forward(pipe, state_of, calls_of, prep
     assert pipe.do_classifier_free_guidance and pipe.guidance_scale == {"roughness": 3.0, "slipperiness": 0.5}
 
 
-@pytest.mark.parametrize(
-    "scale",
-    [{}, dict.fromkeys(RATING_AXES, 1.0), {"bumpiness": 3.0}, {"bumpiness": 3.0, "roughness": 1}],
-    ids=str,
-)
-def test_a_dict_that_changes_nothing_asks_once(pipe, state_of, calls_of, prepared, scale):
-    ratings, calls = _without(1), calls_of(pipe.dale)
-    _, made = state_of(ratings, guidance_scale=scale)
-    [(asked, _)], [(state, *_)] = prepared, calls
-    assert len(asked) == len(state) == 1
-    assert torch.equal(made, state_of(ratings)[1])
-
-
 # --- changed by a callback
 
 

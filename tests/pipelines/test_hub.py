@@ -8,7 +8,12 @@ from types import SimpleNamespace
 import huggingface_hub
 import pytest
 import torch
-from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundError, RevisionNotFoundError
+from huggingface_hub.errors import (
+    GatedRepoError,
+    LocalEntryNotFoundError,
+    RepositoryNotFoundError,
+    RevisionNotFoundError,
+)
 from huggingface_hub.utils import filter_repo_objects
 
 from tactile_diffusers import DALEModel, LCTGModel, TactileTexturePipeline
@@ -171,6 +176,7 @@ class TestFetching:
         ("error", "message"),
         [
             (RepositoryNotFoundError, "'runs/dael' is neither a folder here nor a repository on the Hub.*`token="),
+            (GatedRepoError, "'runs/dael' is neither a folder here nor a repository on the Hub that you may read"),
             (RevisionNotFoundError, "'runs/dael' has no revision 'v9' on the Hub"),
             (LocalEntryNotFoundError, "'runs/dael' is neither a folder here nor whole in the Hub's cache"),
         ],

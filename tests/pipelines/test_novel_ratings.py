@@ -71,11 +71,6 @@ def test_axes_that_are_not_specified_are_ignored(warned, ratings):
     assert warned(ratings) == []
 
 
-def test_rows_without_ratings_do_not_hide_the_others(warned):
-    assert len(warned([[NAN] * 3, [1.2, -1.2, NAN], [NAN, 0.0, NAN]])) == 1
-    assert len(warned([[NAN] * 3, [NAN, NAN, 3.0]])) == 1
-
-
 @pytest.mark.parametrize("kept", [(), ("range",), ("centre", "covariance", "reach")])
 def test_what_a_config_lacks_is_not_checked(make_pipeline, warned, kept):
     entries = _coverage(_surfaces())

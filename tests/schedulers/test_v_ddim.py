@@ -73,13 +73,6 @@ def test_noise_velocity_and_data_are_inverse():
     torch.testing.assert_close(noisy[-1], noise[-1], rtol=0, atol=1e-7)  # t = 999 is pure noise
 
 
-def test_a_scalar_or_integer_timestep_is_broadcast():
-    scheduler, x0, noise = VDDIMScheduler(), _noise(3, 2, 8), _noise(3, 2, 8, seed=1)
-    expected = scheduler.add_noise(x0, noise, torch.tensor([250.0, 250.0, 250.0]))
-    for timestep in (250, 250.0, torch.tensor(250), torch.tensor([250, 250, 250]), torch.tensor(250.0)):
-        assert torch.equal(scheduler.add_noise(x0, noise, timestep), expected)
-
-
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float16, torch.bfloat16])
 def test_dtype_is_kept_and_the_update_is_float32(dtype):
     scheduler, x, v = VDDIMScheduler(), _noise(2, 1, 64), _noise(2, 1, 64, seed=1)

@@ -83,15 +83,6 @@ def test_eta_gives_the_variance_of_song_et_al(eta, deviation):
     assert variance_after(2000) == pytest.approx(deviation**2, rel=0.01)  # first order: measured 0.6 % at worst
 
 
-def test_a_list_of_generators_serves_each_sample_alone():
-    noise = _noise(3, 2, 16)
-    together = _sample(VDDIMScheduler(), noise, 5, eta=1.0, generator=[_generator(seed) for seed in (4, 5, 6)])
-    for row, seed in enumerate((4, 5, 6)):
-        alone = _sample(VDDIMScheduler(), noise[row : row + 1], 5, eta=1.0, generator=_generator(seed))
-        # vectorised arithmetic may differ in the last bit
-        torch.testing.assert_close(together[row : row + 1], alone, rtol=0, atol=1e-6)
-
-
 @pytest.mark.parametrize("eta", [-0.1, 1.01, float("nan"), float("inf")])
 def test_eta_out_of_range_is_refused(eta):
     scheduler, x = VDDIMScheduler(), _noise(1, 4)

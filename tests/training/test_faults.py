@@ -197,18 +197,3 @@ class TestFullDisk:
         assert (output / "loss.png").exists() == (what != "loss.png")
         run_script(script("train_lctg"), "lctg", output, max_train_steps=1, resume_from_checkpoint="latest")
         assert {"README.md", "loss.png"} <= set(_names(output))
-
-    @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # of its thread that writes
-    @pytest.mark.parametrize("step", [0, 3])
-    def test_no_room_for_the_log_of_tensorboard(
-        self, make_trainer, unbroken, small_quota, tmp_path, step, differing_weights
-    ):
-        pytest.importorskip("tensorboard")
-        output, look = tmp_path / "output", {3: lambda loss: small_quota(10) or loss}
-        trainer = make_trainer(output, at=look if step else None, report_to="tensorboard", **self.OPTIONS)
-        if not step:
-            small_quota(10)
-        with pytest.raises(OSError, match=r"The log( of the tracker)? could not be written to .*Make room"):
-            trainer.run()
-        small_quota(None)
-        self._assert_it_continues(make_trainer, output, unbroken, differing_weights)

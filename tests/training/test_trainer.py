@@ -2,7 +2,6 @@
 
 import json
 
-import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
@@ -52,22 +51,6 @@ def test_noise_depends_on_the_seed(make_trainer, tmp_path):
     assert len(drawn["first"]) == 4 and torch.equal(numbers["first"], numbers["same"])
     # every step of every seed has noise of its own
     assert len(torch.cat([numbers["first"], numbers["other"]]).unique(dim=0)) == 8
-
-
-def test_accumulated_batches_are_one_large_batch(make_trainer, tmp_path):
-    # plain averages of gradients: compared after one step, whose direction Adam takes from the sign alone
-    options = {"max_train_steps": 1, "rows": 12, "lr_warmup_steps": 0, "use_ema": None, "no-use_ema": True}
-    seen = []
-
-    def look(loss):
-        seen.append(loss.detach().item())
-        return loss
-
-    trainer = make_trainer(tmp_path / "parts", at=dict.fromkeys((1, 2), look), gradient_accumulation_steps=2, **options)
-    trainer.run()
-    assert len(seen) == 2 and trainer.step == 1
-    [entry] = [json.loads(line) for line in (tmp_path / "parts" / "log.jsonl").read_text().splitlines()][:1]
-    assert entry["train/loss"] == pytest.approx(np.mean(seen), rel=1e-6)  # float32
 
 
 def test_averaged_weights_are_validated_and_returned_and_the_raw_ones_trained_on(

@@ -29,6 +29,14 @@ BESIDE = (CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "report/*.png", f"{DISTI
 # what is sent: a training's folder holds its optimiser and logs too, and training.json names folders of this machine
 _SENT = [CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
 _NOT_SENT = ["checkpoint-*", "unfinished-*"]
+#: What `download` says of errors.
+_NOT_FETCHED = {
+    RepositoryNotFoundError: "is neither a folder here nor a repository on the Hub that you may read. Check the "
+    "spelling; a private or gated one needs `token=...`, or `hf auth login`",
+    RevisionNotFoundError: "has no revision {revision!r} on the Hub",
+    LocalEntryNotFoundError: "is neither a folder here nor whole in the Hub's cache, and the Hub is out of reach (no "
+    "connection, `HF_HUB_OFFLINE=1` or `local_files_only=True`). Check the spelling, or fetch it once while online",
+}
 
 
 def write_code(folder):
@@ -98,19 +106,9 @@ def download(name, **kwargs):
             allow_patterns=["*.json", weights],
             **{name: kwargs[name] for name in passed if kwargs.get(name) is not None},
         )
-    except RepositoryNotFoundError as error:
-        raise OSError(
-            f"{name!r} is neither a folder here nor a repository on the Hub that you may read. "
-            "Check the spelling; a private or gated one needs `token=...`, or `hf auth login`."
-        ) from error
-    except RevisionNotFoundError as error:
-        raise OSError(f"{name!r} has no revision {revision!r} on the Hub.") from error
-    except LocalEntryNotFoundError as error:
-        raise OSError(
-            f"{name!r} is neither a folder here nor whole in the Hub's cache, and the Hub is out "
-            "of reach (no connection, `HF_HUB_OFFLINE=1` or `local_files_only=True`). Check the spelling, or "
-            "fetch it once while online."
-        ) from error
+    except tuple(_NOT_FETCHED) as error:
+        reason = next(words for kind, words in _NOT_FETCHED.items() if isinstance(error, kind))
+        raise OSError(f"{name!r} {reason.format(revision=revision)}.") from error
 
 
 def push_pipeline(pipe, repo_id, *options, variant=None, subfolder=None):

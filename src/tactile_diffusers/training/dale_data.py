@@ -122,7 +122,7 @@ def fit_rating_estimator(
 
     Args:
         channel_groups (`list[int]`): of the DALE.
-        pooled (`torch.Tensor`): (n, sum of channel_groups, positions), `DALEModel.pool_state` of packed states.
+        pooled (`torch.Tensor`): (n, channels, positions), `DALEModel.pool_state` of packed states.
         ratings (`torch.Tensor`): (n, axes), z-scores; NaN = unknown.
         held_out_pooled, held_out_ratings (`torch.Tensor`): of surfaces that it does not see.
         axes (`Sequence[str]`): their names.
@@ -152,10 +152,10 @@ def fit_rating_estimator(
         schedule.step()
     estimator.eval().requires_grad_(False)
     estimated = torch.cat([estimator(piece) for piece in held_out_pooled.split(256)])
-    return estimator, [r_squared(*pair) for pair in zip(held_out_ratings.T, estimated.T, strict=True)]
+    return estimator, [_r_squared(*pair) for pair in zip(held_out_ratings.T, estimated.T, strict=True)]
 
 
-def r_squared(ratings, estimated):
+def _r_squared(ratings, estimated):
     """R² of estimates where ratings (n,) are known; NaN where they do not differ."""
     known = ~torch.isnan(ratings)
     ratings, estimated = ratings[known], estimated[known]

@@ -200,7 +200,12 @@ def make_accelerator(args):
         ImportError: if the tracker is not installed, naming the extra.
     """
     output = Path(args.output_dir)
-    _check_output(output, args)
+    used = output.is_dir() and any(step_of(p) is not None or p.name == "log.jsonl" for p in output.iterdir())
+    if used and not args.overwrite_output_dir and not args.resume_from_checkpoint:
+        raise ValueError(
+            f"--output_dir {output} already holds a training. Set --resume_from_checkpoint latest to continue it, or "
+            "--overwrite_output_dir to start again."
+        )
     if args.report_to in ("tensorboard", "all"):
         try:
             import tensorboard  # noqa: F401
@@ -227,12 +232,3 @@ def make_accelerator(args):
     logging.basicConfig(format="%(asctime)s %(message)s", level=level)
     set_seed(args.seed)
     return accelerator
-
-
-def _check_output(output, args):
-    used = output.is_dir() and any(step_of(p) is not None or p.name == "log.jsonl" for p in output.iterdir())
-    if used and not args.overwrite_output_dir and not args.resume_from_checkpoint:
-        raise ValueError(
-            f"--output_dir {output} already holds a training. Set --resume_from_checkpoint latest to continue it, or "
-            "--overwrite_output_dir to start again."
-        )

@@ -144,8 +144,8 @@ class Trainer:
 
     def _start_tracker(self):
         if self.args.report_to != "none":
-            plain = {name: value for name, value in vars(self.args).items() if isinstance(value, int | float | str)}
-            plain.pop("hub_token", None)
+            given = {name: value for name, value in vars(self.args).items() if name != "hub_token"}
+            plain = {name: value for name, value in given.items() if isinstance(value, int | float | str)}
             with writing("The log of the tracker", self.output):
                 self.accelerator.init_trackers(self.args.tracker_project_name, plain)
 

@@ -68,11 +68,7 @@ class Reconstructions:
 
 
 def plot_losses(folder):
-    """Draws the loss curves of a training from `log.jsonl` into `loss.png`: training left, validation right.
-
-    Args:
-        folder (`str` or `Path`): the training's.
-    """
+    """Draws the losses of a training's folder from `log.jsonl` into `loss.png`: training left, validation right."""
     entries = read_log(folder)
     figure, axes = _subplots(1, 2, (10, 3.5))
     for axis, prefix in zip(axes[0], ("train/", "validation/"), strict=True):
@@ -141,19 +137,12 @@ def plot_axis_sweep(pipe, output_path, takes=8, values=(-2.0, -1.0, 0.0, 1.0, 2.
 
 
 def _subplots(rows, columns, size, **options):
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt.subplots(rows, columns, figsize=size, constrained_layout=True, squeeze=False, **options)
+    figure = Figure(size, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def _save(figure, path):
-    import matplotlib.pyplot as plt
-
-    try:
-        with atomic_path(path) as temporary:
-            figure.savefig(temporary, dpi=90, format="png")
-    finally:
-        plt.close(figure)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=90, format="png")
