@@ -51,14 +51,12 @@ def read_profile(path):
 def read_drive_calibration(path):
     """Reads a calibration recording: `fit_drive_profile(**read_drive_calibration(path))` fits the profile.
 
-    Args:
-        path (`str` or `Path`): the JSON file, with `format` "tactile-drive-calibration", `version` 1, `units`, `kind`,
-            `sampling_rate`, `normal_force`, `speed`, `recording` (the name of a CSV file beside it with the columns
-            drive,lateral_force) and `lookup` (as in a profile).
+    `path` is a JSON file with `format` "tactile-drive-calibration", `version` 1, `units`, `kind`, `sampling_rate`,
+    `normal_force`, `speed`, `recording` (the name of a CSV file beside it with the columns drive,lateral_force) and
+    `lookup` (as in a profile).
 
     Returns:
-        `dict`: `command` and `measured`, (samples,) float64 in V or relative amplitude and N, and `sampling_rate`,
-        `kind`, `normal_force`, `speed` and `lookup`: the arguments of `fit_drive_profile`.
+        `dict`: the arguments of `fit_drive_profile`.
 
     Raises:
         FileNotFoundError: if a file is missing.

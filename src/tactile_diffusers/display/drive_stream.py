@@ -76,23 +76,17 @@ class DriveStream:
     f_2, sqrt(2) / (2 pi f_2), a quarter of the lag of the display alone at the default limit.
 
     Args:
-        profile (`DriveProfile`): the display.
-        sampling_rate (`float`): of force and drive, Hz.
-        bias (`float`): mean change of friction, N; see `DriveProfile.drive`.
+        profile (`DriveProfile`), sampling_rate (`float`, Hz), bias (`float`, N): see `DriveProfile.drive`.
     """
 
     def __init__(self, profile, sampling_rate, bias):
-        self.profile = profile
-        self.sampling_rate = sampling_rate
-        self.bias = bias
+        self.profile, self.sampling_rate, self.bias = profile, sampling_rate, bias
         self.reset()
 
     def reset(self):
         """Starts anew: as if the force had been zero up to now, and nothing been clipped."""
-        self._state = (0.0, 0.0, 0.0)
-        self._speed = None
+        self._state, self._speed, self._warned = (0.0, 0.0, 0.0), None, False
         self._samples = self._clipped = 0
-        self._warned = False
         self._lowest = self._highest = self._peak = 0.0
 
     def push(self, force, speed):

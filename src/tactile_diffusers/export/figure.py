@@ -18,11 +18,7 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings,
     """Writes a PNG with the waveform in mN, the power spectral density and the spectrogram of one texture.
 
     Args:
-        path (`str` or `Path`): the PNG file; its folder must exist. An existing file is replaced as a whole.
-        texture (`np.ndarray`): (samples,), N; at least 0.05 s.
-        sampling_rate (`int`): Hz.
-        friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
-        ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
+        path, texture, sampling_rate, friction_coefficient, ratings: as for `write_npz`; at least 0.05 s.
         original (`np.ndarray`, *optional*): (samples,), N, the recording of which `texture` is a reconstruction:
             waveform and spectrum show it, and the title has no ratings.
 

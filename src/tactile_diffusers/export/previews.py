@@ -38,12 +38,7 @@ def write_haptic(path, texture, **about):
     Amplitude is that of a sine of the texture's power, 1 = the largest (`newtons_per_full_scale`); frequency is the
     mean of the power spectrum, 0 = 55 Hz and 1 = 200 Hz as on Meta Quest controllers, cut beyond.
 
-    Args:
-        path (`str` or `Path`): the file; its folder must exist. An existing file is replaced as a whole.
-        texture, **about: as for `write_npz`.
-
-    Raises:
-        ValueError: on a bad argument, before anything is written.
+    Arguments and errors are those of `write_npz`.
     """
     times, amplitude, frequency, stored = _preview(texture, **about)
     values = {"amplitude": amplitude, "frequency": _to_unit(frequency, HAPTIC_HZ)}
@@ -62,16 +57,8 @@ def write_haptic(path, texture, **about):
 def read_haptic(path):
     """Reads what `write_haptic` wrote and plays it: a sine of changing amplitude and frequency.
 
-    Args:
-        path (`str` or `Path`): the file.
-
-    Returns:
-        `tuple[np.ndarray, dict]`: the preview (samples,) float32 in N at the sampling rate of the texture, and what
-        belongs to it as in `read_npz`; also `newtons_per_full_scale` and `samples`.
-
-    Raises:
-        FileNotFoundError: if there is no file.
-        ValueError: if this package did not write it.
+    Result and errors are those of `read_npz`, the preview in place of the texture; the dict also holds
+    `newtons_per_full_scale` and `samples`.
     """
 
     def parse(contents):
@@ -90,11 +77,7 @@ def write_ahap(path, texture, **about):
     intensity squared (`ahap.rs` of facebook/meta-haptics-sdk); 1 = the largest (`newtons_per_full_scale`). The
     sharpness curve is the mean of the power spectrum, 0 = 65 Hz and 1 = 300 Hz, cut beyond.
 
-    Args:
-        path, texture, **about: as for `write_haptic`.
-
-    Raises:
-        ValueError: on a bad argument, before anything is written.
+    Arguments and errors are those of `write_npz`.
     """
     times, amplitude, frequency, stored = _preview(texture, **about)
     pattern = [

@@ -26,10 +26,9 @@ _PAUSE = 0.01
 class EndlessProfile:
     """A profile over position that never repeats: window after window, each generated when the finger nears it.
 
-    It is read like a [`TextureProfile`]. Windows are as long as a segment (133 mm with the bundled checkpoint: 1.64 s
-    at its reference speed of 81.3 mm/s) and overlap by a quarter. All are takes of the same ratings with the level,
-    mean spectrum and friction coefficient of the first: one surface (see `WindowGenerator`). A window depends on the
-    seed and its place alone: a finger that comes back meets the same texture, to rounding.
+    It is read like a [`TextureProfile`]. Windows are as long as a segment (133 mm with the bundled checkpoint) and
+    overlap by a quarter. All are takes of one surface (see `WindowGenerator`). A window depends on the seed and its
+    place alone: a finger that comes back meets the same texture, to rounding.
 
     A window may be missing when the finger reaches it. By default `read` never waits: another window stands in until
     the finger has left (`substituted` counts). With `wait=True` it generates the window first, for files and tests
@@ -84,9 +83,7 @@ class EndlessProfile:
     def generate(self, *indices):
         """Generates the windows of these `indices` that are not there yet, in one batch.
 
-        Returns:
-            `dict[int, TextureProfile]`: of `indices`, those that are there now: all, or after `interrupt` those that
-            were there before.
+        Those that are there now (`dict[int, TextureProfile]`): all, or after `interrupt` those that were there before.
         """
         with self._generator.lock:
             found = {index: self.windows[index] for index in indices if index in self.windows}
@@ -119,11 +116,7 @@ class EndlessProfile:
     # --- what the reading thread does
 
     def read(self, position, speed):
-        """As [`TextureProfile.read`].
-
-        Raises:
-            RuntimeError: before the first `generate`, unless `wait`.
-        """
+        """As [`TextureProfile.read`]; a RuntimeError before the first `generate`, unless `wait`."""
         position, speed = np.asarray(position, dtype=np.float64), np.asarray(speed, dtype=np.float64)
         self._reads += 1
         position = position + self.window_length / 2  # from the beginning of window 0
@@ -167,14 +160,8 @@ class EndlessStream(TextureStream):
     yet. Another window then stands in, with one UserWarning (`substituted` counts). With an `EndlessProfile(...,
     wait=True)` it reads at any pace: `read` waits for its windows, and `change` until the new surface is there.
 
-    Args:
-        profile (`EndlessProfile`): what is under the finger.
-        sensor_rate (`float`): of the finger's reports, Hz.
-        **options: of [`TextureStream`].
-
-    Raises:
-        ValueError: for impossible options.
-        RuntimeError: of `read` and `read_friction`, if generating has failed.
+    `profile` is under the finger; `sensor_rate` (Hz) and `options` are those of [`TextureStream`]. If generating
+    has failed, `read` and `read_friction` raise a RuntimeError.
     """
 
     def __init__(self, profile, sensor_rate, **options):

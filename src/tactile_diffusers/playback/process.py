@@ -44,9 +44,7 @@ class GeneratingProcess:
     """A second process that generates the windows of [`EndlessProfile`]s, in place of a pipeline.
 
     Threads of one Python process take turns: a block that is read while another thread generates may come
-    milliseconds late. This process and the reading one share nothing but the finished windows.
-
-    The constructor waits until the process has started and imported PyTorch: several seconds. The process takes the
+    milliseconds late. The constructor waits until the process has imported PyTorch: several seconds. It takes the
     memory of another pipeline. As always in Python, a script that starts a process keeps its own work behind
     `if __name__ == "__main__":`. Close it, or use it in a `with`.
 

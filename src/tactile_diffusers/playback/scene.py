@@ -24,29 +24,26 @@ class TextureScene:
     r"""
     Surfaces described by ratings, as textures for `TextureStream`, each decoded when it is needed and not before.
 
-    DALE generates the latents of all surfaces at the first need, in one batch (patches longer than the profile of one
-    segment, 120 mm with the bundled checkpoint: one batch for each length). LCTG decodes a surface when its profile is
-    first asked for, as long as the longest stroke within its patch and at least one segment; the `cache_size` profiles
-    asked for last are kept. A surface depends on `seed`, its name, ratings and patch alone: it is the same whatever is
-    touched before, after it was dropped from the cache, and from a file. Bit for bit within a process; among other
-    surfaces, or in another process, sums are rounded differently, 100 dB below the texture.
+    DALE generates the latents of all surfaces at the first need, in one batch for each length. LCTG decodes a surface
+    when its profile is first asked for, as long as the longest stroke within its patch and at least one segment; the
+    `cache_size` profiles asked for last are kept. A surface depends on `seed`, its name, ratings and patch alone, also
+    from a file: bit for bit within a process; among other surfaces, or in another process, sums are rounded
+    differently, 100 dB below the texture.
 
-    All calls may come from different threads. `profile` of a surface in the cache does not wait for one that is being
-    decoded, so that `prepare` can run in a thread of its own. The pipeline must not be used otherwise meanwhile.
+    All calls may come from different threads. A profile in the cache does not wait for one that is being decoded, so
+    that `prepare` can run in a thread of its own. The pipeline must not be used otherwise meanwhile.
 
     Args:
         surfaces (`Mapping[str, Any]`): name -> ratings of one texture in any form that the pipeline takes:
             `[r, b, s]`, `{"roughness": 1.2}`; `None` or NaN = not specified.
         pipe (`TactileTexturePipeline`): with `dale`, which a scene from a file (`load`) can do without.
         patches (`Mapping[str, Sequence[float]]`, *optional*): name -> (x, y, width, height), or (start, length) on a
-            line, mm, for `at`, `near` and `prepare`. Of patches that overlap the later surface lies above. A surface
-            without a patch is one segment, by name alone.
+            line, mm. Of patches that overlap the later surface lies above. Without one a surface is one segment.
         seed (`int`, *optional*, defaults to 0): another one gives other takes of the same surfaces.
         num_inference_steps (`int`, *optional*): as in the pipeline; `None` = 5, or what LCTG was distilled to.
         guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): as in the pipeline; 1.0 = off.
         cache_size (`int`, *optional*, defaults to 8): profiles kept, 1.4 MB for each segment.
-        rating_scale (`str`, *optional*, defaults to `"z"`): of `surfaces`: `"z"`, `"raw"` or `"percentile"`, as in the
-            pipeline. The scene and its file hold z-scores.
+        rating_scale (`str`, *optional*, defaults to `"z"`): of `surfaces`, as in the pipeline.
 
     Attributes:
         names (`tuple[str, ...]`): of the surfaces.
@@ -114,24 +111,17 @@ class TextureScene:
             return tuple(self._profiles)
 
     def save(self, path):
-        """Writes ratings, patches, seed and latents to one `.safetensors` file, 3 kB for each surface of one segment.
+        """Writes one `.safetensors` file, 3 kB for each surface of one segment; the folder must exist.
 
         DALE runs first if it has not run, so that a scene from a file never needs it.
-
-        Raises:
-            FileNotFoundError: if the folder does not exist.
         """
         self._ensure_latents()
         write_scene(path, self._state, self._pipe)
 
     def at(self, position):
-        """Name of the surface under a position, or `None` outside all patches.
+        """Name of the surface under a position, (dimensions,) in mm, or `None` outside all patches.
 
-        `position` is (dimensions,), mm. Outside a stream goes on with the last surface: read it with `normal_force=0`
-        for no force.
-
-        Raises:
-            ValueError: if the position is not finite or of other dimensions, or the scene has no patches.
+        There a stream goes on with the last surface: read it with `normal_force=0` for no force. Errors as of `near`.
         """
         return self._state.patches.at(position)
 
@@ -179,10 +169,7 @@ class TextureScene:
         return found
 
     def friction_coefficient(self, name):
-        """Friction coefficient (`float`) of a surface, for `TextureStream`; NaN if the checkpoint does not know it.
-
-        A ValueError for an unknown name.
-        """
+        """Friction coefficient (`float`) of a surface, for `TextureStream`; NaN if the checkpoint does not know it."""
         index = self._index(name)
         self._ensure_latents()
         return float(self._state.friction_coefficient[index])

@@ -23,11 +23,10 @@ class TextureStream:
 
     `read` returns that force, for a motor; `read_friction` returns what a friction display needs.
 
-    The texture is a profile over position ([`TextureProfile`]): the same place feels the same in both directions and
-    whenever it is passed again, and every frequency follows the speed. Direction turns smoothly through 5 mm/s. The
-    profile repeats after `profile.length` mm. On a plane (`dimensions=2`) the surface is alike in all directions: it
-    consists of the profile along three axes 60 degrees apart, weighted by how the finger moves; a stroke between two
-    axes reads both, 13 % more slowly.
+    The texture is a profile over position ([`TextureProfile`]): the same place feels the same in both directions, and
+    every frequency follows the speed. Direction turns smoothly through 5 mm/s. On a plane (`dimensions=2`) the surface
+    is alike in all directions: it consists of the profile along three axes 60 degrees apart, weighted by how the finger
+    moves; a stroke between two axes reads both, 13 % more slowly.
 
     Reports of the finger (`report`), another profile (`replace`) and blocks (`read`) may come from different threads.
     Read as many samples as time passes, whether reports come or not. Reports may come unevenly, their times count. A
@@ -84,20 +83,12 @@ class TextureStream:
         return self._finger.time
 
     def report(self, time, position):
-        """Takes reports of the finger: seconds on the clock of `time`, mm. See `FingerPath.report`.
-
-        Raises:
-            ValueError: for bad reports, or times that are on another clock or in another unit.
-        """
+        """Takes reports of the finger: seconds on the clock of `time`, mm; errors as of `FingerPath.report`."""
         with self._lock:
             self._finger.report(time, position)
 
     def replace(self, profile, friction_coefficient):
-        """Puts another surface under the finger: it takes over within 20 ms from the next block on.
-
-        Raises:
-            ValueError: for a friction coefficient that is negative or not finite.
-        """
+        """Puts another surface under the finger: it takes over within 20 ms from the next block on."""
         surface = _checked(profile, friction_coefficient)
         with self._lock:
             if self._next is not None and self._faded > self._fade_samples / 2:
@@ -126,19 +117,13 @@ class TextureStream:
     def read_friction(self, samples, normal_force=REFERENCE_FORCE):
         """The next block as a friction display takes it: `drive = display.push(*stream.read_friction(samples))`.
 
-        It moves on like `read`: read each block by one of the two.
-
-        Args:
-            samples, normal_force: as for `read`.
+        Arguments and errors are those of `read`. It moves on like `read`: read each block by one of the two.
 
         Returns:
             `tuple[np.ndarray, np.ndarray]`: (samples,) float32 each, also on a plane, where a display has one drive,
             too: the friction along the motion about its mean, N, positive = more friction whichever way the finger
             moves; and the finger's speed, mm/s, at least 0. The mean, `friction_coefficient x Fn`, is the display's
             bias: see `DriveProfile.drive`.
-
-        Raises:
-            ValueError: as for `read`.
         """
         block, speed = self._block(samples, normal_force)
         return block[:, -1], speed
