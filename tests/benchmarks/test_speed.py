@@ -86,15 +86,6 @@ def test_a_network_cut_to_a_size(parameters):
     assert abs(peer_models.size(cut.module) / parameters - 1) <= peer_models.SIZE_TOLERANCE
 
 
-def test_the_other_packages_networks():
-    """Of the size that was published or asked for, and one segment at 10 kHz comes out."""
-    pytest.importorskip("audio_diffusion_pytorch")
-    with torch.device("meta"):
-        published = peer_models.audio_diffusion()
-    assert peer_models.size(published.module) == pytest.approx(76.7e6, rel=0.01)
-    assert peer_models.audio_diffusion(2_000_000).generate(2, 1).shape == (2, 1, 16384)
-
-
 def test_what_would_take_too_long_is_left_out(monkeypatch):
     monkeypatch.setattr(peers, "LONGEST_RUN", 0.5)
     rows = {"slow": ([], lambda number: time.sleep(0.06)), "ours": ([], lambda number: None)}

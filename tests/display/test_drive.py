@@ -62,16 +62,6 @@ def test_response_is_what_sines_do(make_profile):
             assert gain == pytest.approx(complex(expected), rel=1e-6)
 
 
-def test_slow_fingers_get_no_inverse(make_profile, noise_texture):
-    profile = make_profile(cutoffs=[(30.0, 40.0), (80.0, 300.0)])
-    texture = noise_texture(rms=0.003)
-    for speed in (0.0, 10.0):
-        drive, _ = profile.drive(texture, speed)
-        np.testing.assert_allclose(profile.steady_force(drive), texture + profile.stream().bias, atol=1e-15)
-    faster, _ = profile.drive(texture, 12.0)
-    assert np.abs(profile.steady_force(faster) - texture - profile.stream().bias).max() > 1e-4
-
-
 @pytest.mark.parametrize("cutoffs", [[(SPEED, 40.0)], [(10.0, 30.0), (30.0, 60.0)]])
 def test_no_click_where_the_inverse_sets_in(make_profile, cutoffs):
     """Curvature of the command for a sine, while the speed goes from 5 to 30 mm/s within a second."""

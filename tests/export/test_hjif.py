@@ -11,14 +11,8 @@ from tactile_diffusers.export.hjif import SPATIAL, TEMPORAL
 from tactile_diffusers.signal import DEVICE_RATE
 
 SCHEMAS = Path(__file__).parents[2].parent / "shared/data/mpeg_haptics_schemas"
-COMMON = {
-    "sampling_rate": DEVICE_RATE,
-    "friction_coefficient": 0.6,
-    "reference_speed": 81.37,
-    "ratings": [1.5, float("nan"), -1.0],
-    "seed": 0,
-    "checkpoint": "virtual-surfaces",
-}
+COMMON = {"sampling_rate": DEVICE_RATE, "friction_coefficient": 0.6, "reference_speed": 81.37, "seed": 0}
+COMMON["ratings"] = [1.5, float("nan"), -1.0]
 
 
 @pytest.fixture

@@ -10,13 +10,8 @@ from PIL import Image
 from tactile_diffusers.export import read_png, write_png
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db
 
-COMMON = {
-    "sampling_rate": DEVICE_RATE,
-    "friction_coefficient": 0.6,
-    "reference_speed": 80.0,
-    "ratings": [0.0, 0.0, 0.0],
-    "seed": 0,
-}
+COMMON = {"sampling_rate": DEVICE_RATE, "friction_coefficient": 0.6, "reference_speed": 80.0, "ratings": [0, 0, 0]}
+COMMON["seed"] = 0
 
 
 @pytest.fixture

@@ -8,13 +8,7 @@ import pytest
 from tactile_diffusers.export import read_ahap, read_haptic, write_ahap, write_haptic
 from tactile_diffusers.signal import DEVICE_RATE, rms
 
-COMMON = {
-    "sampling_rate": DEVICE_RATE,
-    "friction_coefficient": 0.6,
-    "reference_speed": 80.0,
-    "ratings": [0.0, 0.0, 0.0],
-    "seed": 0,
-}
+COMMON = {"sampling_rate": DEVICE_RATE, "friction_coefficient": 0.6, "ratings": [0.0, 0.0, 0.0], "seed": 0}
 
 
 def _sine(frequency, amplitude, seconds):

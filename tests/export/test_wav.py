@@ -43,13 +43,11 @@ def test_sidecar_is_standard_json(tmp_path, texture):
 
 
 def test_files_that_belong_together_share_a_scale(tmp_path, texture):
-    """Players that ignore sidecars then keep the levels; what would be clipped is refused."""
-    full_scale = 2 * np.abs(texture).max()
+    """Players that ignore sidecars then keep the levels."""
     for name, gain in (("loud", 1.0), ("quiet", 0.5)):
-        write_wav(tmp_path / f"{name}.wav", gain * texture, full_scale=full_scale, **COMMON)
+        write_wav(tmp_path / f"{name}.wav", gain * texture, full_scale=2 * np.abs(texture).max(), **COMMON)
     loud, quiet = (soundfile.read(tmp_path / f"{name}.wav")[0] for name in ("loud", "quiet"))
     np.testing.assert_allclose(quiet, 0.5 * loud, atol=2**-15)  # half a count of 16 bits each
-    np.testing.assert_allclose(read_wav(tmp_path / "quiet.wav")[0], 0.5 * texture, atol=1.01 * 2**-16 * full_scale)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from tactile_diffusers.playback import TextureProfile, TextureStream, force_laws
 from tactile_diffusers.signal import band_levels_db
@@ -111,22 +110,13 @@ def test_a_point_on_a_plane_feels_the_same_again(make_stream):
     [
         (-0.1, {}, "`friction_coefficient`"),
         (None, {}, "`friction_coefficient` must be a finite number of at least 0 .*got None"),
-        (0.5, {"sampling_rate": None}, "`sampling_rate` must be a finite number above 2000 in Hz, got None"),
-        (0.5, {"sensor_rate": "125"}, "`sensor_rate` must be a finite number above 0 in Hz, got '125'"),
+        (0.5, {"sampling_rate": None}, "`sampling_rate` must be a finite number above 2000"),
         (0.5, {"speed_exponent": None}, "`speed_exponent` .*got None"),
     ],
 )
 def test_bad_settings_are_refused(make_stream, friction, options, message):
     with pytest.raises(ValueError, match=message):
         make_stream(friction, **options)
-
-
-@pytest.mark.parametrize("number", [np.float32(0.5), np.array(0.5), torch.tensor(0.5)])
-def test_a_number_of_any_kind_is_one(make_stream, number):
-    """`friction_coefficient[0]` of a pipeline's output is one of these."""
-    stream = make_stream(number)
-    stream.replace(stream.profile, number)
-    assert stream._next[1] == 0.5
 
 
 def test_a_normal_force_is_reached_without_a_step(make_stream):
