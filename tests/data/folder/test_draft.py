@@ -85,31 +85,16 @@ def test_time_stamps(tmp_path, name, stamps, unit, rate):
     assert any(f"time taken as {unit}" in doubt for doubt in group.doubts) is (unit in ("s", "ms", "us"))
 
 
-@pytest.mark.parametrize(
-    "columns, doubt, channel, expected",
-    [  # the first: the normal force is in y, and z has no clear sign
-        (
-            ("Fx [N]", "Fz [N]", "Fy [N]"),
-            "largest in Fy [N] (-0.5), not in z",
-            "force",
-            {"normal_sign": f"TODO: {SIGN}"},
-        ),
-        (
-            ("fx_N", "fy_N", "fz_mN"),
-            "no position or velocity",
-            "force",
-            {"unit": f"TODO: {UNITS}; the name says N and mN"},
-        ),
-        (
-            ("F_T", "y", "F_N"),
-            "only one column is used, not F_N",
-            "lateral",
-            {"column": "F_T", "unit": f"TODO: {UNITS}"},
-        ),
-    ],
-)
+DOUBTS = [  # the first: the normal force is in y, and z has no clear sign
+    ("Fx [N]|Fz [N]|Fy [N]", "largest in Fy [N] (-0.5), not in z", "force", {"normal_sign": f"TODO: {SIGN}"}),
+    ("fx_N|fy_N|fz_mN", "no position or velocity", "force", {"unit": f"TODO: {UNITS}; the name says N and mN"}),
+    ("F_T|y|F_N", "only one column is used, not F_N", "lateral", {"column": "F_T", "unit": f"TODO: {UNITS}"}),
+]
+
+
+@pytest.mark.parametrize("columns, doubt, channel, expected", DOUBTS)
 def test_doubts_on_forces(tmp_path, columns, doubt, channel, expected):
-    table(tmp_path / "felt.csv", force_columns(columns))
+    table(tmp_path / "felt.csv", force_columns(columns.split("|")))
     assert doubt in str(inspect_folder(tmp_path, quiet=True))
     assert expected.items() <= drafted(tmp_path)["files"][0][channel].items()
 
@@ -195,6 +180,34 @@ def test_drafted_and_converted(foreign, tmp_path):
     assert np.isnan(ratings.values[1, 1, 1]) and np.isnan(ratings.values).sum() == 1
 
 
+def test_a_german_folder_end_to_end(tmp_path):
+    """Decimal commas below a preamble, mN and ms, two encodings, a row an answer in Excel, other names of surfaces."""
+    root, surfaces = tmp_path / "study", ["Cork sheet", "Denim", "P80 sandpaper"]
+    for number, (surface, run) in enumerate((surface, run) for surface in surfaces for run in (1, 2)):
+        place = root / "Messwerte" / "S1" / surface
+        x, y, z = 1000 * force(seed=number).T
+        table(place / f"run{run}_ati.csv", {"t_ms": np.arange(2000.0), "Fx [mN]": x, "Fy [mN]": y, "Fz [mN]": z})
+        columns = pd.read_csv(place / f"run{run}_ati.csv").to_csv(sep=";", decimal=",", index=False)
+        encoding = "utf-16" if surface == "Denim" else "latin-1"
+        (place / f"run{run}_ati.csv").write_text(f"Prüfstand 3; Kraft\n{columns}", encoding=encoding)
+        x, y = position().T
+        table(place / f"run{run}_stage.txt", {"t [s]": np.arange(1000) / 500, "x (mm)": x, "y (mm)": y}, sep="\t")
+    pairs = [
+        (f"VP{i}", name, axis) for i in range(9) for name in ("denim", "P80", "cork_sheet") for axis in (*AXES, "wet")
+    ]
+    rated = pd.DataFrame(pairs, columns=["rater", "material", "attribute"]).assign(answer=answers(0, 1, 7, len(pairs)))
+    rated.to_excel(root / "Bewertungen.xlsx", index=False)
+    layout = filled(root, tmp_path / "l.toml")
+    report = convert_folder(root, layout, tmp_path / "r.h5", quiet=True)
+    assert report.recordings == 6 and not report.left_out and not report.notes
+    with RecordingsFile(tmp_path / "r.h5") as file:
+        assert file.names[:2] == ["Cork sheet/S1/1", "Cork sheet/S1/2"] and len(file.ratings.raters) == 9
+        np.testing.assert_allclose(file.read("Denim/S1/1").force, force(seed=2) * [1, 1, -1], rtol=1e-6)
+        asked = rated[(rated.attribute == "rough-smooth") & (rated.material == "P80")].answer
+        place = file.ratings.surfaces.index("P80 sandpaper"), file.ratings.axes.index("roughness")
+        np.testing.assert_allclose(file.ratings.values[:, *place], (asked - 1) * 8 / 6, rtol=1e-6)
+
+
 def test_one_hdf5_file_for_all(tmp_path):
     with h5py.File(tmp_path / "all.h5", "w") as file:
         for surface in range(4):
@@ -237,17 +250,6 @@ def test_measured_velocity_is_preferred(foreign):
         table(path.with_name(path.name.replace("position", "velocity")), columns)
     entries = drafted(foreign)["files"]
     assert [set(entry) & {"force", "position", "velocity"} for entry in entries] == [{"force"}, {"velocity"}]
-
-
-def test_a_row_an_answer(tmp_path):
-    rows = [(p, m, a) for p in range(10) for m in ("felt", "cork") for a in ("rough-smooth", "bumpy-flat", "wet-dry")]
-    frame = pd.DataFrame(rows, columns=["subject", "material", "attribute"])
-    table(tmp_path / "perception.csv", frame.assign(rating=answers(count=60, high=100)), sep=";")
-    ratings = drafted(tmp_path)["ratings"]
-    columns = {axis: value["column"] for axis, value in ratings.pop("axes").items()}
-    assert columns == {"roughness": "rough-smooth", "bumpiness": "bumpy-flat"}
-    keys = {"rater": "subject", "surface": "material", "axis": "attribute", "answer": "rating", "scale": [0, 100]}
-    assert ratings == {"pattern": "perception.csv", "form": "long"} | keys
 
 
 @pytest.mark.parametrize(
