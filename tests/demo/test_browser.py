@@ -175,19 +175,6 @@ def test_numbers_that_are_none_are_told_or_put_back(visit):
     sync_api.expect(page.locator("#preset input")).to_have_value("")  # it is denim no more
 
 
-def test_preset_and_scale(visit):
-    page = visit()
-    before = _picture(page)
-    page.click("#preset input")
-    page.get_by_role("option", name="sandpaper").click()
-    _wait_for_another(page, before)
-    page.locator("#scale").get_by_text("z-scores").click()
-    slider = page.locator("#roughness input[type=range]")
-    page.wait_for_function("document.querySelector('#roughness input[type=range]').max < 3")
-    assert float(slider.input_value()) == pytest.approx(1.6, abs=0.06)  # percentiles are whole
-    sync_api.expect(page.locator("#numbers tbody td").first).to_have_text(re.compile(r"1\.[56]\d"))
-
-
 def test_finger_strip_follows_pointer_and_keys(visit):
     page = visit()
     frame = page.frame_locator("#strip iframe")

@@ -40,11 +40,6 @@ def test_a_port_in_use_is_told_before_anything_is_loaded(capsys):
     serve._check_port("::1", port)
 
 
-def test_nothing_is_fetched_from_elsewhere():
-    page = (Path(serve.__file__).parent / "strip.html").read_text(encoding="utf-8")
-    assert "http" not in page and "import(" not in page
-
-
 def test_the_folder_is_a_space():
     folder = Path(serve.__file__).parent
     header = yaml.safe_load((folder / "README.md").read_text(encoding="utf-8").split("---\n")[1])
