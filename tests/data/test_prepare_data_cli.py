@@ -10,6 +10,14 @@ def run(words, **paths):
     return main(words.format(**paths).split())
 
 
+def refused(words, **paths):
+    """Whether a command ends with exit code 2, by argparse or by itself."""
+    try:
+        return run(words, **paths) == 2
+    except SystemExit as stop:
+        return stop.code == 2
+
+
 def test_virtual_then_again_from_its_recordings(tmp_path, capsys):
     recordings, prepared, again = (tmp_path / name for name in ("r.h5", "p.h5", "again.h5"))
     run(
@@ -68,8 +76,7 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
     run("--export-folder {f} --recordings {r} --quiet", f=folder, r=virtual_recordings)
     run("--inspect {f} --draft {d} --quiet", f=folder, d=draft)
     assert "TODO" in capsys.readouterr().out and "[[files]]" in draft.read_text()
-    with pytest.raises(SystemExit):
-        run("--inspect {f} --draft {d} --quiet", f=folder, d=draft)
+    assert refused("--inspect {f} --draft {d} --quiet", f=folder, d=draft)
     assert "exists" in capsys.readouterr().err
 
 
@@ -81,25 +88,18 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--output {tmp}/r.h5 --prepared {tmp}/r.h5", "must differ"),
         ("--output {tmp}/r.h5 --root {tmp}", "--root belongs to --source"),
         ("--source recordings --prepared {tmp}/p.h5", "needs --recordings"),
-        ("--source recordings --recordings {tmp}/no.h5 --prepared {tmp}/p.h5", "is not a file"),
         ("--source recordings --recordings " + __file__, "needs --prepared"),
         ("--source sens3 --root {tmp} --output {tmp}/r.h5", "Write one with --inspect"),
         ("--source folder --root {tmp}/no --layout " + __file__ + " --output {tmp}/r.h5", "is not a folder"),
         ("--source recordings --workers 2 --recordings " + __file__, "--workers belongs to --source virtual"),
         ("--draft {tmp}/l.toml --output {tmp}/r.h5", "--draft belongs to --inspect"),
         ("--export-folder {tmp}/f", "needs --recordings"),
-        (
-            f"--export-folder {{tmp}}/f --recordings {__file__} --root {{tmp}} --output {{tmp}}/r.h5",
-            "leave out --output, --root",
-        ),
+        ("--export-folder {tmp}/f --root {tmp} --output {tmp}/r.h5", "leave out --output, --root"),
         ("--inspect {tmp} --prepared {tmp}/p.h5 --seed 1", "--inspect does one thing, and stops: leave out"),
         ("--inspect {tmp} --draft {tmp}/nowhere/l.toml", "nowhere of l.toml does not exist"),
         ("--calibrate --surfaces 3", "leave out --surfaces"),
-        ("--inspect {tmp}/no", "no"),
         ("--inspect {tmp}", "there is no file that can be read as a table"),
-        ("--inspect {tmp} --draft {tmp}/l.toml", "there is no file that can be read as a table"),
         ("--root {tmp} --output {tmp}/r.h5", "not to virtual. Files of your own: --source folder."),
-        ("--output {tmp}/r.h5 --surfaces 0", "--surfaces: must be at least 1"),
         ("--output {tmp}/r.h5 --seconds 1", "`seconds`"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --band 500 20", "--band must satisfy"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --overlap 1", "`overlap`"),
@@ -111,16 +111,6 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
     ],
 )
 def test_refusals_come_before_any_work(tmp_path, capsys, flags, message):
-    with pytest.raises(SystemExit) as exit_info:
-        run(flags, tmp=tmp_path)
-    assert exit_info.value.code == 2
+    assert refused(flags, tmp=tmp_path)
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
-
-
-def test_help_names_every_source(capsys):
-    with pytest.raises(SystemExit):
-        main(["--help"])
-    output = capsys.readouterr().out
-    assert all(f"--source {source}" in output for source in ("virtual", "sens3", "folder", "recordings"))
-    assert "data/folder/layout.py" in output

@@ -13,7 +13,6 @@ from ..pipelines.inputs import parse_ratings
 from ..signal import coverage_distance
 from ..signal.rating_scales import from_percentile
 
-SUFFIXES = (".csv", ".json", ".npy")
 #: ratings drawn at once; a constant, so that the first ratings are the same for any number of textures
 BLOCK = 1024
 #: what the draw needs of DALE's config
@@ -40,11 +39,11 @@ def read_ratings_file(path, config, count):
         FileNotFoundError: if there is no file.
     """
     path = Path(path)
-    if path.suffix not in SUFFIXES:
-        raise ValueError(f"--ratings_file {path} must end in one of {', '.join(SUFFIXES)}.")
+    readers = {".csv": _read_csv, ".json": _read_json, ".npy": _read_npy}
+    if path.suffix not in readers:
+        raise ValueError(f"--ratings_file {path} must end in one of {', '.join(readers)}.")
     with reading(f"--ratings_file {path}", "ratings", "Correct it, or write it again."):
-        rows = {".csv": _read_csv, ".json": _read_json, ".npy": _read_npy}[path.suffix](path, config.rating_axes)
-        rows = parse_ratings(rows, config).numpy()
+        rows = parse_ratings(readers[path.suffix](path), config).numpy()
     if len(rows) > count:
         raise ValueError(
             f"--ratings_file {path} has {len(rows)} rows, more than --num_textures {count}: give --num_textures "
@@ -53,33 +52,26 @@ def read_ratings_file(path, config, count):
     return rows[np.arange(count) % len(rows)]
 
 
-def _read_csv(path, axes):
+def _read_csv(path):
+    """Rows as dicts of axes; a row that lacks cells is refused: the file may have been cut off."""
     with open(path, newline="", encoding="utf-8-sig") as file:
-        reader = csv.DictReader(file)
-        names = [name.strip() for name in reader.fieldnames or []]
-        if not names or len(set(names)) < len(names) or not set(names) <= set(axes):
-            raise ValueError(f"the first line must name columns, each one of {list(axes)}, got {names}.")
-        reader.fieldnames = names
-        rows = []
-        for row in reader:
-            if None in row or None in row.values():
-                raise ValueError(f"line {reader.line_num} does not have {len(names)} cells.")
-            rows.append({axis: _number(text, axis, reader.line_num) for axis, text in row.items()})
-    return rows
+        names, *rows = [row for row in csv.reader(file, skipinitialspace=True) if row] or [[]]
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"the first line must name columns, got {names}")
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(names):
+            raise ValueError(f"row {number} has {len(row)} cells, not {len(names)}")
+    return [
+        {name.strip(): float(cell) if cell.strip() else None for name, cell in zip(names, row, strict=True)}
+        for row in rows
+    ]
 
 
-def _number(text, axis, line):
-    try:
-        return float(text) if text.strip() else None
-    except ValueError as error:
-        raise ValueError(f"line {line}, column {axis}: {text!r} is no number.") from error
-
-
-def _read_json(path, axes):
+def _read_json(path):
     return json.loads(path.read_text(encoding="utf-8-sig"))
 
 
-def _read_npy(path, axes):
+def _read_npy(path):
     # mapped: a header may claim any number of rows
     return np.array(np.load(path, mmap_mode="r", allow_pickle=False))
 

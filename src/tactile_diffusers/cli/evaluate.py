@@ -1,7 +1,6 @@
 """`python examples/evaluate.py`: figures of a checkpoint on held-out surfaces, as report.json, tables and pictures."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,17 +17,14 @@ from .program import (
     load_pipeline,
     program,
     refuse,
+    warn,
 )
 
 _SECTIONS = ("reconstruction", "generation", "control", "regression", "novel", "paper", "speed")
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command.
-
-    Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
-    """
+    """Arguments of the command."""
     parser = Parser(
         prog=program("evaluate.py"),
         description="Evaluate a checkpoint on held-out surfaces. Finished sections are kept under OUTPUT/sections: the "
@@ -74,11 +70,7 @@ def _check(parser, arguments):
 
 
 def open_context(arguments, folder):
-    """The checkpoint in a folder and the data, checked against each other: a `Context`.
-
-    Raises:
-        ValueError, OSError: if one cannot be read, or they do not fit together.
-    """
+    """The checkpoint in a folder and the data, checked against each other: a `Context`."""
     from ..evaluation.sections import FULL, QUICK, Anchor, make_context
 
     settings = QUICK if arguments.quick else FULL
@@ -102,11 +94,7 @@ def open_context(arguments, folder):
 
 
 def main(argv=None):
-    """Runs the command; sections that need DALE are null for a pipeline without one.
-
-    Returns:
-        `int`: 0, or 2 if the checkpoint or the data were refused (one line on stderr).
-    """
+    """Runs the command; sections that need DALE are null for a pipeline without one."""
     arguments = parse_arguments(argv)
     from ..evaluation.report import run_sections, seen_in_training
     from ..evaluation.report_tables import report_markdown
@@ -121,7 +109,7 @@ def main(argv=None):
     # before the long work, so that it can be stopped here
     seen = seen_in_training(context, [folder, *arguments.training])
     if words := warning(seen, len(set(context.data.surfaces.tolist()))):
-        print(f"{program('evaluate.py')}: warning: {words}", file=sys.stderr)
+        warn("evaluate.py", words)
     report = run_sections(context, arguments.sections, folder, arguments.training)
     write_text(Path(arguments.output) / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     markdown = report_markdown(report)

@@ -3,7 +3,6 @@
 import argparse
 import json
 import math
-import sys
 import warnings
 from pathlib import Path
 
@@ -11,18 +10,14 @@ from ..export.formats import FORMATS, round_trip, round_trip_markdown
 from ..export.generated import MANIFEST, read_generated
 from ..export.png import HEIGHT, PIXEL_PITCH
 from ..signal import REFERENCE_FORCE
-from .program import Parser, add_output_argument, count, positive_number, program, refuse
+from .program import Parser, add_output_argument, command, count, positive_number, program, warn
 
 #: Readers of the files that the command takes, by their last suffix.
 READERS = {".npz": FORMATS["npz"].read, ".h5": FORMATS["hdf5"].read, ".wav": FORMATS["wav"].read}
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command.
-
-    Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
-    """
+    """Arguments of the command."""
     width = max(map(len, FORMATS))
     parser = Parser(
         prog=program("export.py"),
@@ -52,47 +47,25 @@ def parse_arguments(argv=None):
     return arguments
 
 
+@command("export.py")
 def main(argv=None):
-    """Runs the command.
-
-    Args:
-        argv (`list[str]`, *optional*): arguments; the process's own by default.
-
-    Returns:
-        `int`: 0, or 2 if a texture could not be read or written (one line on stderr).
-    """
+    """Runs the command."""
     arguments = parse_arguments(argv)
     rows = []
-    try:
-        for name, texture, metadata in read_textures(arguments.input):
-            rows += _write(name, texture, metadata, arguments)
-    except (ValueError, OSError) as error:
-        return refuse("export.py", error)
+    for name, texture, metadata in read_textures(arguments.input):
+        rows += _write(name, texture, metadata, arguments)
     if arguments.json:
         print(json.dumps([{key: _finite(value) for key, value in row.items()} for row in rows], indent=1))
     elif arguments.round_trip:
         print(f"\n{round_trip_markdown(rows)}")
-    return 0
 
 
 def read_textures(path):
-    """Textures of a file or a folder, one after the other.
-
-    Args:
-        path (`Path`): as `--input`.
-
-    Yields:
-        `tuple[str, np.ndarray, dict]`: a name for files, the texture (samples,) float32 in N, and the keywords of the
-        writers.
-
-    Raises:
-        ValueError: if the file is of another kind, or the folder holds none.
-    """
+    """Yields the textures of a file or a folder: a name for files, the texture (samples,) in N, and its metadata."""
     if path.is_file():
         if path.suffix not in READERS:
             raise ValueError(f"{path} must end in {', '.join(READERS)}: these formats hold newtons and metadata.")
-        texture, metadata = READERS[path.suffix](path)
-        yield _stem(path), texture, metadata
+        yield (_stem(path), *READERS[path.suffix](path))
     elif (path / MANIFEST).is_file():
         yield from _read_generated(path)
     else:
@@ -107,19 +80,11 @@ def _read_generated(folder):
     data = read_generated(folder)
     friction, ratings, seeds = (data.column(name) for name in ("friction_coefficient", "ratings", "seed"))
     speed = data.settings.get("reference_speed")
+    common = {"sampling_rate": data.sampling_rate, "checkpoint": data.about.get("checkpoint")}
+    common["reference_speed"] = math.nan if speed is None else speed
     for row in range(len(data)):
-        yield (
-            f"texture-{row:05d}",
-            data[row],
-            {
-                "sampling_rate": data.sampling_rate,
-                "friction_coefficient": float(friction[row]),
-                "reference_speed": math.nan if speed is None else speed,
-                "ratings": ratings[row].tolist(),
-                "seed": int(seeds[row]),
-                "checkpoint": data.about.get("checkpoint"),
-            },
-        )
+        own = {"friction_coefficient": float(friction[row]), "ratings": ratings[row].tolist(), "seed": int(seeds[row])}
+        yield f"texture-{row:05d}", data[row], common | own
 
 
 def _stem(path):
@@ -130,9 +95,14 @@ def _stem(path):
 
 def _write(name, texture, metadata, arguments):
     """Writes one texture in every format: a row for each file."""
+    spatial = [chosen for chosen in arguments.formats if FORMATS[chosen].spatial]
+    if spatial and math.isnan(metadata["reference_speed"]):  # before any file of this texture is written
+        raise ValueError(
+            f"{arguments.input} knows no reference speed, so {', '.join(spatial)} cannot be written over position. "
+            "Leave them out of --formats."
+        )
     keywords = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
     common = {key: metadata[key] for key in keywords}
-    _check_speed(metadata, arguments.formats, arguments.input)
     arguments.output.mkdir(parents=True, exist_ok=True)
     rows = []
     for chosen in arguments.formats:
@@ -142,23 +112,13 @@ def _write(name, texture, metadata, arguments):
             warnings.simplefilter("always", UserWarning)
             form.write(path, texture, **common, **{option: getattr(arguments, option) for option in form.options})
         for warning in caught:
-            print(f"{program('export.py')}: warning: {path.name}: {warning.message}", file=sys.stderr)
+            warn("export.py", f"{path.name}: {warning.message}")
         row = {"texture": name, "seconds": len(texture) / common["sampling_rate"], "format": chosen, "file": str(path)}
         row |= round_trip(path, chosen, texture, common["sampling_rate"]) if arguments.round_trip else {}
         rows.append({**row, "kind": form.kind})
         if not arguments.json:
             print(f"{path}: {form.kind}, {form.description}")
     return rows
-
-
-def _check_speed(metadata, chosen, source):
-    """Refuses what would fail, before any file of this texture is written."""
-    spatial = [name for name in chosen if FORMATS[name].spatial]
-    if spatial and math.isnan(metadata["reference_speed"]):
-        raise ValueError(
-            f"{source} knows no reference speed, so {', '.join(spatial)} cannot be written over position. Leave them "
-            "out of --formats."
-        )
 
 
 def _finite(value):

@@ -13,11 +13,11 @@ from .program import (
     add_output_argument,
     add_seed_argument,
     checkpoint_name,
+    command,
     count,
     generation_options,
     load_pipeline,
     program,
-    refuse,
 )
 
 
@@ -30,11 +30,7 @@ def rating(word):
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command, with `ratings` as a list of three floats in the order of `RATING_AXES`.
-
-    Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that names the argument.
-    """
+    """Arguments of the command, with `ratings` as a list of three floats in the order of `RATING_AXES`."""
     parser = Parser(
         prog=program("generate.py"),
         description="Generate tactile textures from perceptual ratings and write them as .npz, .wav and .png.",
@@ -73,24 +69,10 @@ def parse_arguments(argv=None):
     return arguments
 
 
+@command("generate.py")
 def main(argv=None):
-    """Runs the command.
-
-    Args:
-        argv (`list[str]`, *optional*): arguments; defaults to those of the process.
-
-    Returns:
-        `int`: 0, or 2 if the pipeline refused the request (one line on stderr, nothing written).
-    """
+    """Runs the command."""
     arguments = parse_arguments(argv)
-    try:
-        _generate(arguments)
-    except (ValueError, OSError, FloatingPointError) as error:  # the last: guidance that makes levels explode
-        return refuse("generate.py", error)
-    return 0
-
-
-def _generate(arguments):
     import torch
 
     from ..pipelines.inputs import parse_ratings

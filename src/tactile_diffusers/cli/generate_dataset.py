@@ -35,11 +35,7 @@ launches several processes on GPUs only). Read the shards as one array with
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command.
-
-    Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that names the argument.
-    """
+    """Arguments of the command."""
     parser = Parser(
         prog=program("generate_dataset.py"),
         description="Generate many textures into shards (HDF5), in as many processes as accelerate or torchrun starts.",
@@ -62,11 +58,7 @@ def parse_arguments(argv=None):
 
 
 def main(argv=None):
-    """Runs the command in one of its processes.
-
-    Returns:
-        `int`: 0, or 2 if the request was refused (one line on stderr from each machine, nothing written).
-    """
+    """Runs the command in one of its processes; a refusal is one line on stderr from each machine."""
     arguments = parse_arguments(argv)
     from accelerate import PartialState
 

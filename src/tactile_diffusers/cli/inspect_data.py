@@ -1,10 +1,9 @@
 """`python examples/inspect_data.py`: a data card of recordings, in words, numbers and pictures."""
 
 import argparse
-import sys
 from pathlib import Path
 
-from .program import Parser, existing_file, program, refuse
+from .program import Parser, command, existing_file, program
 
 DESCRIPTION = """\
 Writes a data card of any recordings.h5: what is in it, what preparation keeps and why it drops the rest, levels,
@@ -16,11 +15,7 @@ spectra, friction and ratings of the surfaces, and warnings worth acting on.
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command.
-
-    Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
-    """
+    """Arguments of the command."""
     parser = Parser(
         prog=program("inspect_data.py"), description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -33,27 +28,13 @@ def parse_arguments(argv=None):
     return parser.parse_args(argv)
 
 
+@command("inspect_data.py")
 def main(argv=None):
-    """Runs the command; prints the head of the card.
-
-    Args:
-        argv (`list[str]`, *optional*): defaults to the command line.
-
-    Returns:
-        `int`: the exit code, 2 on bad input.
-    """
+    """Runs the command; prints the head of the card."""
     arguments = parse_arguments(argv)
     from ..data.card import summary, write_card
 
     if arguments.prepared is None:
         print("No --prepared: preparing with the default limits into a temporary file.")
-    try:
-        card = write_card(arguments.recordings, arguments.output, arguments.prepared, arguments.quiet)
-    except (ValueError, OSError) as error:
-        return refuse("inspect_data.py", error)
+    card = write_card(arguments.recordings, arguments.output, arguments.prepared, arguments.quiet)
     print(f"{summary(card)}\n\nwrote {arguments.output / 'card.md'}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

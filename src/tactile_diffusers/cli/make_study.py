@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 from .program import (
@@ -10,11 +9,11 @@ from .program import (
     add_checkpoint_argument,
     add_seed_argument,
     checkpoint_name,
+    command,
     count,
     existing_file,
     load_pipeline,
     program,
-    refuse,
 )
 
 DESCRIPTION = """\
@@ -29,11 +28,7 @@ No human result comes with this package.
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command.
-
-    Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
-    """
+    """Arguments of the command."""
     parser = Parser(
         prog=program("make_study.py"), description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -41,8 +36,8 @@ def parse_arguments(argv=None):
     _add_make(commands.add_parser("make", help="stimuli, trial lists, key and protocol"))
     _add_rehearse(commands.add_parser("rehearse", help="simulated participants"))
     _add_analyse(commands.add_parser("analyse", help="the report of filled-in trial lists"))
-    for command in commands.choices.values():
-        command.add_argument("--quiet", action="store_true", help="print nothing but errors, no progress bars")
+    for one in commands.choices.values():
+        one.add_argument("--quiet", action="store_true", help="print nothing but errors, no progress bars")
     return parser.parse_args(argv)
 
 
@@ -94,21 +89,11 @@ def _add_analyse(parser):
     add_seed_argument(parser, "seed of the bootstrap")
 
 
+@command("make_study.py")
 def main(argv=None):
-    """Runs the command.
-
-    Args:
-        argv (`list[str]`, *optional*): defaults to the command line.
-
-    Returns:
-        `int`: 0, or 2 on bad input (one line on stderr).
-    """
+    """Runs the command."""
     arguments = parse_arguments(argv)
-    try:
-        {"make": _make, "rehearse": _rehearse, "analyse": _analyse}[arguments.command](arguments)
-    except (ValueError, OSError) as error:
-        return refuse("make_study.py", error)
-    return 0
+    {"make": _make, "rehearse": _rehearse, "analyse": _analyse}[arguments.command](arguments)
 
 
 def _make(arguments):
@@ -173,7 +158,3 @@ def _analyse(arguments):
     write_report(arguments.output, report, study.key, answers)
     if not arguments.quiet:
         print(f"{report_markdown(report)}\nwrote {arguments.output / 'report.md'}")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -12,7 +12,7 @@ from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
 from ..virtual.raters import RATERS
-from .program import Parser, count, existing_file, existing_folder, positive_number, program, seed
+from .program import Parser, command, count, existing_file, existing_folder, positive_number, program, seed
 
 #: Options of each source with their defaults; `None` = required.
 SOURCE_OPTIONS = {
@@ -96,32 +96,24 @@ def _add_virtual(add):
 
 def _add_segments(add):
     limits = SegmentLimits()
-
-    def pair(name, purpose, default):
+    pairs = {
+        "normal_force": ("normal force of a segment, N", limits.normal_force),
+        "speed": ("speed of a segment, mm/s", limits.speed),
+        "band": ("band-pass, Hz", BAND_HZ),
+    }
+    for name, (purpose, default) in pairs.items():
         shown = "{}; default: {} {}".format(purpose, *default)
         add(f"--{name}", nargs=2, type=float, metavar=("LOW", "HIGH"), help=shown)
-
-    pair("normal_force", "normal force of a segment, N", limits.normal_force)
-    pair("speed", "speed of a segment, mm/s", limits.speed)
     add("--no_limits", action="store_true", help="any normal force and speed")
-    add(
-        "--longest_excursion",
-        type=float,
-        default=limits.longest_excursion,
-        metavar="SECONDS",
-        help="longest time outside the limits that is bridged, s; default: %(default)s",
-    )
-    add(
-        "--turnarounds",
-        choices=TURNAROUNDS,
-        default=DEFAULT_TURNAROUNDS,
-        help="how reversals inside a segment are treated (keep = the paper); default: %(default)s",
-    )
-    length = {"type": float, "default": SEGMENT_SECONDS, "metavar": "SECONDS"}
-    add("--segment_seconds", **length, help="length of a segment, s; default: %(default)s")
-    overlap = "overlap of segments, share of a segment; default: %(default)s"
-    add("--overlap", type=float, default=limits.overlap, metavar="SHARE", help=overlap)
-    pair("band", "band-pass, Hz", BAND_HZ)
+    numbers = {
+        "longest_excursion": (limits.longest_excursion, "longest time outside the limits that is bridged, s"),
+        "segment_seconds": (SEGMENT_SECONDS, "length of a segment, s"),
+        "overlap": (limits.overlap, "overlap of segments, share of a segment"),
+    }
+    for name, (default, purpose) in numbers.items():
+        add(f"--{name}", type=float, default=default, metavar="X", help=f"{purpose}; default: %(default)s")
+    treated = "how reversals inside a segment are treated (keep = the paper); default: %(default)s"
+    add("--turnarounds", choices=TURNAROUNDS, default=DEFAULT_TURNAROUNDS, help=treated)
     add("--filter_order", type=int, default=4, metavar="N", help="Butterworth, per edge; default: %(default)s")
     passes = "2 = forward and backward, zero phase; default: %(default)s"
     add("--filter_passes", type=int, default=2, choices=(1, 2), help=passes)
@@ -137,55 +129,46 @@ def _add_splits(add):
         add(f"--hold_out_{kind}", nargs="+", default=(), metavar="PATTERN", help=held)
 
 
-def main(arguments=None):
-    """Runs the command; exits with a message, not a traceback, on bad input.
-
-    Args:
-        arguments (`list[str]`, *optional*): defaults to the command line.
-    """
+@command("prepare_data.py")
+def main(argv=None):
+    """Runs the command."""
     parser = build_parser()
-    args = parser.parse_args(arguments)
-    try:
-        _check_alone(parser, args)
-        if args.calibrate:
-            _calibrate()
-        elif args.inspect is not None:
-            _inspect(args)
-        elif args.export_folder is not None:
-            export_folder(args.recordings, args.export_folder, quiet=args.quiet)
-            print(f"wrote {args.export_folder}")
-        else:
-            _check_source(parser, args)
-            preparation = _preparation(args) if args.prepared is not None else None
-            recordings = _recordings(args)
-            if preparation is not None:
-                _print_report(prepare_recordings(recordings, args.prepared, **preparation), args.prepared)
-    except (ValueError, OSError) as error:
-        parser.exit(2, f"{parser.prog}: error: {error}\n")
+    args = parser.parse_args(argv)
+    _check_alone(parser, args)
+    if args.calibrate:
+        _calibrate()
+    elif args.inspect is not None:
+        _inspect(args)
+    elif args.export_folder is not None:
+        export_folder(args.recordings, args.export_folder, quiet=args.quiet)
+        print(f"wrote {args.export_folder}")
+    else:
+        _check_source(parser, args)
+        preparation = _preparation(args) if args.prepared is not None else None
+        recordings = _recordings(args)
+        if preparation is not None:
+            _print_report(prepare_recordings(recordings, args.prepared, **preparation), args.prepared)
 
 
 def _check_alone(parser, args):
     """Refuses options of other work beside --inspect, --export_folder or --calibrate."""
     if args.draft is not None and args.inspect is None:
         parser.error("--draft belongs to --inspect.")
-    used = [name for name, value in vars(args).items() if value is not None and value is not False]
-    alone = next((name for name in ALONE if name in used), None)
-    if alone is None:
-        return
-    others = {name for options in SOURCE_OPTIONS.values() for name in options} | {"prepared", *ALONE}
-    unused = ", ".join(f"--{name}" for name in sorted(used) if name in others - ALONE[alone] - {alone})
-    if unused:
-        parser.error(f"--{alone} does one thing, and stops: leave out {unused}.")
-    for name in ALONE[alone]:
-        if getattr(args, name) is None:
-            parser.error(f"--{alone} needs --{name}.")
+    used = {name for name, value in vars(args).items() if value is not None and value is not False}
+    for name in [name for name in ALONE if name in used][:1]:
+        others = {name for options in SOURCE_OPTIONS.values() for name in options} | {"prepared", *ALONE}
+        if unused := sorted(used & others - ALONE[name] - {name}):
+            left_out = ", ".join(f"--{other}" for other in unused)
+            parser.error(f"--{name} does one thing, and stops: leave out {left_out}.")
+        for needed in ALONE[name] - used:
+            parser.error(f"--{name} needs --{needed}.")
 
 
 def _check_source(parser, args):
     """Fills the defaults of the source and refuses what does not fit it, before any work."""
     options = SOURCE_OPTIONS[args.source]
-    for name in dict.fromkeys(name for others in SOURCE_OPTIONS.values() for name in others):
-        if name not in options and getattr(args, name) is not None:
+    for name in {name for others in SOURCE_OPTIONS.values() for name in others} - set(options):
+        if getattr(args, name) is not None:
             owners = [source for source, others in SOURCE_OPTIONS.items() if name in others]
             own = " Files of your own: --source folder." if "folder" in owners else ""
             parser.error(f"--{name} belongs to --source {' or '.join(owners)}, not to {args.source}.{own}")
@@ -209,14 +192,11 @@ def _check_source(parser, args):
 
 def _preparation(args):
     """Keyword arguments of `prepare_recordings`, checked as far as they can be without the data."""
-    default = SegmentLimits()
-    force, speed = (None, None) if args.no_limits else (default.normal_force, default.speed)
+    given = {name: tuple(getattr(args, name)) for name in ("normal_force", "speed") if getattr(args, name)}
+    if args.no_limits:
+        given = {"normal_force": None, "speed": None}
     limits = SegmentLimits(
-        normal_force=tuple(args.normal_force) if args.normal_force else force,
-        speed=tuple(args.speed) if args.speed else speed,
-        longest_excursion=args.longest_excursion,
-        seconds=args.segment_seconds,
-        overlap=args.overlap,
+        longest_excursion=args.longest_excursion, seconds=args.segment_seconds, overlap=args.overlap, **given
     )
     band = tuple(args.band) if args.band else BAND_HZ
     if not 0 < band[0] < band[1] < DEVICE_RATE / 2:
@@ -225,18 +205,9 @@ def _preparation(args):
         split_surfaces(args.surfaces, args.validation, args.test, args.split_seed)
         if args.seconds < limits.seconds:
             raise ValueError(f"--seconds must be at least one segment, {limits.seconds} s, got {args.seconds}.")
-    return dict(
-        limits=limits,
-        band=band,
-        order=args.filter_order,
-        passes=args.filter_passes,
-        validation=args.validation,
-        test=args.test,
-        split_seed=args.split_seed,
-        turnarounds=args.turnarounds,
-        hold_out=_hold_out(args),
-        quiet=args.quiet,
-    )
+    same = {name: getattr(args, name) for name in ("validation", "test", "split_seed", "turnarounds", "quiet")}
+    filters = {"band": band, "order": args.filter_order, "passes": args.filter_passes}
+    return same | filters | {"limits": limits, "hold_out": _hold_out(args)}
 
 
 def _hold_out(args):
@@ -294,7 +265,3 @@ def _print_report(report, written):
     text = str(report)
     notes = sum(line.startswith("note: ") for line in text.splitlines())
     print(f"{text}\nwrote {written}" + (f"; {notes} note{'s' * (notes > 1)} above: read them first" if notes else ""))
-
-
-if __name__ == "__main__":
-    main()

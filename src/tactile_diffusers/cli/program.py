@@ -1,6 +1,7 @@
 """What the commands share: spelling of options, common arguments and their checks, refusals."""
 
 import argparse
+import functools
 import math
 import re
 import sys
@@ -37,13 +38,33 @@ class Parser(argparse.ArgumentParser):
 
 
 def refuse(script, error):
-    """Prints on stderr, in one line, why a command stops.
-
-    Returns:
-        `int`: its exit code, 2.
-    """
+    """Prints on stderr, in one line, why a command stops; returns its exit code, 2."""
     print(f"{program(script)}: error: {' '.join(str(error).split())}", file=sys.stderr)
     return 2
+
+
+def command(script):
+    """Decorates `main(argv)` of a command: what it raises over its input is refused, None is exit code 0.
+
+    Bad arguments end the process with exit code 2 and a line that names the argument (`SystemExit` of argparse).
+    """
+
+    def decorate(function):
+        @functools.wraps(function)
+        def main(argv=None):
+            try:
+                return function(argv) or 0
+            except (ValueError, OSError, FloatingPointError) as error:  # the last: guidance that makes levels explode
+                return refuse(script, error)
+
+        return main
+
+    return decorate
+
+
+def warn(script, text):
+    """Prints a warning of a command on stderr."""
+    print(f"{program(script)}: warning: {text}", file=sys.stderr)
 
 
 # Types of arguments: argparse adds the name of the argument to their messages and exits with code 2.
@@ -147,14 +168,7 @@ def generation_options(arguments):
 
 
 def checkpoint_folder(name):
-    """The folder of a checkpoint; one on the Hub is downloaded.
-
-    Args:
-        name (`str`): as `--checkpoint` was parsed.
-
-    Raises:
-        OSError: if the Hub has no such checkpoint, or is out of reach.
-    """
+    """The folder of a checkpoint; one on the Hub is downloaded, an `OSError` if that fails."""
     from ..pipelines import TactileTexturePipeline
 
     return Path(name if Path(name).is_dir() else TactileTexturePipeline.download(name))
@@ -171,14 +185,7 @@ def load_pipeline(name, quiet=True, **options):
     Args:
         name (`str` or `Path`): as `--checkpoint` was parsed.
         quiet (`bool`): no progress bars, of loading and of calls.
-        options: of `TactileTexturePipeline.from_pretrained`, such as `decoder` and `dtype`.
-
-    Returns:
-        `TactileTexturePipeline`
-
-    Raises:
-        OSError: if it cannot be found or read, naming what is missing.
-        ValueError: if its components do not fit each other.
+        options: of `TactileTexturePipeline.from_pretrained`, such as `decoder` and `dtype`; errors, too.
     """
     from diffusers.utils.logging import disable_progress_bar
 

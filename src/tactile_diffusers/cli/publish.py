@@ -4,14 +4,13 @@ import argparse
 import os
 import re
 import shutil
-import sys
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 from ..checkpoints import DISTILLED
 from ..io.files import clear_left_behind, whole_folder
 from ..io.reading import read_json, reading
-from .program import Parser, existing_file, existing_folder, program, refuse
+from .program import Parser, command, existing_file, existing_folder, program, refuse, warn
 
 #: Folder of a checkpoint with the pictures of its report.
 REPORT = "report"
@@ -35,11 +34,7 @@ def _hub_id(word):
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command.
-
-    Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that names the argument.
-    """
+    """Arguments of the command."""
     parser = Parser(prog=program("publish.py"), description="Store a trained pipeline small and documented.")
     add = parser.add_argument
     run = _folder_with("training.json", "the training scripts")
@@ -80,11 +75,7 @@ def _check_output(arguments):
 
 
 def _check_replaceable(output):
-    """Refuses a folder that holds anything but a published checkpoint.
-
-    Raises:
-        ValueError: naming what is foreign.
-    """
+    """Refuses a folder that holds anything but a published checkpoint."""
     from ..pipelines.hub import BESIDE
 
     found = {path.name for path in output.iterdir()} if output.is_dir() else set()
@@ -101,11 +92,7 @@ def _check_replaceable(output):
 
 
 def _add_distilled(pipe, folder, output):
-    """Stores the distilled decoder of a training beside the pipeline.
-
-    Raises:
-        ValueError: if its encoder is not the pipeline's.
-    """
+    """Stores the distilled decoder of a training beside the pipeline, if it has the pipeline's encoder."""
     from tactile_diffusers import LCTGModel
     from tactile_diffusers.models.lctg import same_encoder
 
@@ -116,11 +103,7 @@ def _add_distilled(pipe, folder, output):
 
 
 def _data_warnings(folder, data):
-    """The warnings of a data card as Markdown.
-
-    Raises:
-        ValueError: if the card is of other data.
-    """
+    """The warnings of a data card of these data as Markdown."""
     from ..data.card.writing import warnings_in_words
 
     with reading(folder / "card.json", "a data card", "Write it again with examples/inspect_data.py."):
@@ -137,18 +120,9 @@ def _data_warnings(folder, data):
 
 
 def _report(folder, digests, output, known):
-    """The results of an evaluation as Markdown; copies its pictures into `output`.
+    """The results of an evaluation of one of the checkpoints `digests` as Markdown; copies its pictures into `output`.
 
-    Warns on stderr, and in the results, of test surfaces that the checkpoint was trained on.
-
-    Args:
-        folder (`Path`): output folder of evaluate.py.
-        digests (`set[str]`): of the checkpoints, any of which may have been evaluated.
-        output (`Path`): folder of the model card.
-        known (`list[dict]`): surfaces of its training, as `trained_on` finds them.
-
-    Raises:
-        ValueError: if another checkpoint was evaluated, or a picture is missing.
+    Warns on stderr, and in the results, of test surfaces that the checkpoint was trained on (`known`).
     """
     from ..evaluation.report_tables import report_markdown
     from ..training.record import count_seen, warning
@@ -166,7 +140,7 @@ def _report(folder, digests, output, known):
             text = warning(report["seen_in_training"], len(judged["surfaces"]))
         markdown = report_markdown(report, REPORT, level=3, short=True)
     if text:
-        print(f"{program('publish.py')}: warning: --report {folder}: {text}", file=sys.stderr)
+        warn("publish.py", f"--report {folder}: {text}")
     pictures = re.findall(rf"\]\({REPORT}/([^)]+)\)", markdown)
     if missing := [name for name in pictures if not (folder / name).is_file()]:
         raise ValueError(f"--report {folder} lacks {missing}: run examples/evaluate.py again, it goes on where it was.")
@@ -177,11 +151,7 @@ def _report(folder, digests, output, known):
 
 
 def _fill(arguments, temporary):
-    """Writes the whole checkpoint into a new, empty folder.
-
-    Raises:
-        ValueError: if what was given does not belong together.
-    """
+    """Writes the whole checkpoint into a new, empty folder; a `ValueError` if its parts do not belong together."""
     import torch
 
     from tactile_diffusers import TactileTexturePipeline
@@ -222,24 +192,21 @@ def _fill(arguments, temporary):
     )
 
 
+@command("publish.py")
 def main(argv=None):
-    """Runs the command: writes the folder under a temporary name, renames it, and sends it to the Hub if asked.
+    """Writes the folder under a temporary name, renames it, and sends it to the Hub if asked.
 
     Returns:
-        `int`: 0; 1 if the folder is written, but the Hub refused it; 2 if something was refused before (one line on
-        stderr, nothing written).
+        `int`: 1 if the folder is written, but the Hub refused it.
     """
     arguments = parse_arguments(argv)
     output = Path(os.path.realpath(arguments.output))
     replaced = output.is_dir() and any(output.iterdir())
-    try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        clear_left_behind(output)
-        # again: files may have appeared since
-        with whole_folder(output, lambda: _check_replaceable(output)) as temporary:
-            _fill(arguments, temporary)
-    except (ValueError, OSError) as error:
-        return refuse("publish.py", error)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    clear_left_behind(output)
+    # again: files may have appeared since
+    with whole_folder(output, lambda: _check_replaceable(output)) as temporary:
+        _fill(arguments, temporary)
     size = sum(path.stat().st_size for path in output.rglob("*") if path.is_file())
     print(f"{arguments.output}: {size / 1e6:.1f} MB" + (", in place of what the folder held" if replaced else ""))
     if arguments.push_to_hub is None:
@@ -249,10 +216,7 @@ def main(argv=None):
     try:
         upload_checkpoint(output, arguments.push_to_hub)
     except OSError as error:
-        print(
-            f"{program('publish.py')}: error: {arguments.output} is written, but the Hub refused it: {error}",
-            file=sys.stderr,
-        )
+        refuse("publish.py", f"{arguments.output} is written, but the Hub refused it: {error}")
         return 1
     print(f"sent to https://huggingface.co/{arguments.push_to_hub}")
     return 0

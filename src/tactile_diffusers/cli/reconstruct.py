@@ -9,20 +9,17 @@ from .program import (
     add_checkpoint_argument,
     add_output_argument,
     add_seed_argument,
+    command,
     count,
     load_pipeline,
     positive_number,
     program,
-    refuse,
+    warn,
 )
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command.
-
-    Raises:
-        SystemExit: on bad arguments, with exit code 2 and a line that says what is wrong.
-    """
+    """Arguments of the command."""
     parser = Parser(
         prog=program("reconstruct.py"),
         description="Encode and decode a recording of lateral force, to see what the latents keep of it. It is "
@@ -59,20 +56,11 @@ def parse_arguments(argv=None):
     return parser.parse_args(argv)
 
 
+@command("reconstruct.py")
 def main(argv=None):
-    """Runs the command.
-
-    Args:
-        argv (`list[str]`, *optional*): arguments; the process's own by default.
-
-    Returns:
-        `int`: 0, or 2 if the recording or an option was refused (one line on stderr, nothing written).
-    """
+    """Runs the command."""
     arguments = parse_arguments(argv)
-    try:
-        report = _reconstruct(arguments)
-    except (ValueError, OSError) as error:
-        return refuse("reconstruct.py", error)
+    report = _reconstruct(arguments)
     if arguments.json:
         print(json.dumps(report, indent=2))
     elif not arguments.quiet:
@@ -80,7 +68,6 @@ def main(argv=None):
             f"{report['seconds']:.2f} s: nine-band error {report['nine_band_error_db']:.2f} dB, "
             f"SNR {report['snr_db']:.1f} dB, RMS {report['rms_mn']:.2f} mN\nwrote {', '.join(report['files'])}"
         )
-    return 0
 
 
 def _read(arguments):
@@ -111,11 +98,10 @@ def _reconstruct(arguments):
     for note in [] if quiet else notes:
         print(f"{program('reconstruct.py')}: note: {note}", file=sys.stderr)
     if rms(texture) > LARGEST_RMS:
-        print(
-            f"{program('reconstruct.py')}: warning: {arguments.recording_file}: RMS {1e3 * rms(texture):.0f} mN is "
-            f"more than textures have at a normal force of {REFERENCE_FORCE} N. Give --newtons_per_unit if these are "
-            "not newtons.",
-            file=sys.stderr,
+        warn(
+            "reconstruct.py",
+            f"{arguments.recording_file}: RMS {1e3 * rms(texture):.0f} mN is more than textures have at a normal force "
+            f"of {REFERENCE_FORCE} N. Give --newtons_per_unit if these are not newtons.",
         )
     pipe = load_pipeline(arguments.checkpoint, quiet)
     generator = torch.Generator("cpu").manual_seed(arguments.seed)
