@@ -172,6 +172,18 @@ def make_pipeline():
     return _make_pipeline
 
 
+@pytest.fixture(scope="session")
+def rating_statistics():
+    """Statistics of DALE that ratings can be drawn from."""
+    return {
+        "quantiles": [[-1.5, 0.0, 1.5]] * 3,
+        "centre": [0.0] * 3,
+        "covariance": [[0.6, 0.2, 0.0], [0.2, 0.6, 0.0], [0.0, 0.0, 0.6]],
+        "reach": 4.0,
+        "range": [[-1.5, 1.5]] * 3,
+    }
+
+
 @pytest.fixture
 def pipe():
     return _make_pipeline()

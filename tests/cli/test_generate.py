@@ -14,7 +14,6 @@ import tactile_diffusers
 from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.cli.generate import main, parse_arguments
 from tactile_diffusers.pipelines import PRESETS
-from tactile_diffusers.pipelines.inputs import parse_ratings
 
 #: a small checkpoint of an earlier version, with the typical rater's statistics but without quantiles
 TINY = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
@@ -74,15 +73,11 @@ def _parse(*arguments):
         ("--bumpiness -1.2", [math.nan, -1.2, math.nan]),
         ("--roughness 1 --bumpiness 2 --slipperiness -1", [1, 2, -1]),
         ("--preset denim", list(PRESETS["denim"])),
+        ("--bumpiness 1 --rating_scale percentile", [math.nan, 1, math.nan]),
     ],
 )
 def test_ratings_by_row_by_axis_or_by_name(words, expected):
     np.testing.assert_array_equal(_parse(*words.split()).ratings, expected)
-
-
-def test_a_preset_may_leave_axes_open():
-    ratings = _parse("--preset", "rough, whatever else").ratings
-    assert ratings[0] == 1.3 and np.isnan(ratings[1:]).all()
 
 
 @pytest.mark.parametrize(
@@ -91,14 +86,10 @@ def test_a_preset_may_leave_axes_open():
         ([], "give either --ratings, or --preset, or one or more of --roughness, --bumpiness, --slipperiness"),
         (["--ratings", "1", "0", "0", "--roughness", "1"], "give either --ratings, or"),
         (["--preset", "denim", "--roughness", "1"], "give either --ratings, or"),
-        (["--preset", "velvet"], "argument --preset: invalid choice: 'velvet'"),
         (["--preset", "denim", "--rating_scale", "raw"], "argument --rating_scale: leave it out"),
-        (["--ratings", "1", "0"], "expected 3 arguments"),
         (["--ratings", "1", "0", "rough"], "must be a number, or none = not specified, got 'rough'"),
         (["--roughness", "1", "--num_textures_per_rating", "0"], "must be at least 1, got 0"),
-        (["--roughness", "1", "--seed", "-1"], "argument --seed: must be at least 0"),
         (["--roughness", "1", "--seed", "9223372036854775808"], "argument --seed"),
-        (["--roughness", "1", "--rating_scale", "percent"], "argument --rating_scale: invalid choice: 'percent'"),
         (["--roughness", "1", "--num_inference_steps", "ten"], "argument --num_inference_steps: invalid count value"),
         (["--roughness", "1", "--checkpoint", "no such folder"], "no such folder is neither a folder"),
     ],
@@ -110,23 +101,11 @@ def test_bad_arguments_are_refused_with_one_line(capsys, arguments, message):
     assert message in capsys.readouterr().err.splitlines()[-1]
 
 
-def test_output_that_is_a_file_is_refused(tmp_path, capsys):
-    (tmp_path / "file").write_text("kept")
-    with pytest.raises(SystemExit):
-        parse_arguments(["--roughness", "1", "--output", str(tmp_path / "file")])
-    assert "is not a folder" in capsys.readouterr().err
-    assert (tmp_path / "file").read_text() == "kept"
-
-
 def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
     output = tmp_path / "new" / "out"
     assert main(["--ratings", "1.5", "0", "-1", "--output", str(output)]) == 0
-    assert {path.name for path in output.iterdir()} == {
-        "texture.npz",
-        "texture.wav",
-        "texture.wav.json",
-        "texture.png",
-    }
+    names = [f"texture{suffix}" for suffix in (".npz", ".png", ".wav", ".wav.json")]
+    assert sorted(path.name for path in output.iterdir()) == names
     # what was not asked for is left to the pipeline
     common = {"num_textures_per_rating": 1, "rating_scale": "z", "guidance_scale": 1.0}
     assert pipeline.call == {"ratings": [1.5, 0, -1], **common}
@@ -137,28 +116,14 @@ def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
         np.testing.assert_array_equal(file["ratings"], [1.5, 0, -1])
         rms = np.sqrt(np.mean(file["texture"].astype(np.float64) ** 2))
     printed = capsys.readouterr().out
-    for expected in (
-        "texture.npz",
-        "texture.wav",
-        "texture.png",
-        f"RMS {1e3 * rms:.2f} mN",
-        "friction coefficient 0.50",
-    ):
-        assert expected in printed
+    expected = (*("texture.npz", "texture.wav", "texture.png"), f"RMS {1e3 * rms:.2f} mN", "friction coefficient 0.50")
+    assert all(text in printed for text in expected)
 
 
 def test_options_are_passed_on(pipeline, tmp_path, capsys):
-    arguments = ["--roughness=1", "--num_inference_steps=4", "--num_latent_inference_steps=6", "--guidance_scale=2.5"]
-    arguments += [
-        "--duration_s=3",
-        "--decoder=distilled",
-        "--checkpoint",
-        str(tmp_path),
-        "--output",
-        str(tmp_path / "out"),
-        "--quiet",
-    ]
-    assert main(arguments) == 0
+    words = "--roughness=1 --num_inference_steps=4 --num_latent_inference_steps=6 --guidance_scale=2.5 --duration_s=3"
+    words += f" --decoder=distilled --checkpoint {tmp_path} --output {tmp_path / 'out'} --quiet"
+    assert main(words.split()) == 0
     assert pipeline.folder == str(tmp_path) and pipeline.decoder == "distilled"
     assert pipeline.progress_bar == {"disable": True}
     del pipeline.call["ratings"]
@@ -206,13 +171,6 @@ def test_the_rating_scale_is_passed_on_and_files_hold_z_scores(pipeline, tmp_pat
         np.testing.assert_allclose(file["ratings"], [1.5, np.nan, -1.0])
     assert json.loads((tmp_path / "texture.wav.json").read_text())["ratings"] == [1.5, None, -1.0]
     assert "ratings in z-scores: roughness 1.50, bumpiness nan, slipperiness -1.00" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("scale", ["z", "raw", "percentile"])
-def test_every_rating_scale_of_the_pipeline_has_its_word(scale):
-    assert _parse("--roughness", "1", "--rating_scale", scale).rating_scale == scale
-    with pytest.raises(ValueError, match=r"\['z', 'raw', 'percentile'\]"):
-        parse_ratings([0, 0, 0], SimpleNamespace(rating_axes="abc"), "none of these")
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,6 @@ import numpy as np
 import pytest
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-STATISTICS = {
-    "quantiles": [[-1.5, 0.0, 1.5]] * 3,
-    "centre": [0.0] * 3,
-    "covariance": [[0.6, 0.2, 0.0], [0.2, 0.6, 0.0], [0.0, 0.0, 0.6]],
-    "reach": 4.0,
-    "range": [[-1.5, 1.5]] * 3,
-}
 SURFACES = 30
 
 
@@ -56,8 +49,8 @@ def _files(folder):
 
 
 @pytest.mark.slow
-def test_many_textures(killed_and_not, make_pipeline, tmp_path):
-    make_pipeline(dale_config={"rating_statistics": STATISTICS}).save_pretrained(str(tmp_path / "pipeline"))
+def test_many_textures(killed_and_not, make_pipeline, rating_statistics, tmp_path):
+    make_pipeline(dale_config={"rating_statistics": rating_statistics}).save_pretrained(str(tmp_path / "pipeline"))
     options = {"checkpoint": tmp_path / "pipeline", "num_textures": 40, "textures_per_shard": 4, "batch_size": 2}
     options |= {"num_inference_steps": 5, "seed": 5}
     words = [f"--{name}={value}" for name, value in options.items()] + ["--quiet"]

@@ -78,11 +78,13 @@ class TestCheckpoint:
         add_checkpoint_argument(parser)
         return lambda *words: parser.parse_args(words).checkpoint
 
-    def test_a_folder_a_hub_id_or_bundled(self, parse, tmp_path):
+    def test_a_folder_a_hub_id_or_bundled(self, parse, monkeypatch, tmp_path):
         assert parse() == parse("--checkpoint", "bundled")
         assert checkpoint_folder(parse()) == Path(parse()) and checkpoint_name(parse()) == "virtual-surfaces"
         assert parse("--checkpoint", str(tmp_path)) == str(tmp_path)
         assert checkpoint_name(parse("--checkpoint", "someone/textures")) == "someone/textures"
+        monkeypatch.setattr("tactile_diffusers.TactileTexturePipeline.download", lambda name: str(tmp_path / name))
+        assert checkpoint_folder("someone/textures") == tmp_path / "someone/textures"
 
     @pytest.mark.parametrize("word", ["nowhere", "./typo", "/a/b", "a/b/c"])
     def test_anything_else_is_refused(self, parse, word, capsys):
@@ -90,7 +92,3 @@ class TestCheckpoint:
             parse("--checkpoint", word)
         told = capsys.readouterr().err
         assert f"argument --checkpoint: {word} is neither a folder, nor a Hub id (user/name), nor 'bundled'" in told
-
-    def test_one_on_the_hub_is_fetched(self, monkeypatch, tmp_path):
-        monkeypatch.setattr("tactile_diffusers.TactileTexturePipeline.download", lambda name: str(tmp_path / name))
-        assert checkpoint_folder("someone/textures") == tmp_path / "someone/textures"

@@ -31,14 +31,6 @@ def test_what_was_given_is_not_replaced(given, capsys, output):
     assert (given / "runs/dale/training.json").is_file() and (given / "prepared.h5").read_bytes() == b"data"
 
 
-def test_the_working_directory_is_not_replaced(given, capsys, monkeypatch):
-    (given / "published" / "report").mkdir()
-    monkeypatch.chdir(given / "published" / "report")
-    with pytest.raises(SystemExit):
-        publish.main(words(given, given / "published"))
-    assert "would be replaced as a whole" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("checkpoint", [False, True])
 def test_a_folder_with_anything_else_is_not_replaced(given, capsys, checkpoint):
     """Results of years, or a training: it is a checkpoint with a card, too, but its log would be lost."""

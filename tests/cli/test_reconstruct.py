@@ -85,12 +85,10 @@ def test_one_table_in_a_file_of_arrays(texture, tmp_path):
         ("r.txt.zip", {}, "of no kind that can be read"),
         ("r.npy", {}, "does not state its sampling rate, and has no column of time: give --rate"),
         ("stage.csv", {"column": "px_mm"}, "column 'px_mm' is in mm, by its name.*--newtons_per_unit"),
-        ("counts.csv", {"column": "fx_counts"}, "is in counts, by its name"),
         ("ticks.csv", {"column": "Fx"}, "time stamps of column 'time' have no unit .*: give --rate"),
         ("coarse.csv", {"column": "Fx"}, "column 'time_s' are coarser than the samples: give --rate"),
         ("back.csv", {"column": "Fx"}, "column 'time_s' gives no sampling rate: give --rate.*time runs backward"),
         ("r.npy", {"rate": 1500.0}, "must be a whole number of at least 2500 Hz, got 1500"),
-        ("r.npy", {"rate": float("nan")}, "must be a whole number"),
         ("axes.csv", {"rate": 10_000}, "several columns; say which one is the force: Fx, Fy"),
         ("axes.csv", {"rate": 10_000, "column": "Fz"}, "has no column 'Fz'"),
         ("short.npy", {"rate": 10_000}, "at least 0.25 s are needed"),
@@ -104,7 +102,6 @@ def test_what_cannot_be_read_is_refused(name, options, message, texture, tmp_pat
     np.save(tmp_path / "nothing.npy", np.nan * texture)
     _write_csv(tmp_path / "axes.csv", texture, "Fx,Fy")
     _write_csv(tmp_path / "stage.csv", texture, "time_s,px_mm")
-    _write_csv(tmp_path / "counts.csv", texture, "time_s,fx_counts")
     _write_csv(tmp_path / "ticks.csv", texture, "time,Fx", rate=25)  # or 25 kHz, in ms
     for file, stamps in (("coarse", np.arange(8192) // 10), ("back", np.abs(np.arange(8192) - 4000))):
         rows = np.stack([stamps / DEVICE_RATE, texture], axis=1)
@@ -160,30 +157,17 @@ def test_short_gaps_are_bridged_and_long_ones_left_out(texture, tmp_path, lost, 
     assert any(wanted in note for note in notes)
 
 
-@pytest.mark.parametrize(
-    ("option", "message"),
-    [
-        ("--seed -1", "--seed: must be at least 0 and below 2**63"),
-        ("--seed 9223372036854775808", "--seed: must be at least 0 and below 2**63"),
-        ("--newtons_per_unit -1", "--newtons_per_unit: must be above zero"),
-        ("--num_inference_steps 0", "--num_inference_steps: must be at least 1"),
-        ("--checkpoint nowhere", "nowhere is neither a folder, nor a Hub id"),
-    ],
-)
-def test_bad_options_are_refused_by_name(tmp_path, capsys, option, message):
-    with pytest.raises(SystemExit) as stop:
-        reconstruct.main(["r.csv", "--output", str(tmp_path / "out"), *option.split()])
-    assert stop.value.code == 2 and message in capsys.readouterr().err
+def test_bad_options_are_refused_by_name(tmp_path, capsys):
+    for option in ("--newtons_per_unit -1", "--num_inference_steps 0", "--checkpoint nowhere"):
+        with pytest.raises(SystemExit) as stop:
+            reconstruct.main(["r.csv", "--output", str(tmp_path / "out"), *option.split()])
+        assert stop.value.code == 2 and f"argument {option.split()[0]}: " in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_nothing_but_errors_on_stderr(texture, tmp_path):
     """In a process of its own: once a bar is off, it stays off."""
     _write_csv(tmp_path / "r.csv", texture)
     words = ["reconstruct", str(tmp_path / "r.csv"), "--column", "Fx", "--rate", "10000", "--output", str(tmp_path)]
-    done = subprocess.run(
-        [sys.executable, "-m", "tactile_diffusers_cli", *words, "--json"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stderr == ""
+    command = [sys.executable, "-m", "tactile_diffusers_cli", *words, "--json"]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stderr == ""
