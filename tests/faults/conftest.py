@@ -120,6 +120,12 @@ class Damager:
         self.path.mkdir()
         assert _refusal(self.read, self.path)[1]
 
+    def damage(self, flips, others):
+        """All of it."""
+        self.truncate()
+        self.flip(flips)
+        self.replace(others)
+
     def refuse(self, content, match=None):
         """The message in which `content` is refused."""
         _, message = _refusal(self.read, self.put(content))

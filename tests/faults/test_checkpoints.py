@@ -43,43 +43,16 @@ def _sane(numbers):
     return all(np.isfinite(array).all() for array in numbers)
 
 
-@pytest.fixture(params=[f"{model}/{file}" for model in MODELS for file in (CONFIG, WEIGHTS)])
-def of_model(request, damaged):
-    return damaged(TINY / request.param, _as_model, sane=_sane, root=TINY)
-
-
-@pytest.fixture(params=OTHERS)
-def other(request, damaged):
-    return damaged(TINY / request.param, _as_pipeline, sane=_sane, root=TINY)
-
-
-def test_truncated_models(of_model):
-    of_model.truncate()
-
-
-def test_flipped_models(of_model, flips):
-    of_model.flip(flips // 4)
-
-
-def test_replaced_models(of_model, foreign):
-    of_model.replace([*foreign.values(), (TINY / OTHERS[0]).read_bytes(), *_of_other_model(of_model.path)])
-
-
-def _of_other_model(path):
-    other = {"lctg": "dale", "dale": "lctg"}[path.parent.name]
-    return [(TINY / other / path.name).read_bytes()]
-
-
-def test_truncated_parts_of_a_pipeline(other):
-    other.truncate()
-
-
-def test_flipped_parts_of_a_pipeline(other, flips):
-    other.flip(flips // 4)
-
-
-def test_replaced_parts_of_a_pipeline(other, foreign):
-    other.replace(foreign.values())
+@pytest.mark.parametrize("name", [*(f"{model}/{file}" for model in MODELS for file in (CONFIG, WEIGHTS)), *OTHERS])
+def test_damage(name, damaged, flips, foreign):
+    others = [*foreign.values()]
+    if name not in OTHERS:
+        others += [
+            (TINY / OTHERS[0]).read_bytes(),
+            (TINY / {"l": "dale", "d": "lctg"}[name[0]] / name[5:]).read_bytes(),
+        ]
+    read = _as_pipeline if name in OTHERS else _as_model
+    damaged(TINY / name, read, sane=_sane, root=TINY).damage(flips // 4, others)
 
 
 @pytest.mark.parametrize("name", [f"{model}/{CONFIG}" for model in MODELS] + list(OTHERS))

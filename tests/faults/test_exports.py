@@ -34,32 +34,18 @@ def _sane(result):
     )
 
 
-@pytest.fixture(params=FORMATS)
-def case(request, exported, damaged):
-    return damaged(exported[request.param], FORMATS[request.param].read, sane=_sane)
-
-
-def test_truncated(case):
-    case.truncate()
-
-
-def test_flipped(case, flips):
-    case.flip(flips)
-
-
-def test_replaced(case, foreign, exported):
-    case.replace(
-        [*foreign.values(), *(path.read_bytes() for path in exported.values() if path.suffix not in case.path.suffixes)]
-    )
+@pytest.mark.parametrize("name", FORMATS)
+def test_damage(name, exported, damaged, flips, foreign):
+    case = damaged(exported[name], FORMATS[name].read, sane=_sane)
+    others = [path.read_bytes() for path in exported.values() if path.suffix not in case.path.suffixes]
+    case.damage(flips, [*foreign.values(), *others])
 
 
 @pytest.mark.parametrize("name", ["wav", "wav16"])
 def test_the_sidecar_of_a_wav_file(exported, damaged, foreign, flips, name):
     side = exported[name].with_name(exported[name].name + ".json")
     case = damaged(side, lambda path: FORMATS[name].read(path.with_suffix("")), sane=_sane)
-    case.truncate()
-    case.flip(flips)
-    case.replace(foreign.values())
+    case.damage(flips, foreign.values())
 
 
 def _places(content, place=()):

@@ -135,9 +135,3 @@ def test_a_log_that_was_cut(run, size):
     else:
         with pytest.raises(ValueError, match="log.jsonl is damaged.*to train it again"):
             facts_of_a_row([stage])
-
-
-def test_entries_without_times(run):
-    (run / "log.jsonl").write_text('{"step": 9, "train/loss": 0.4}\n')
-    assert _read_all(run)
-    assert describe_run(run, run.parent, 1)["time"] == "an unknown time"

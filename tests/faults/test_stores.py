@@ -64,16 +64,9 @@ def case(request, stores, damaged):
     return damaged(stores[request.param], READERS[request.param], sane=_sane)
 
 
-def test_truncated(case):
-    case.truncate()
-
-
-def test_flipped(case, flips):
-    case.flip(flips)
-
-
-def test_replaced(case, foreign, stores):
-    case.replace([*foreign.values(), *(path.read_bytes() for path in stores.values() if path.name != case.path.name)])
+def test_damage(case, flips, foreign, stores):
+    others = [path.read_bytes() for path in stores.values() if path.name != case.path.name]
+    case.damage(flips, [*foreign.values(), *others])
 
 
 @pytest.mark.parametrize(
@@ -127,9 +120,7 @@ def test_generated_textures(generated, damaged, foreign, flips, name):
         return arrays[0].shape == (5, 50) and np.isfinite(arrays[0]).all() and len(arrays[1]) == len(arrays[2]) == 5
 
     case = damaged(generated / name, _generated, sane=sane)
-    case.truncate()
-    case.flip(flips)
-    case.replace(foreign.values())
+    case.damage(flips, foreign.values())
 
 
 def test_shards_of_another_form_are_refused(generated, damaged):
@@ -159,6 +150,4 @@ def test_a_scene(scene, pipe, damaged, foreign, flips):
         return [*state.latents, state.level, state.friction_coefficient]
 
     case = damaged(scene, read)
-    case.truncate()
-    case.flip(flips)
-    case.replace(foreign.values())
+    case.damage(flips, foreign.values())

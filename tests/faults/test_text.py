@@ -18,7 +18,6 @@ from tactile_diffusers.signal import RATING_AXES
 from tactile_diffusers.study.folder import FORMAT, KEY, KEY_COLUMNS, SETTINGS, VERSION, read_study
 from tactile_diffusers.study.trials import read_tables
 from tactile_diffusers.training.launch import read_model_config
-from tactile_diffusers.training.record import read_log, read_losses, read_record
 
 CONFIG = SimpleNamespace(rating_axes=list(RATING_AXES))
 LAYOUT = """format = "tactile-layout"
@@ -144,24 +143,13 @@ def _sane(result):
     return not any(np.isinf(np.asarray(part, dtype=float)).any() for part in parts if part is not None)
 
 
-@pytest.fixture(params=KINDS)
-def case(request, texts, damaged):
-    name, read, whole = KINDS[request.param]
-    return damaged(texts / name, read, sane=_sane, whole=whole, root=texts / name.split("/")[0])
-
-
-def test_truncated(case):
-    case.truncate()
-
-
-def test_flipped(case, flips):
-    case.flip(flips)
-
-
-def test_replaced(case, foreign):
-    if case.path.name == "ratings.json":  # the one that is a list
+@pytest.mark.parametrize("kind", KINDS)
+def test_damage(kind, texts, damaged, flips, foreign):
+    name, read, whole = KINDS[kind]
+    if kind == "ratings json":  # the one that is a list
         del foreign["json list"]
-    case.replace(foreign.values())
+    case = damaged(texts / name, read, sane=_sane, whole=whole, root=texts / name.split("/")[0])
+    case.damage(flips, foreign.values())
 
 
 @pytest.mark.parametrize("kind", ["profile", "calibration", "study settings"])
@@ -193,22 +181,3 @@ def test_an_absurd_layout(text, texts, damaged, refusal):
     case = damaged(texts / "folder" / "layout.toml", _layout)
     result, message = refusal(_layout, case.put(text.encode()))
     assert message or "*****" in text
-
-
-RECORDS = {"training.json": read_record, "log.jsonl": read_log}
-
-
-@pytest.mark.parametrize("name", RECORDS)
-def test_what_a_training_left_behind_is_optional(name, tmp_path, foreign):
-    """Cards are written without it: damage is the same as absence, line by line, and never an exception."""
-    good = {"training.json": '{"steps": 3}', "log.jsonl": '{"step": 1, "train/loss": 0.5}\n{"step": 2}\n'}[name]
-    cuts = [good[:size].encode() for size in range(len(good))]
-    for content in (*cuts, *foreign.values(), b"3\n[]\nnull\n", b'{"step": "word"}\n', b"\xff\xfe\x00"):
-        (tmp_path / name).write_bytes(content)
-        found = RECORDS[name](tmp_path)
-        assert isinstance(found, dict if name == "training.json" else list)
-        assert all(isinstance(entry["step"], int) for entry in read_log(tmp_path))
-        assert all("train/loss" in entry for entry in read_losses(tmp_path))
-    (tmp_path / name).unlink()
-    (tmp_path / name).mkdir()
-    assert not RECORDS[name](tmp_path)
