@@ -182,12 +182,6 @@ def test_nine_band_noise_has_the_nine_levels(training, held_out):
     assert nine_band_error_db(made, held_out, DEVICE_RATE).mean() < 0.7
 
 
-def test_decimation_with_room_for_everything_returns_the_texture(training, request_):
-    made = Decimated(2200, inf).fit(training).sample(request_, seeded())
-    # what is lost lies below 20 Hz, in the slope of the filter: up to a tenth of the power of steep textures
-    assert (snr_db(made, request_.textures) > 10).all()
-
-
 def test_decimation_keeps_as_many_numbers_as_it_may(training, request_):
     for numbers_per_second in (200, 400):
         made = Decimated(numbers_per_second, inf).fit(training).sample(request_, seeded())
@@ -347,7 +341,7 @@ def test_bad_requests_are_refused(change, message, training, request_):
     [
         ({"textures": np.zeros((150, 100))}, "too short"),
         ({"ratings": np.zeros((149, 3))}, "`training.ratings` must have one row for each of the 150"),
-        ({"friction_coefficients": np.zeros(150)}, "must be .*above 0, got 0.0"),
+        ({"friction_coefficients": np.zeros(150)}, "must be above 0"),
     ],
 )
 def test_bad_training_textures_are_refused(change, message, training):

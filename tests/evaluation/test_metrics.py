@@ -46,22 +46,6 @@ def test_goodness_of_fit_is_its_formula(held_out):
     assert goodness_of_fit(held_out[0], held_out[1], DEVICE_RATE) == pytest.approx(expected)
 
 
-def test_batches_and_single_textures_agree(held_out):
-    textures, references = held_out[:4].reshape(2, 2, -1), held_out[4:8].reshape(2, 2, -1)
-    for metric in (
-        rmse,
-        snr_db,
-        level_error_db,
-        lambda a, b: log_spectral_distance_db(a, b, DEVICE_RATE),
-        lambda a, b: goodness_of_fit(a, b, DEVICE_RATE),
-        lambda a, b: signed_band_error_db(a, b, DEVICE_RATE, BANDS),
-    ):
-        batch = metric(textures, references)
-        assert batch.shape[:2] == (2, 2)
-        np.testing.assert_allclose(batch[1, 0], metric(textures[1, 0], references[1, 0]))
-        np.testing.assert_allclose(metric(textures.astype(np.float32), references), batch, rtol=1e-4, atol=1e-4)
-
-
 def test_textures_that_cannot_be_compared_are_refused(held_out):
     texture = held_out[0]
     bad = np.where(np.arange(len(texture)) == 3, np.nan, texture)

@@ -6,7 +6,6 @@ import pytest
 from tactile_diffusers.evaluation.control_tables import (
     QUANTITIES,
     TOLERANCE,
-    VALUES,
     comparisons,
     effect_rows,
     matrix_difference,
@@ -60,12 +59,6 @@ def test_a_difference_within_the_wider_interval_cannot_be_told(whose):
         assert _right(**changes) == expected
 
 
-def test_where_the_real_change_is_nothing_only_chance_is_allowed():
-    for ours, expected in ((0.0, True), (0.3, True), (0.5, False)):
-        truth = number(0.0, 50, (-0.4, 0.4))
-        assert _right(level_db_change=number(ours, 100), level_db_change_truth=truth) == expected
-
-
 @pytest.mark.parametrize(
     "change",
     [
@@ -78,15 +71,6 @@ def test_too_few_surfaces_and_unknown_changes_are_left_out(change):
     found = {(row["axis"], row["quantity"]) for row in comparisons(_axes(**change), FEWEST)}
     every = {(axis, quantity) for axis in RATING_AXES for quantity in QUANTITIES}
     assert every - found == {("roughness", name.removesuffix("_truth"))}
-
-
-def test_other_values_than_those_compared_are_left_out():
-    axes = _axes()
-    for axis in RATING_AXES:
-        axes[axis] = {value: axes[axis]["1.0"] for value in ("-2.0", "-1.5", "0.0", "0.5", "2.0")}
-    rows = comparisons(axes, FEWEST)
-    assert {row["value"] for row in rows} == {-2.0, 2.0} and {"-2.0", "2.0"} < set(VALUES)
-    assert len(rows) == 2 * 3 * len(QUANTITIES)
 
 
 def _matrix(values):

@@ -37,12 +37,3 @@ def test_wrong_ratings_predict_nothing():
     shuffled = np.random.default_rng(0).permutation(ratings)
     right, wrong = (regression._fitted(data, bands, used, np.arange(300)) for used in (ratings, shuffled))
     assert wrong["nine_band_db"]["mean"] > 2 * right["nine_band_db"]["mean"]
-
-
-def test_surfaces_without_a_rating_are_left_out():
-    ratings, bands = _planted(100, 0.0, seed=0)
-    data = _data(*_planted(50, 0.0, seed=1))
-    ratings[::4, 1] = np.nan
-    data.ratings[0] = np.nan
-    found = regression._fitted(data, bands, ratings, np.arange(100))
-    assert found["surfaces"]["mean"] == 75 and found["nine_band_db"]["n"] == 49

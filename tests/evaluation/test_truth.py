@@ -55,29 +55,10 @@ def test_truth_is_the_closed_form(gaussian, request_):
     assert gaussian.spread("line", request_) == pytest.approx(spread, rel=0.2)
 
 
-def test_each_request_gets_its_share_of_the_draws():
-    candidates = SPREAD * np.random.default_rng(3).standard_normal((20_000, 3))
-    ends = [[2.0, FREE, FREE], [-2.0, FREE, FREE]]
-    plain = RatedTextures({}, np.arange(1500), candidates[:1500], np.ones(1500))
-    drawn, importance = draw_surfaces(candidates, ends, 1500)
-    aimed = RatedTextures({}, np.arange(len(drawn)), candidates[drawn], importance)
-    for request in ends:
-        assert aimed.effective_size(request) > 5 * plain.effective_size(request)
-
-
 @pytest.mark.parametrize("surface_ids", [[0, 1, 2], [0, 0, 0, 0, 1, 2, 2]])
 def test_effective_size_counts_surfaces_not_textures(surface_ids):
     textures = RatedTextures({}, surface_ids, np.zeros((3, 3)), np.array([1.0, 1.0, 2.0]))
     assert textures.effective_size(POPULATION) == pytest.approx(4**2 / (1 + 1 + 4))
-
-
-def test_request_far_outside_says_so():
-    ratings = SPREAD * np.random.default_rng(4).standard_normal((100, 3))
-    textures = RatedTextures({"x": ratings[:, 0]}, np.arange(100), ratings, np.ones(100))
-    far = [60.0, FREE, FREE]
-    assert 1 <= textures.effective_size(far) < 1.1
-    assert textures.mean("x", far) == pytest.approx(ratings[:, 0].max(), rel=0.01)
-    assert np.isnan(textures.interval("x", far)).all()
 
 
 def test_surfaces_that_are_not_rated_do_not_count():

@@ -56,8 +56,8 @@ class Baseline:
         """Learns from `training` (`TrainingTextures`) and returns itself.
 
         Raises:
-            ValueError: if an array has the wrong shape or bad numbers; if the textures are too short for the band; for
-                baselines that work from ratings also if no surface is rated on every axis.
+            ValueError: if an array has the wrong shape or bad numbers, the textures are too short for the band, or no
+                surface is rated on every axis where the baseline works from ratings.
         """
         training = _checked_training(training)
         self.grid = envelopes.Grid(training.textures.shape[-1], training.sampling_rate, tuple(training.band))
@@ -334,23 +334,17 @@ def _rated(training):
 def _checked_training(training):
     textures = check_textures("training.textures", training.textures, rank=2)
     ratings = _checked_ratings("training.ratings", training.ratings)
-    friction = np.asarray(training.friction_coefficients, dtype=np.float64)
-    ids = np.asarray(training.surface_ids)
-    for name, column in (("ratings", ratings[:, 0]), ("friction_coefficients", friction), ("surface_ids", ids)):
-        if column.shape != textures.shape[:1]:
-            raise ValueError(
-                f"`training.{name}` must have one row for each of the {len(textures)} textures, got {column.shape}."
-            )
-    bad = friction[(friction <= 0) | np.isinf(friction)]
-    if len(bad):
-        raise ValueError(f"`training.friction_coefficients` must be above 0, got {bad[0]}. Set unknown ones to NaN.")
+    friction, ids = np.asarray(training.friction_coefficients, dtype=np.float64), np.asarray(training.surface_ids)
+    for name, column in (("ratings", ratings), ("friction_coefficients", friction), ("surface_ids", ids)):
+        if len(column) != len(textures):
+            raise ValueError(f"`training.{name}` must have one row for each of the {len(textures)} textures.")
+    if not (np.isnan(friction) | ((friction > 0) & np.isfinite(friction))).all():
+        raise ValueError("`training.friction_coefficients` must be above 0, or NaN where they are unknown.")
     return replace(training, textures=textures, ratings=ratings, friction_coefficients=friction, surface_ids=ids)
 
 
 def _checked_ratings(name, ratings):
     ratings = np.asarray(ratings, dtype=np.float64)
-    if ratings.ndim != 2 or ratings.shape[-1] != 3 or not len(ratings):
-        raise ValueError(f"`{name}` must have the shape (n, 3) with n at least 1, got {ratings.shape}.")
-    if np.isinf(ratings).any():
-        raise ValueError(f"`{name}` must be finite, or NaN (unknown), got infinity. Give z-scores.")
+    if ratings.ndim != 2 or ratings.shape[-1] != 3 or not len(ratings) or np.isinf(ratings).any():
+        raise ValueError(f"`{name}` must have the shape (n, 3), z-scores or NaN (unknown), got {ratings.shape}.")
     return ratings

@@ -19,15 +19,10 @@ QUANTITIES = {
 
 
 def comparisons(axes, fewest):
-    """Every change beside the real one.
+    """Every change of "axes" in a report's section "control" beside the real one; few effective surfaces are left out.
 
-    Args:
-        axes (`dict`): "axes" of a set of conditions in a report's section "control".
-        fewest (`float`): effective surfaces below which a condition is left out.
-
-    Returns:
-        `list[dict]`: "axis", "value", "quantity", "ours", "real", "chance" (half of the 95 % interval of the real one,
-        or of ours if that is wider) and "right".
+    A dict each: "axis", "value", "quantity", "ours", "real", "chance" (half of the 95 % interval of the real one, or of
+    ours if that is wider) and "right".
     """
     rows = []
     for axis in RATING_AXES:
@@ -61,14 +56,7 @@ def matrix_difference(response, real):
 
 
 def effect_rows(report):
-    """Figures for each guidance scale, under permuted ratings, of real textures and of regressions.
-
-    Args:
-        report (`dict`): with the sections control, generation and unseen_surfaces.
-
-    Returns:
-        `dict[str, dict]`: row -> {column: text, number or leaf}.
-    """
+    """Figures for each guidance scale, under permuted ratings, of real textures and of regressions."""
     control, unseen, generation = report["control"], report["unseen_surfaces"], report["generation"]
     sets = ("ftd", "diversity", "novelty_share", "precision", "recall")
     rows = {"real, held out": {key: generation["real"][key] for key in sets}}

@@ -18,6 +18,7 @@ from scipy.interpolate import make_interp_spline
 from ..signal import BAND_HZ, WORKING_RATE, band_edges, band_levels_db, power_spectral_density, resample, rms
 from ..signal.spectra import POWER_FLOOR
 from .metrics.errors import OUT_OF_BAND_HZ
+from .metrics.texture_checks import in_blocks
 
 #: The beta density is infinite at its ends where a parameter is below 1, as is common with 1/f friction: relative
 #: frequencies stay this far inside.
@@ -33,8 +34,6 @@ SLOPE_BANDS = 18
 _SLOPE_START = (30.0, 4.0, 1.0)
 _SLOPE_BOUNDS = ((5.0, 0.02, 0.02), (2000.0, 8.0, 8.0))
 _TINY = np.finfo(np.float64).tiny
-# rows that are analysed at once: bounds the memory at about 100 MB
-_CHUNK = 256
 
 
 @dataclass(frozen=True)
@@ -93,8 +92,8 @@ def interpolate_db(frequencies, decibels, wanted):
 
 
 def in_chunks(function, textures):
-    """`function` of some hundred textures at a time, concatenated: (m, ...)."""
-    return np.concatenate([function(textures[start : start + _CHUNK]) for start in range(0, len(textures), _CHUNK)])
+    """`function` of some hundred textures at a time, which bounds the memory, concatenated: (m, ...)."""
+    return np.concatenate([function(rows) for rows in in_blocks(textures)])
 
 
 def spectrum_db(textures, grid):

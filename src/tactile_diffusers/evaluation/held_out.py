@@ -22,8 +22,7 @@ class HeldOutData:
     """Held-out segments and the reference; make it with `open_held_out`. Arrays are computed when first used.
 
     Attributes:
-        dataset (`PreparedDataset`): the held-out split.
-        train (`PreparedDataset`): the training split.
+        dataset, train (`PreparedDataset`): the held-out and the training split.
         rows, other_rows (`np.ndarray`): (n,) held-out segments, and for each another take of its surface.
         per_surface (`int`): non-overlapping segments of each training surface in the reference.
         seed (`int`): of every choice.
@@ -126,12 +125,7 @@ class HeldOutData:
 
 
 def open_held_out(data, split, per_surface, seed=0, baseline_surfaces=None):
-    """Opens a prepared data set for an evaluation: `HeldOutData`.
-
-    Args:
-        data (`str` or `Path`): a prepared data set.
-        split (`str`): the held-out surfaces: "validation", "test" or, where the data have it, "hard".
-        per_surface, seed, baseline_surfaces: of `HeldOutData`.
+    """`HeldOutData` of a prepared data set; `split` is "validation", "test" or, where the data have it, "hard".
 
     Raises:
         ValueError: if the split is unknown or "train", shares surfaces with training, or has fewer than two surfaces

@@ -18,7 +18,8 @@ NAMES = {
 }
 #: Steps at which configurations are compared: the paper's best (section 3.3).
 COMPARED_STEPS = "10"
-RECONSTRUCTION = {
+#: Headings of metrics of reconstructions and of sets.
+HEADINGS = {
     "nine_band_db": "nine-band error, dB",
     "lsd_db": "LSD, dB",
     "gfc": "GFC",
@@ -29,34 +30,15 @@ RECONSTRUCTION = {
     "power_bias_percent": "difference of the mean power, %",
     "power_difference_percent": "mean power difference, % of the mean power",
     "ftd": "FTD",
+    "ftd_excess": "FTD over real",
     "ktd": "KTD",
     "ktd_excess": "KTD over real",
-}
-BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
-STEPS = {
-    "nine_band_db": "nine-band error, dB",
-    "ktd": "KTD",
-    "snr_db": "SNR, dB",
-    "rmse_n": ("RMSE, N", 5),
     "seconds_per_segment": ("s per segment", 4),
     "efficiency_score": ("efficiency score (RMSE × s), N·s", 6),
-}
-ANCHORS = {
     "optimiser_steps": "optimiser steps",
     "minutes": ("training, minutes", 0),
     "parameters": "parameters, million",
     "kilobits_per_second": "latents, kbit/s",
-    "nine_band_db": "nine-band error, dB",
-    "ktd_excess": "KTD over real",
-    "snr_db": "SNR, dB",
-    "power_bias_percent": "difference of the mean power, %",
-    "seconds_per_segment": ("s per segment", 4),
-}
-SETS = {
-    "ftd": "FTD",
-    "ftd_excess": "FTD over real",
-    "ktd": "KTD",
-    "ktd_excess": "KTD over real",
     "precision": "precision",
     "recall": "recall",
     "diversity": "diversity",
@@ -64,8 +46,27 @@ SETS = {
     "novelty_share": "closer than the real 1st percentile: correlation",
     "novelty_share_embedding": "embedding (reference only)",
     "novelty_share_latent": "latent (reference only)",
-    "out_of_band_db": "above 1.05 kHz, dB",
 }
+
+
+def _columns(names):
+    return {name: HEADINGS[name] for name in names.split()}
+
+
+RECONSTRUCTION = _columns(
+    "nine_band_db lsd_db gfc level_error_db out_of_band_db snr_db rmse_n power_bias_percent power_difference_percent "
+    "ftd ktd ktd_excess"
+)
+BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
+STEPS = _columns("nine_band_db ktd snr_db rmse_n seconds_per_segment efficiency_score")
+ANCHORS = _columns(
+    "optimiser_steps minutes parameters kilobits_per_second nine_band_db ktd_excess snr_db power_bias_percent "
+    "seconds_per_segment"
+)
+SETS = _columns(
+    "ftd ftd_excess ktd ktd_excess precision recall diversity nearest_correlation novelty_share "
+    "novelty_share_embedding novelty_share_latent out_of_band_db"
+)
 UNSEEN = {
     "nine_band_db": "error of the mean spectrum, dB",
     "level_r": "r of level",

@@ -50,14 +50,10 @@ def _step_ticks(panel, counts):
 
 
 def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, seconds=0.2):
-    """Best, median and worst segment by nine-band error: original and reconstruction in time and frequency.
+    """Best, median and worst segment (n, samples) by nine-band error: original and reconstruction in time and
+    frequency.
 
-    Args:
-        real, reconstructed (`np.ndarray`): (n, samples), N.
-        sampling_rate (`float`): Hz.
-        edges (`np.ndarray`): of the nine bands, Hz.
-        output_path (`Path`): the PNG.
-        seconds (`float`): shown of each waveform.
+    `edges` are of the nine bands, Hz; `seconds` are shown of each waveform.
     """
     errors = nine_band_error_db(reconstructed, real, sampling_rate, edges)
     order = np.argsort(errors)
@@ -100,13 +96,7 @@ def plot_steps(result, output_path):
 
 
 def plot_beside(reconstruction, anchors, output_path):
-    """The checkpoint beside the anchors: nine-band error over steps, and the signed error of each band.
-
-    Args:
-        reconstruction (`dict`): section of a report.
-        anchors (`dict[str, dict]`): name -> entry with "steps".
-        output_path (`Path`): the PNG.
-    """
+    """The checkpoint beside the anchors (name -> entry with "steps"): nine-band error over steps, error by band."""
     sweeps = {"this checkpoint": reconstruction["steps"]} | {name: entry["steps"] for name, entry in anchors.items()}
     top = 1.0  # dB; a single step is far off and would set the scale
     with figure_panels(output_path, 1, 2, (12, 3.8)) as (panels,):

@@ -7,6 +7,7 @@ import torch
 from tqdm.auto import tqdm
 
 from ..signal import resample
+from .metrics.texture_checks import in_blocks
 
 # textures that are encoded at once
 _ENCODED = 64
@@ -83,7 +84,7 @@ def _generators(seeds):
 
 def encode(pipe, textures, sampling_rate):
     """All layers of the latents of textures (n, samples): (n, latent_channels, frames) float32."""
-    parts = [textures[start : start + _ENCODED] for start in range(0, len(textures), _ENCODED)]
+    parts = in_blocks(textures, _ENCODED)
     return np.concatenate([pipe.encode(part, sampling_rate).latents.float().cpu().numpy() for part in parts])
 
 

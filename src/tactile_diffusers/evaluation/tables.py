@@ -31,8 +31,8 @@ def markdown_table(rows, digits=2, labels=None, interval=False):
     Args:
         rows (`dict[str, dict]`): row name -> column -> number or leaf; what is missing becomes a dash.
         digits (`int`): after the point.
-        labels (`dict[str, str]`, *optional*): the columns to show, in order, and their headings; all by default. A pair
-            (heading, digits) has digits of its own.
+        labels (`dict[str, str]`, *optional*): the columns to show, in order, and their headings, or pairs (heading,
+            digits); all by default.
         interval (`bool`): whether leaves are followed by their intervals.
     """
     if labels is None:

@@ -147,16 +147,13 @@ def log_kernel(ratings, request, width=KERNEL_WIDTH):
 
 
 def recorded_truth(dataset, describe, per_surface=4, seed=0):
-    """The truth of requests from all surfaces of a data set as they are: for data that cannot be made afresh.
+    """The truth of requests, `RatedTextures` of importance 1, from all surfaces of a data set as they are.
 
     Args:
         dataset (`PreparedDataset`): use the split "all": every surface counts.
         describe (`callable`): as in `virtual_truth`; levels and friction coefficients may be NaN.
         per_surface (`int`): segments of each surface at most; they share no sample.
         seed (`int`): of the choice of segments.
-
-    Returns:
-        `RatedTextures`, of importance 1.
     """
     chosen = dataset.non_overlapping(per_surface, seed)
     measures = [

@@ -44,16 +44,11 @@ def kernel_tactile_distance(a, b, width, a_groups=None, b_groups=None):
 
     Args:
         a, b (`np.ndarray`): (n, features), (m, features), at least two members each.
-        width (`float`): `TactileEmbedding.width`, frozen from the reference.
-        a_groups, b_groups (`np.ndarray`, *optional*): (n,), (m,) surfaces. Takes of one surface are alike, which would
-            raise the similarity within a set above that between sets: pairs of one surface are left out.
-
-    Returns:
-        `float`
+        width (`float`): of the kernel, that of the fitted `TactileEmbedding`.
+        a_groups, b_groups (`np.ndarray`, *optional*): (n,), (m,) surfaces: pairs of one surface are left out.
 
     Raises:
-        ValueError: if the sets do not fit together, hold NaN or infinity or fewer than two members, or `width` is not
-            above zero.
+        ValueError: if the sets do not fit together, are not finite or too small, or `width` is not above zero.
     """
     a, b = check_sets(a=a, b=b)
     if not (np.isfinite(width) and width > 0):

@@ -85,18 +85,10 @@ def rating_diversity(generated_levels, generated_groups, group_ratings, real_lev
     """Spread of generated takes of one rating over that of real textures with such ratings: 1 = as diverse as the data.
 
     Ratings do not settle a surface, so takes of a rating should differ by more than takes of a surface do. Real
-    surfaces count by a Gaussian kernel over all three ratings; ratings with fewer than 20 of them near are left out.
-
-    Args:
-        generated_levels (`np.ndarray`): (n, bands) dB.
-        generated_groups (`np.ndarray`): (n,) row of `group_ratings` that a take was made for.
-        group_ratings (`np.ndarray`): (groups, 3) z-scores.
-        real_levels (`np.ndarray`): (m, bands) dB.
-        real_ratings (`np.ndarray`): (m, 3) z-scores of each texture's surface; rows with NaN are left out.
-        real_groups (`np.ndarray`): (m,) which textures belong together.
-
-    Returns:
-        `float`: NaN where no rating has enough real surfaces near it.
+    surfaces count by a Gaussian kernel over all three ratings; ratings with fewer than 20 of them near are left out,
+    NaN where none is left. Levels are (n, bands), (m, bands) in dB; `generated_groups` (n,) is the row of
+    `group_ratings` (groups, 3) that a take was made for; `real_ratings` (m, 3), rows with NaN left out, and
+    `real_groups` (m,) belong to surfaces.
     """
     rated = ~np.isnan(real_ratings).any(1)
     real_levels, real_ratings = np.asarray(real_levels)[rated], np.asarray(real_ratings)[rated]

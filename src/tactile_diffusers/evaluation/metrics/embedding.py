@@ -13,7 +13,7 @@ from scipy.spatial.distance import pdist
 
 from ...signal import BAND_HZ, DEVICE_RATE, band_edges, band_levels_db, rms
 from .errors import OUT_OF_BAND_HZ, out_of_band_ratio_db
-from .texture_checks import check_textures
+from .texture_checks import check_textures, in_blocks
 
 BANDS = 18
 CARRIERS = 6
@@ -69,8 +69,8 @@ def tactile_features(textures, sampling_rate=DEVICE_RATE):
             f"`textures` of {textures.shape[-1]} samples at {sampling_rate:g} Hz are too short for modulations down to "
             f"{RATE_EDGES_HZ[0]} Hz. Give at least 0.6 s, better one segment."
         )
-    chunks = [textures[start : start + _CHUNK] for start in range(0, len(textures), _CHUNK)]
-    return np.concatenate([_features(chunk.astype(np.float64), sampling_rate) for chunk in chunks])
+    blocks = in_blocks(textures, _CHUNK)
+    return np.concatenate([_features(block.astype(np.float64), sampling_rate) for block in blocks])
 
 
 def _features(textures, sampling_rate):

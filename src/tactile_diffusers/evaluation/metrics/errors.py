@@ -52,35 +52,21 @@ def level_error_db(texture, reference):
 
 
 def log_spectral_distance_db(texture, reference, sampling_rate, band=BAND_HZ):
-    """Root mean square over frequency of the difference of the spectra in dB (log-spectral distance).
+    """Root mean square over frequency of the difference of the spectra in dB (log-spectral distance): (...,).
 
-    `sqrt(mean_f (10 log10 P1(f) / P2(f))^2)` over Welch's densities (bins of 5 Hz) inside `band`.
-
-    Args:
-        texture, reference (`np.ndarray`): (..., samples), N.
-        sampling_rate (`float`): Hz.
-        band (`tuple[float, float]`): Hz.
-
-    Returns:
-        `np.ndarray`: (...,), dB.
+    `sqrt(mean_f (10 log10 P1(f) / P2(f))^2)` over Welch's densities (bins of 5 Hz) inside `band`, Hz, of textures
+    (..., samples), N.
     """
     difference = np.subtract(*(_power_db(density) for density in _densities(texture, reference, sampling_rate, band)))
     return rms(difference)
 
 
 def goodness_of_fit(texture, reference, sampling_rate, band=BAND_HZ):
-    """Goodness-of-fit coefficient of two spectra after Hernández-Andrés, Romero and Lee (2001), 0 to 1.
+    """Goodness-of-fit coefficient of two spectra after Hernández-Andrés, Romero and Lee (2001), 0 to 1: (...,).
 
     `|sum_f S1 S2| / sqrt(sum_f S1^2 sum_f S2^2)` with amplitude spectra S, the roots of Welch's densities inside
-    `band`. It ignores gain and is governed by the strongest part of the spectrum: read it beside the nine-band error.
-
-    Args:
-        texture, reference (`np.ndarray`): (..., samples), N.
-        sampling_rate (`float`): Hz.
-        band (`tuple[float, float]`): Hz.
-
-    Returns:
-        `np.ndarray`: (...,); 0 where one of the two is silent.
+    `band`; 0 where one is silent. It ignores gain and is governed by the strongest part of the spectrum: read it beside
+    the nine-band error.
     """
     first, second = (np.sqrt(density) for density in _densities(texture, reference, sampling_rate, band))
     norm = np.sqrt((first**2).sum(-1) * (second**2).sum(-1))

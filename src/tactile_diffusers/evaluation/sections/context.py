@@ -18,45 +18,27 @@ _RATE_SEGMENTS = 200
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured; `FULL` takes about an hour on one core, `QUICK` about ten minutes.
+    """How much is measured; `FULL` takes about an hour on one core, `QUICK` about ten minutes."""
 
-    Attributes:
-        steps (`tuple[int, ...]`): of the step sweep.
-        per_surface (`int`): non-overlapping segments per surface, of the reference and of what is held out.
-        takes (`int`): textures generated per held-out surface.
-        novelty_textures (`int`): generated and real textures compared with training segments.
-        novelty_segments (`int` or `None`): training segments searched; `None` = all.
-        control_values (`tuple[float, ...]`): ratings of one axis while the others are not specified.
-        control_takes (`int`): textures per value.
-        truth_candidates, truth_surfaces (`int`): fresh virtual surfaces rated, and explored.
-        truth_seconds (`float`): of each exploration.
-        regression_surfaces (`int`): fresh virtual surfaces, draws, that a regression is fitted to.
-        shift_step (`float`), shift_takes (`int`): of the paper's latent shift.
-        spectra_step (`float`), spectra_takes (`int`): of the paper's average spectra.
-        protocol_segments, protocol_repeats (`int`): of the paper's full-pipeline RMSE.
-        repeats (`int`): of each timing.
-        anchor_steps (`tuple[int, ...]`): LCTG steps at which anchors are measured.
-    """
-
-    steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 15, 25, 50)
-    per_surface: int = 4
-    takes: int = 16
-    novelty_textures: int = 160
-    novelty_segments: int | None = None
-    control_values: tuple = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)
-    control_takes: int = 100
-    truth_candidates: int = 20_000
-    truth_surfaces: int = 1500
-    truth_seconds: float = 12.0
-    regression_surfaces: int = 5000
-    shift_step: float = 0.2
+    steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 15, 25, 50)  # of the step sweep
+    per_surface: int = 4  # non-overlapping segments, of the reference and of what is held out
+    takes: int = 16  # textures generated per held-out surface
+    novelty_textures: int = 160  # generated and real textures compared with training segments
+    novelty_segments: int | None = None  # training segments searched; None = all
+    control_values: tuple = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)  # of one axis, the others not specified
+    control_takes: int = 100  # textures per value
+    truth_candidates: int = 20_000  # fresh virtual surfaces that are rated
+    truth_surfaces: int = 1500  # and explored
+    truth_seconds: float = 12.0  # of each exploration
+    regression_surfaces: int = 5000  # fresh virtual surfaces that a regression is fitted to
+    shift_step: float = 0.2  # of ratings, in the paper's latent shift
     shift_takes: int = 30
-    spectra_step: float = 0.5
+    spectra_step: float = 0.5  # of ratings, in the paper's average spectra
     spectra_takes: int = 50
-    protocol_segments: int = 20
+    protocol_segments: int = 20  # of the paper's full-pipeline RMSE
     protocol_repeats: int = 5
-    repeats: int = 7
-    anchor_steps: tuple = (5, 10, 25)
+    repeats: int = 7  # of each timing
+    anchor_steps: tuple = (5, 10, 25)  # LCTG steps at which anchors are measured
 
 
 FULL = Settings()

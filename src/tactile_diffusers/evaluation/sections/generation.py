@@ -79,12 +79,7 @@ class NearestTraining:
         return found
 
     def leaves(self, textures, points, groups, correlate=True):
-        """Leaves "nearest_correlation" and "novelty_share", "_embedding", "_latent": shares closer than real ones.
-
-        Args:
-            textures, points, groups: (n, samples), (n, 53) and (n,) of a set.
-            correlate (`bool`): whether waveforms are compared, which takes minutes.
-        """
+        """Leaves "nearest_correlation" and "novelty_share", "_embedding", "_latent": shares closer than real ones."""
         subset, silent = self._subset(groups) if correlate else None, not np.any(textures)
         is_real = textures is self.context.data.real
         nearest = self.real if is_real else self._closeness(textures, points, subset)
@@ -100,14 +95,10 @@ class NearestTraining:
 
 
 def set_metrics(context, nearest, textures, points, groups, correlate=True):
-    """Leaves of a set of textures against the training surfaces and the held-out ones.
+    """Leaves of a set of textures (n, samples) N against the training surfaces and the held-out ones.
 
-    Args:
-        context (`Context`): with the data.
-        nearest (`NearestTraining`): to find copies.
-        textures, points (`np.ndarray`): (n, samples) N, and (n, 53) their embeddings.
-        groups (`np.ndarray`): (n,) the surfaces whose ratings were requested.
-        correlate (`bool`): whether waveforms are compared with those of training, which takes minutes.
+    `groups` (n,) are the surfaces whose ratings were requested; `correlate` compares waveforms with those of training,
+    which takes minutes.
     """
     data, distances = context.data, context.data.reference.distances(points, groups)
     leaves = dict(distances)
@@ -163,11 +154,7 @@ def mean_spectra(data, textures, groups):
 def unseen_metrics(data, textures, groups, levels, frictions=None):
     """Leaves over held-out surfaces: error of the mean spectrum; correlation of mean level and mean log friction.
 
-    Args:
-        data (`HeldOutData`): the held-out surfaces.
-        textures (`np.ndarray`): (n, samples) N.
-        groups (`np.ndarray`): (n,) surface of each.
-        levels, frictions (`np.ndarray`): (n,) natural log of the RMS, and friction coefficient.
+    `groups` (n,) is the surface of each texture, `levels` (n,) the natural log of their RMS.
     """
     real, generated = mean_spectra(data, textures, groups)
     frictions = np.full(len(groups), np.nan) if frictions is None else frictions

@@ -28,12 +28,7 @@ NEAR_BEST = 1.05
 
 @dataclass(frozen=True)
 class Anchor:
-    """Another checkpoint whose LCTG is measured on the same segments; its rate and latents may differ.
-
-    Attributes:
-        pipe (`TactileTexturePipeline`): with or without DALE, which is not used.
-        folder (`Path`): where it lies, with the record of its training.
-    """
+    """Another checkpoint whose LCTG is measured on the same segments; its folder has the record of its training."""
 
     pipe: object
     folder: Path
@@ -115,14 +110,10 @@ def power_percent(textures, real, surfaces):
 
 
 def pair_metrics(data, textures, points=None):
-    """Leaves of every metric of textures against the held-out segments that they stand for, and as a set.
+    """Leaves of every metric of textures (n, samples), one for each held-out segment, and as a set.
 
     Waveform metrics are left out where the unit is not newtons: the sign of such recordings need not be measured.
-
-    Args:
-        data (`HeldOutData`): the held-out segments.
-        textures (`np.ndarray`): (n, samples), one for each held-out segment.
-        points (`np.ndarray`, *optional*): (n, 53) their embeddings, if they are known.
+    `points` (n, 53) are the textures' embeddings, if they are known.
     """
     real, rate, surfaces, band = data.real, data.rate, data.surfaces, data.dataset.band
     values = dict.fromkeys(METRICS)

@@ -1,0 +1,137 @@
+"""Rows of the tables of a report: name -> {column: text, number or leaf}."""
+
+from . import labels
+from .labels import NAMES, compared_steps, default_guidance, default_steps
+from .tables import markdown_table, text
+
+#: What the paper reports (sections 3.1 to 3.4), on SENS3.
+PAPER = {
+    "rmse_n": "11.4 (6.2–18.1)",
+    "snr_db": "−1.87 (−2.36 to −1.21)",
+    "power_difference_n2": "5.0e-05, max 1.0e-04",
+    "power_difference_percent": "59 (from its power difference, RMSE and SNR)",
+    "best_steps": "10",
+    "real_time_steps": "over 50 (RTX 4060)",
+    "rmse_protocol_mn": "5.57",
+    "latent_shift_percent": "0–2",
+}
+
+
+def overview(report):
+    """The paper's figures beside silence, another take, and the checkpoint: Markdown."""
+    paper, ours = "paper, on SENS3", "this checkpoint"
+    columns, rows = [paper, "silence", "another take", ours], {}
+    if report.get("reconstruction"):
+        section = report["reconstruction"]
+        counts = list(dict.fromkeys([default_steps(report), compared_steps(section["steps"])]))
+        columns = [*columns[:3], *(f"{ours}, {count} steps" for count in counts)]
+        ours = columns[3]
+        rows |= _overview_of_reconstruction(report, columns, counts)
+        fewest = text(section["steps_within_5_percent"], 0)
+        rows["fewest steps within 5 % of the best nine-band error"] = {paper: PAPER["best_steps"], ours: fewest}
+    if report.get("speed"):
+        for key, label in (("segment", "real-time steps, segment"), ("block_100ms", "real-time steps, 0.1 s block")):
+            steps = text(report["speed"][key]["real_time_steps"], 0)
+            rows[label] = {paper: PAPER["real_time_steps"] if key == "segment" else "–", ours: f"{steps} (CPU)"}
+    if report.get("generation"):
+        rmse = report["generation"][default_guidance(report)]["rmse_protocol_n"]["mean"]
+        shown = text(None if rmse is None else 1e3 * rmse)
+        rows["full-pipeline RMSE (random ratings), mN"] = {paper: PAPER["rmse_protocol_mn"], ours: shown}
+    if report.get("paper"):
+        sweeps = report["paper"]["latent_shift_percent"].values()
+        shifts = [values[end]["mean"] for values in sweeps for end in ("-2.0", "2.0")]
+        shown = f"{min(shifts):.0f}–{max(shifts):.0f}"
+        rows["latent shift at ±2, %"] = {paper: PAPER["latent_shift_percent"], ours: shown}
+    return markdown_table(rows, labels={column: column for column in columns})
+
+
+def _overview_of_reconstruction(report, columns, counts):
+    section, rows = report["reconstruction"], {}
+    base, real = section["baselines"], section["real"]["rms_n"]["mean"]
+    sources = (base["silence"], base["other_take"], *(section["steps"][count] for count in counts))
+    in_newtons = f" (RMS of the segments {1e3 * real:.2f})" if report["data"]["unit"] == "N" else ""
+    for key, (label, scale, digits) in {
+        "rmse_n": (f"reconstruction RMSE, mN{in_newtons}", 1e3, 2),
+        "snr_db": ("reconstruction SNR, dB", 1, 2),
+        "power_difference_n2": ("mean power difference, N²", 1, 6),
+        "power_difference_percent": ("the same, % of the mean power", 1, 2),
+    }.items():
+        means = [source[key]["mean"] for source in sources]
+        shown = [text(None if mean is None else scale * mean, digits) for mean in means]
+        rows[label] = dict(zip(columns, [PAPER[key], *shown], strict=True))
+    return rows
+
+
+def reconstruction_rows(report):
+    """LCTG at some numbers of steps beside real segments, anchors and baselines."""
+    section = report["reconstruction"]
+    shown = [count for count in ("2", "3", "5", "10", "25") if count in section["steps"]] or list(section["steps"])
+    rows = {"real, held out": section["real"]}
+    rows |= {f"**LCTG, {count} steps**": section["steps"][count] for count in shown}
+    for name, anchor in (report.get("anchors") or {}).items():
+        count = compared_steps(anchor["steps"])
+        rows[f"{name}, {count} steps"] = anchor["steps"][count]
+    rows |= {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
+    return rows | {"a different surface": section["different_surface"]}
+
+
+def step_rows(report):
+    """The sweep over LCTG's steps."""
+    return {f"{count} steps": entry for count, entry in report["reconstruction"]["steps"].items()}
+
+
+def anchor_rows(report):
+    """The checkpoint and the anchors at one number of steps, with the cost of their trainings."""
+    section, rows = report["reconstruction"], {}
+    ours = {key: section[key] for key in ("steps", "kilobits_per_second")} | {"training": report["training"]}
+    for name, entry in {"**this checkpoint**": ours, **report["anchors"]}.items():
+        count, facts = compared_steps(entry["steps"]), entry["training"]
+        rows[f"{name}, {count} steps"] = entry["steps"][count] | {
+            "optimiser_steps": facts["optimiser_steps"],
+            "minutes": None if facts["seconds"] is None else facts["seconds"] / 60,
+            "parameters": facts["parameters"] / 1e6,
+            "kilobits_per_second": entry["kilobits_per_second"],
+        }
+    return rows
+
+
+def generation_rows(report):
+    """Sets of textures: real, generated at each guidance scale, baselines."""
+    section = report["generation"]
+    rows = {"real, held out": section["real"]}
+    for scale, entry in section.items():
+        if scale not in ("real", "baselines"):
+            rows[f"**generated from ratings, guidance {scale}**"] = entry
+    return rows | {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
+
+
+def unseen_rows(report):
+    """Textures from the ratings of held-out surfaces, beside baselines."""
+    section, rows = report["unseen_surfaces"], {}
+    for slug in section["nine_band_db"]:
+        name = "**generated from ratings**" if slug == "model" else NAMES[slug]
+        rows[name] = {metric: section[metric][slug] for metric in labels.UNSEEN}
+    for scale, entry in section["guidance"].items():
+        if scale != default_guidance(report):
+            rows[f"**guidance {scale}**"] = entry
+    return rows
+
+
+def novel_rows(report):
+    """Textures from ratings outside of training, with the ranges of their levels and friction coefficients."""
+
+    def between(leaf, digits):
+        return f"{text(leaf['min'], digits)} to {text(leaf['max'], digits)}"
+
+    return {
+        name: entry | {"levels": between(entry["level_db"], 1), "frictions": between(entry["friction"], 2)}
+        for name, entry in report["novel"].items()
+        if name != "range_db"
+    }
+
+
+def speed_rows(report):
+    """Real-time steps of a segment and of a block, and how long each part of the pipeline takes."""
+    speed = report["speed"]
+    rows = {"segment": speed["segment"], "block": speed["block_100ms"]}
+    return rows | {key.replace("_", " "): {"seconds": leaf} for key, leaf in speed.items() if "mean" in leaf}
