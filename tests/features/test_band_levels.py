@@ -116,11 +116,6 @@ def test_bands_without_a_bin_are_refused():
 # --- in the feature extractor
 
 
-def test_negative_level_bands_are_refused(make_extractor):
-    with pytest.raises(ValueError, match=r"`level_bands` must be 0 \(none\) or more, got -1"):
-        make_extractor(level_bands=-1)
-
-
 def test_features_begin_with_levels_once_for_each_frame_of_latents(make_extractor):
     extractor, plain, noise = make_extractor(**THREE), make_extractor(), _noise(2, 512)
     features, levels = extractor.features(noise), extractor.band_levels(noise)

@@ -40,15 +40,6 @@ def test_it_is_the_estimator_of_the_packed_state(pipe, textures):
     np.testing.assert_allclose(pipe.estimate_ratings(textures, RATE, friction), expected, atol=1e-6)  # float32
 
 
-@pytest.mark.parametrize("many", [list, np.array, torch.tensor], ids=["list", "array", "tensor"])
-def test_one_friction_coefficient_or_one_for_each(pipe, textures, many):
-    each = pipe.estimate_ratings(textures, RATE, many([0.3, 0.3, 1.2]))
-    alike = pipe.estimate_ratings(textures, RATE, 0.3)
-    np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, many([0.3] * 3)), alike)
-    np.testing.assert_array_equal(each[:2], alike[:2])
-    assert np.abs(each[2] - alike[2]).max() > 1e-3  # friction is heard
-
-
 def test_unknown_friction_is_ignored(pipe, textures):
     unknown = pipe.estimate_ratings(textures, RATE)
     np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, float("nan")), unknown)

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from diffusers import DDIMScheduler
 
 from tactile_diffusers import TactileLatents, TactileTexturePipeline, TactileTexturePipelineOutput, bundled_checkpoint
 from tactile_diffusers.signal import rms
@@ -254,21 +253,6 @@ def test_half_precision(pipe, dtype):
     assert out.textures.dtype == np.float32 and np.isfinite(out.textures).all()
     np.testing.assert_allclose(rms(out.textures), np.exp(out.level), rtol=1e-5)
     assert _run(pipe, output_type="latent").latents.dtype == dtype
-
-
-def test_a_scheduler_of_diffusers_takes_our_place(pipe):
-    angles = np.arange(1, 1001) / 1000 * np.pi / 2
-    alphas_bar = np.cos(angles) ** 2
-    betas = (1 - alphas_bar / np.concatenate([[1.0], alphas_bar[:-1]])).tolist()
-    expected = _run(pipe, num_inference_steps=10)
-    pipe.scheduler, pipe.dale_scheduler = (
-        DDIMScheduler(
-            trained_betas=betas, prediction_type="v_prediction", timestep_spacing="trailing", clip_sample=False
-        )
-        for _ in range(2)
-    )
-    # 1e-5 a loop (see tests/schedulers), through two loops and a network between them
-    _assert_same_textures(_run(pipe, num_inference_steps=10).textures, expected.textures, 1e-3)
 
 
 @pytest.mark.parametrize("offload_type", ["block_level", "leaf_level"])

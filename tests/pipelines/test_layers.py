@@ -41,18 +41,6 @@ def test_generated_latents_have_no_detail(layered, seeded):
     assert (made.latents[:, :4].std((0, 2)) > 0.05).all() and not made.latents[:, 4:].any()
 
 
-def test_the_base_layer_of_energies_has_no_polarity(make_lctg, make_extractor, pink_noise):
-    pipe = TactileTexturePipeline(
-        lctg=make_lctg(**LAYERED),
-        feature_extractor=make_extractor(**EXTRACTOR),
-        scheduler=VDDIMScheduler(),
-    )
-    texture = pink_noise(2048, 10_000, count=2)
-    made, flipped = pipe.encode(texture, 10_000), pipe.encode(-texture, 10_000)
-    assert torch.equal(flipped.latents[:, :4], made.latents[:, :4]) and torch.equal(flipped.level, made.level)
-    assert torch.equal(flipped.latents[:, 4:], -made.latents[:, 4:]) and made.latents[:, 4:].abs().mean() > 0.02
-
-
 @pytest.fixture
 def untrained(make_lctg, make_extractor):
     """Four samples of the low end for each latent frame, up to 312 Hz, and a decoder that makes nothing of its own."""

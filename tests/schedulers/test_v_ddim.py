@@ -115,3 +115,14 @@ def test_step_after_the_end_is_refused():
 def test_bad_configs_are_refused(config, message):
     with pytest.raises(ValueError, match=message):
         VDDIMScheduler(**config)
+
+
+@pytest.mark.parametrize("timestep", [500, 998.9, -1, 1000, float("nan")])
+def test_a_foreign_first_timestep_is_refused_and_nothing_is_broken(timestep):
+    scheduler, fresh, x, v = VDDIMScheduler(), VDDIMScheduler(), _noise(1, 16), _noise(1, 16, seed=1)
+    scheduler.set_timesteps(3)
+    with pytest.raises(ValueError, match="`timestep` must be one of the scheduler's timesteps .*, got "):
+        scheduler.step(v, timestep, x)
+    fresh.set_timesteps(3)
+    made, expected = (each.step(v, each.timesteps[0], x).prev_sample for each in (scheduler, fresh))
+    assert torch.equal(made, expected)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from huggingface_hub import ModelCard
 
 from tactile_diffusers import bundled_checkpoint
@@ -124,17 +123,6 @@ class TestWriting:
     def folder(self, runs, tmp_path):
         return shutil.copytree(runs / "dale", tmp_path / "dale")
 
-    def test_a_note_warnings_a_report_and_a_place_on_the_hub(self, folder, pipe, dataset):
-        report = "### Measured\n\n![control](report/control.png)"
-        given = {"warnings": "- **few_raters**: ask more", "report": report, "note": "Ran at night."}
-        write_card(folder, pipe, dataset, [folder], place="someone/textures", **given)
-        card = card_of(folder)
-        assert ModelCard(card).text.strip().startswith("# someone/textures\n")
-        assert 'from_pretrained("someone/textures")' in card and "is its name on the Hub" in card
-        for told in ("- **few_raters**: ask more", report, "Ran at night."):
-            assert told in card
-        assert "inspect_data.py" not in card and "None yet" not in card
-
     def test_a_distilled_decoder_beside_the_pipeline_has_code_that_runs(self, folder, runs, pipe, dataset, monkeypatch):
         shutil.copytree(runs / "distilled" / "lctg_distilled", folder / "lctg_distilled")
         write_card(folder, pipe, dataset, [])
@@ -190,8 +178,3 @@ class TestWriting:
         write_card(folder, pipe, dataset, [folder])
         words = words_of(blocks(card_of(folder), "bash")[0])
         assert words[3:] == ["--output_dir", "my runs", "--student_steps", "1", "2"]
-
-    def test_half_precision_is_told(self, folder, make_pipeline, dataset):
-        half = make_pipeline().to(torch.float16)
-        write_card(folder, half, dataset, [])
-        assert "stored in half precision" in card_of(folder)
