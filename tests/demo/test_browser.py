@@ -278,7 +278,7 @@ def test_recording_is_reconstructed_and_uploads_are_bounded(visit, tmp_path, pin
     page.wait_for_selector("#upload .file-preview")
     page.click("#reconstruct")
     page.locator("#recording-picture").get_by_text("The file is empty").wait_for()
-    for path, message in ((other, "neither WAV nor"), (large, "maximum allowed size|too large|exceeds")):
+    for path, message in ((other, "holds no number"), (large, "maximum allowed size|too large|exceeds")):
         page.reload()
         page.wait_for_selector("#picture img")
         page.get_by_role("tab", name="Your recording").click()

@@ -22,8 +22,8 @@ from .tables import few, read_table
 
 #: Rows that are read of each csv file, enough to find its header.
 HEADER_ROWS = 5
-#: Kinds of tables, columns of one, and other things that are listed.
-MOST_GROUPS, MOST_COLUMNS, MOST_LISTED = 40, 24, 12
+#: Columns of a kind of table, and files that were not looked at, that are listed.
+MOST_COLUMNS, MOST_SKIPPED = 24, 12
 #: The mean of z must be this share of its range for its sign to decide which way is pressing (recipe).
 CLEAR_SIGN = 0.1
 
@@ -71,17 +71,17 @@ class FolderInventory:
     def __str__(self):
         total = len(self.files) + len(self.others) + len(self.skipped)
         lines = [f"{self.root}: {total} files, {len(self.groups)} kinds of tables" + " (and more)" * self.truncated]
-        for group in self.groups[:MOST_GROUPS]:
+        for group in self.groups:
             lines += ["", *_listed(group, self.ratings)]
-        if len(self.groups) > MOST_GROUPS:
-            lines += ["", f"and {len(self.groups) - MOST_GROUPS} more kinds of tables"]
         lines.append("")
         if self.others:
             endings = Counter(PurePath(path).suffix or path for path in self.others)
             lines.append("no tables: " + ", ".join(f"{count} {ending}" for ending, count in endings.most_common()))
-        lines += _first(f"not looked at: {path}: {reason}" for path, reason in self.skipped.items())
+        skipped = [f"not looked at: {path}: {reason}" for path, reason in self.skipped.items()]
+        lines += skipped[:MOST_SKIPPED]
+        lines += [f"not looked at: {len(skipped) - MOST_SKIPPED} more files"] * (len(skipped) > MOST_SKIPPED)
         pairs = self.surface_names.items()
-        lines += _first(f"{theirs!r} in the ratings is {ours!r} in the recordings (guess)" for theirs, ours in pairs)
+        lines += [f"{theirs!r} in the ratings is {ours!r} in the recordings (guess)" for theirs, ours in pairs]
         return "\n".join(lines + [f"check: {doubt}" for doubt in self.doubts])
 
 
@@ -221,11 +221,6 @@ def _doubts_on_folder(inventory):
         yield "no ratings were recognised"
     if inventory.truncated:
         yield "the folder has more files than are listed; what does not vary in the names of these may in the others"
-
-
-def _first(lines):
-    lines = list(lines)
-    return lines[:MOST_LISTED] + [f"and {len(lines) - MOST_LISTED} more such lines"] * (len(lines) > MOST_LISTED)
 
 
 def _listed(group, ratings):

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from tqdm import tqdm
 
+from .clocks import MOST_DUPLICATES
 from .draft_names import NameGroup, content_of, group_names, words_of
 from .layout import TIME_UNITS
 from .sources import files_below
@@ -60,8 +61,6 @@ HEAD_ROWS, MOST_COLUMNS, MOST_ROWS = 50_000, 200, 20_000_000
 MOST_SPLIT = 6
 #: Rates (Hz) between which time stamps without a unit must lie.
 LIKELY_RATES = (20.0, 60_000.0)
-#: Time stamps with a larger share of repeated ones are coarser than the samples.
-MOST_REPEATED = 0.1
 _HERTZ = re.compile(r"(\d+(?:\.\d+)?)[ _]?(k?)Hz", re.IGNORECASE)
 
 
@@ -89,7 +88,7 @@ class Column:
 class TableFacts:
     """One table: its columns (no more than `MOST_COLUMNS`), its rate in Hz and where that is known from.
 
-    `complete` = all rows were read; `stamps_coarse` = more than `MOST_REPEATED` of the time stamps are repeated;
+    `complete` = all rows were read; `stamps_coarse` = too many of the time stamps are repeated;
     `time_unit` of the stamps, `None` = unknown; `doubts` = what was only guessed.
     """
 
@@ -337,7 +336,7 @@ def _look_at_time(facts):
         return
     stamps = facts.table.numbers(column.name)
     steps = np.diff(stamps[~np.isnan(stamps)])
-    facts.stamps_coarse = bool((steps == 0).mean() > MOST_REPEATED)
+    facts.stamps_coarse = bool((steps == 0).mean() > MOST_DUPLICATES)
     period = float(np.median(steps))
     if facts.stamps_coarse:  # counted from the first new stamp to the last
         first, *_, last = np.flatnonzero(steps) if np.count_nonzero(steps) > 1 else (-1, len(steps) - 1)

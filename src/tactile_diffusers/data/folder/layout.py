@@ -153,11 +153,9 @@ class Position(_Measured):
     unit: Literal[tuple(LENGTH_UNITS)]
 
 
-class Velocity(_Measured):
-    """Velocity of the finger; a stage may move along x only."""
+class Velocity(Position):
+    """Velocity of the finger, likewise."""
 
-    x: Column
-    y: Column | None = None
     unit: Literal[tuple(SPEED_UNITS)]
 
 
