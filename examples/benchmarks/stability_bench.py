@@ -32,14 +32,9 @@ class Row(NamedTuple):
 
 
 class Bench:
-    """What all cases share: a pipeline, the noise of both stages, and what float32 makes of it.
+    """What all cases share: a pipeline in float32, the noise of both stages, and what it makes of that.
 
-    Args:
-        pipe (`TactileTexturePipeline`): in float32.
-        seed (`int`): of the noise.
-        quick (`bool`): fewer steps, textures and minutes; the same cases.
-        minutes (`float`): of the stream.
-        limit (`float`): after these seconds a worker that has not answered is taken for stuck.
+    `quick`: fewer steps and textures; `minutes` of the stream; after `limit` seconds a worker is taken for stuck.
     """
 
     def __init__(self, pipe, seed=0, quick=False, minutes=10.0, limit=300.0):

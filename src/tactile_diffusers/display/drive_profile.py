@@ -144,12 +144,11 @@ class DriveProfile:
     def drive(self, force, speed, *, sampling_rate=DEVICE_RATE, bias=None):
         """Converts a whole texture to drive.
 
-        A display only adds friction (electroadhesion) or only reduces it (ultrasonic), and a texture swings both ways.
-        So the display plays it about a mean change of friction, the bias: by default the middle of `force_range`, which
-        leaves the same room to both sides. The finger feels the bias as friction. To play a texture with its own
-        friction coefficient, set `bias = friction_coefficient * normal_force - profile.offset`, if that is within
-        `force_range`. Force is neither scaled nor filtered otherwise: multiply it before, if `report.fitting_scale`
-        says so.
+        A display only adds friction (electroadhesion) or only reduces it (ultrasonic), and a texture swings both ways:
+        it is played about a mean change of friction, the bias, which the finger feels. By default that is the middle of
+        `force_range`; for a texture's own friction coefficient set `bias = friction_coefficient * normal_force -
+        profile.offset`, if that is within `force_range`. Force is neither scaled nor filtered otherwise: multiply it
+        before, if `report.fitting_scale` says so.
 
         Args:
             force (`np.ndarray`): (samples,) lateral force about its mean, N; positive = more friction.
