@@ -46,10 +46,8 @@ class Guidance:
         """DALE's guided velocity, from one batched forward.
 
         Args:
-            dale (`DALEModel`).
-            scheduler (`VDDIMScheduler`): DALE's; turns velocities into clean states for `rescale`.
-            state (`torch.Tensor`): (batch, in_channels, frames).
-            t (`torch.Tensor`): timestep, a scalar.
+            dale, scheduler: the pipeline's; the scheduler turns velocities into clean states for `rescale`.
+            state, t (`torch.Tensor`): (batch, in_channels, frames) at the timestep t, a scalar.
             conditions (`torch.Tensor` or `DALEConditions`): (n * batch, axes) ratings of `conditions`, or what
                 `dale.condition` computed from them for this timestep.
             weights (`list[float]`): of the n velocities.

@@ -5,14 +5,10 @@ from .windows import Windows, in_chunks
 
 
 def rating_velocity(dale, scheduler, ratings, frames, guidance):
-    """DALE's velocity given ratings, at the steps of its schedule.
+    """DALE's velocity given ratings (batch, axes) in z-scores, NaN = not specified, at the scheduler's timesteps.
 
-    Args:
-        dale (`DALEModel`): its `latent_frames` is the window of long textures.
-        scheduler (`VDDIMScheduler`): DALE's, its timesteps set.
-        ratings (`torch.Tensor`): (batch, axes), z-scores, NaN = not specified.
-        frames (`int`): latent frames of the whole, at least one window.
-        guidance (`Callable`): returns the `Guidance` of the next step; a callback may change it between steps.
+    `frames` (at least DALE's `latent_frames`, the window) are those of the whole. `guidance()` is the `Guidance` of the
+    next step, which a callback may change.
     """
     windows = Windows(frames, dale.config.latent_frames)
     if len(windows.starts) == 1:

@@ -179,12 +179,9 @@ def _ranges(pipe):
 
 
 def describe_run(run, folder, number):
-    """What the card says of one training, from `training.json` and `log.jsonl`.
+    """What the card says of one training, from `training.json` and `log.jsonl` of its output folder `run`.
 
-    Args:
-        run (`Path`): its output folder.
-        folder (`Path`): of the card; the loss curve is copied into it.
-        number (`int`): of the training, for the name of that copy.
+    Its loss curve is copied into the card's folder as `loss_<number>.png`.
 
     Returns:
         `dict`: "name", "command", "segments", "steps", "time", "machine", "versions", "loss", "scores" (of the last

@@ -85,13 +85,7 @@ def plot_losses(folder):
 
 
 def plot_reconstructions(references, textures, sampling_rate, output_path):
-    """Draws waveforms (first 0.2 s) and spectra of textures over their references, one row each.
-
-    Args:
-        references, textures (`np.ndarray`): (n, samples), N.
-        sampling_rate (`int`): Hz.
-        output_path (`str` or `Path`): the PNG.
-    """
+    """Draws waveforms (first 0.2 s) and spectra of textures over their references, both (n, samples) in N, as a PNG."""
     figure, axes = _subplots(len(references), 2, (11, 2.2 * len(references)))
     shown = slice(0, int(0.2 * sampling_rate))
     for (left, right), *pair in zip(axes, references, textures, strict=True):
