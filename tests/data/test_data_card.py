@@ -136,8 +136,6 @@ def test_turnarounds_on_a_line_swing_and_are_masked(tmp_path):
         prepared = tmp_path / f"{treatment}.h5"
         prepare_recordings(tmp_path / "r.h5", prepared, limits, validation=0, test=0, turnarounds=treatment, quiet=True)
         report[treatment] = describe(tmp_path / "r.h5", prepared, quiet=True)
-    for treatment, numbers in report.items():
-        assert numbers["preparation"]["turnarounds"] == treatment and 0.2 < numbers["bands"]["turnaround_share"] < 0.8
     assert report["keep"]["bands"]["turnaround_db"] > 1 > abs(report["mask"]["bands"]["turnaround_db"])
     names = {treatment: {w["name"] for w in numbers["warnings"]} for treatment, numbers in report.items()}
     assert "turnarounds" in names["keep"] and "turnarounds" not in names["mask"]

@@ -123,18 +123,6 @@ def test_worker_processes_and_pickling(virtual_prepared, rate):
         np.testing.assert_array_equal(torch.cat([batch["texture"] for batch in batches]).numpy(), expected)
 
 
-def test_ratings_reach_the_items(tmp_path, recording_maker, recordings_writer):
-    recordings = {name: recording_maker(seed=i) for i, name in enumerate("abcd")}
-    values = np.array([[[1, 1, 1], [3, 2, 5], [5, 7, 5], [7, 3, 2]], [[2, 2, 2], [3, 3, 3], [4, 4, 4], [4, 4, 4]]])
-    values[1, :, 2] = 6
-    path = recordings_writer(tmp_path / "r.h5", recordings, values)
-    report = prepare_recordings(path, tmp_path / "p.h5", validation=0, test=0, quiet=True)
-    assert "rater left out: r1 on slipperiness: the same answer on all training surfaces" in report.notes
-    data = PreparedDataset(tmp_path / "p.h5", "train")
-    assert data[0]["ratings_count"].tolist() == [2, 2, 1]
-    np.testing.assert_allclose(data.ratings.raw_mean[2], values[0, :, 2].mean())
-
-
 def test_split_seed_and_sizes():
     np.testing.assert_array_equal(split_surfaces(50, seed=1), split_surfaces(50, seed=1))
     assert (split_surfaces(50, seed=1) != split_surfaces(50, seed=2)).any()

@@ -17,12 +17,6 @@ def force_of(samples=50_000, mean=(0.0, 0.0, 0.5), swing=(0.3, 0.3, 0.0), noise=
     return np.float32(np.array(mean) + np.array(swing) * wave + noise * rng.standard_normal((samples, 3)))
 
 
-def test_a_finger_passes():
-    assert check_forces(force_of(), "here") == []
-    assert check_forces(-force_of(), "here") == []  # pressing may be negative
-    assert check_forces(force_of()[:, 0], "here") == []
-
-
 @pytest.mark.parametrize(
     "factor, message",
     [
@@ -76,10 +70,11 @@ def test_a_normal_force_without_sign_is_suspicious():
     assert len(notes) == 1 and notes[0].startswith("the normal force z changes sign (mean force x")
 
 
-def test_a_lifted_finger_is_no_contradiction():
+def test_a_finger_passes():
     force = force_of()
-    force[10_000:30_000] = 0.001 * np.random.default_rng(1).standard_normal((20_000, 3))
-    assert check_forces(force, "here") == []
+    force[10_000:30_000] *= 0.001  # lifted
+    for one in (force_of(), -force_of(), force_of()[:, 0], force):  # pressing may be negative
+        assert check_forces(one, "here") == []
 
 
 def test_nan_is_left_out_and_nothing_but_nan_refused():
@@ -102,17 +97,6 @@ def test_saturation_is_5_ms_at_the_extreme(sign, length, found):
     values[30_000:30_020] = sign * 0.7  # too short
     mask = saturated(values, RATE)
     assert true_runs(mask).tolist() == ([[20_000, 20_000 + length]] if found else [])
-
-
-def test_clipped_texture_is_found_wherever_it_stays():
-    wave = 0.5 * np.sin(2 * np.pi * 5 * np.arange(50_000) / RATE) + 1e-3 * np.random.default_rng(0).standard_normal(
-        50_000
-    )
-    clipped = np.clip(wave, -0.4, 0.4)
-    mask = saturated(clipped, RATE)
-    # noise crosses the rail near the ends of each run, which are then shorter than 5 ms
-    assert not (mask & (clipped == wave)).any()
-    assert mask.sum() > 0.95 * (clipped != wave).sum()
 
 
 def test_what_is_not_saturation():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tactile_diffusers.data.projection import channels, filtered_with_gaps, sliding_direction
 from tactile_diffusers.data.recordings import Recording
-from tactile_diffusers.data.segments import SegmentLimits, find_windows, select_windows
+from tactile_diffusers.data.segments import SegmentLimits, find_windows
 from tactile_diffusers.data.turnarounds import (
     MASK_SECONDS,
     find_turnarounds,
@@ -48,16 +48,6 @@ def slow_selection(in_limits, valid, longest_gap, window, step):
                 start += step
             run_start = None
     return starts
-
-
-@pytest.mark.parametrize("seconds", [0.02, 0.33, 1.6384])
-@pytest.mark.parametrize("rate", [100, 999, 10_000])
-def test_neighbours_overlap_by_half(seconds, rate):
-    limits = SegmentLimits(seconds=seconds)
-    window = limits.samples(rate)
-    starts, _ = select_windows(np.ones(9 * window, bool), window, limits.step(rate))
-    assert starts[0] == 0 and abs(2 * starts[1] - window) <= 1 and (np.diff(starts, 2) == 0).all()
-    assert 9 * window - (starts[-1] + window) < starts[1]
 
 
 def recording_of(force, velocity, velocity_rate=500):
@@ -276,18 +266,6 @@ def test_scribbling_is_no_texture():
     recording = back_and_forth([3.0, 3.08, 3.16, 3.24])
     data = channels(recording, "mask")
     assert data.excluded[30_500:31_500].all() and not data.excluded[:29_000].any() and not data.excluded[33_500:].any()
-
-
-def test_saturated_stretch_is_excluded_and_counted_apart():
-    recording = recording_of(np.tile([0.3, 0.0, 0.5], (60_000, 1)), np.tile([80.0, 0.0], (3000, 1)))
-    recording.force += np.float32(0.005) * np.random.default_rng(0).standard_normal((60_000, 3)).astype(np.float32)
-    recording.force[30_000:30_100, 0] = 1.25  # 10 ms at the end of the range
-    recording.force[40_000:40_003, 1] = -500.0  # glitches beyond any finger
-    windows = windows_of(recording)
-    assert windows.seconds["saturated"] == pytest.approx(0.0103) and windows.seconds["missing (NaN)"] == 0
-    for start in windows.start:
-        assert start + SEGMENT_SAMPLES <= 29_000 or start >= 31_100
-    np.testing.assert_allclose(windows.friction_coefficient, 0.6, rtol=0.01)
 
 
 def test_a_step_at_a_gap_leaves_little_in_segments():

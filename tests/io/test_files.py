@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from tactile_diffusers.export import FORMATS, write_figure, write_wav
+from tactile_diffusers.export import FORMATS
 from tactile_diffusers.io.files import atomic_path, whole_folder, write_text
 from tactile_diffusers.io.hdf5 import whole_file
 
@@ -43,13 +43,6 @@ def test_a_missing_folder_is_named(tmp_path, context):
 def test_every_writer_names_a_missing_folder(tmp_path, name):
     with pytest.raises(FileNotFoundError, match="nowhere of a.file"):
         FORMATS[name].write(tmp_path / "nowhere" / "a.file", np.ones(1000), reference_speed=80.0, **ABOUT)
-
-
-def test_pictures_and_sidecars_name_it_too(tmp_path):
-    for write in (write_figure, write_wav):
-        with pytest.raises(FileNotFoundError, match="nowhere of"):
-            about = ABOUT if write is write_wav else {k: v for k, v in ABOUT.items() if k != "seed"}
-            write(tmp_path / "nowhere" / "a.file", np.sin(np.arange(1000.0)), **about)
 
 
 class TestWholeFolder:

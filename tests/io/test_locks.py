@@ -11,7 +11,7 @@ import h5py
 import pytest
 
 from tactile_diffusers.io import locks
-from tactile_diffusers.io.files import atomic_path, clear_left_behind, whole_folder
+from tactile_diffusers.io.files import atomic_path, clear_left_behind
 from tactile_diffusers.io.locks import is_locked, lock_folder, locked_folder, unlock_folder
 
 pytestmark = pytest.mark.skipif(locks.fcntl is None, reason="needs flock")
@@ -42,23 +42,15 @@ def test_the_second_is_refused_until_the_first_is_killed(holder, tmp_path):
     with pytest.raises(ValueError, match=r"^--output_dir .*taken is in use: another process is writing there\. Wait"):
         lock_folder(taken, "--output_dir")
     lock_folder(tmp_path)  # the folder around it is another
-    assert is_locked(taken) and not list(taken.iterdir())
+    with locked_folder(tmp_path):
+        lock_folder(os.path.relpath(tmp_path))  # what is locked already stays so
+    assert is_locked(tmp_path) and is_locked(taken) and not list(taken.iterdir())
     os.kill(holder.pid, signal.SIGKILL)
     holder.wait()
     with locked_folder(taken):
         assert is_locked(taken)
     assert not is_locked(taken)
     unlock_folder(tmp_path)
-
-
-def test_what_is_held_already_stays_ones_own(tmp_path):
-    lock_folder(tmp_path)
-    with locked_folder(tmp_path):
-        lock_folder(os.path.relpath(tmp_path))
-    assert is_locked(tmp_path)
-    unlock_folder(tmp_path)
-    unlock_folder(tmp_path)
-    assert not is_locked(tmp_path)
 
 
 def test_a_folder_that_was_made_again_is_locked_again(tmp_path):
@@ -117,12 +109,3 @@ def test_a_file_that_is_being_written_is_not_cleared_away(tmp_path):
         clear_left_behind(tmp_path / "prepared.h5")
         assert not list(tmp_path.iterdir())
         temporary.touch()
-
-
-@pytest.mark.skipif(locks.fcntl is None, reason="nothing is locked on this system")
-def test_a_folder_that_is_being_written_is_not_cleared_away(tmp_path):
-    """Two publish into one output at once."""
-    with whole_folder(tmp_path / "small") as temporary:
-        clear_left_behind(tmp_path / "small")
-        assert temporary.is_dir()
-    assert [path.name for path in tmp_path.iterdir()] == ["small"] and not is_locked(tmp_path / "small")

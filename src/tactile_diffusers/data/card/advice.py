@@ -59,7 +59,7 @@ def _of_recordings(card):
         text = f"{without} of {count} recordings have no velocity: speed is not limited, turnarounds are not found."
         yield "no_velocity", f"{text} Record position or velocity."
     if kept["kept_share"] < LEAST_KEPT:
-        most = max((reason for reason in kept["reasons"] if reason != KEPT), key=seconds.get)
+        most = max((reason for reason in seconds if reason != KEPT), key=seconds.get)
         text = f'only {100 * kept["kept_share"]:.1f} % of the time is kept; most of the rest is "{most}" '
         yield "little_kept", f"{text}({seconds[most]:.0f} s). Widen that limit, or ask explorers to stay within it."
     if lost := seconds["saturated"]:

@@ -106,16 +106,17 @@ def _source(source, limits, quiet):
     rows, samples = [], {"normal_force": [], "speed": []}
     for one in tqdm(source, total=len(source), desc="recordings", unit="recording", disable=quiet):
         channel = "lateral" if one.force is None else "force"
-        rows.append((one.explorer, one.samples / one.rate, channel, f"{one.rate:g}"))
+        row = {"explorer": one.explorer, "seconds": one.samples / one.rate, "channel": channel, "rate": f"{one.rate:g}"}
         if one.force is not None:
             samples["normal_force"].append(_sampled(one.explorer, np.abs(one.force[:, 2]), one.rate))
         if one.velocity is not None:
             samples["speed"].append(_sampled(one.explorer, np.hypot(*one.velocity.T), one.velocity_rate))
-            rows[-1] += (f"{one.velocity_rate:g}",)
-    table = pandas.DataFrame(
-        rows, columns=["explorer", "seconds", "channel", "rate", "velocity"][: max(map(len, rows))]
-    )
-    velocities = table.get("velocity", pandas.Series(dtype=object)).value_counts()
+            row["velocity"] = f"{one.velocity_rate:g}"
+        rows.append(row)
+    table = pandas.DataFrame(rows, columns=["explorer", "seconds", "channel", "rate", "velocity"])
+    channels = table["channel"].value_counts().to_dict()
+    if velocities := table["velocity"].value_counts().to_dict():
+        channels["velocity"] = sum(velocities.values())
     facts = {
         "file": Path(source.path).name,
         "bytes": Path(source.path).stat().st_size,
@@ -124,11 +125,9 @@ def _source(source, limits, quiet):
         "explorers": sorted(set(table["explorer"])),
         "recordings": len(source),
         "seconds": table["seconds"].sum(),
-        "seconds_per_explorer": table.groupby("explorer")["seconds"].sum().to_dict(),
-        "channels": table["channel"].value_counts().to_dict()
-        | ({"velocity": velocities.sum()} if len(velocities) else {}),
+        "channels": channels,
         "rates": table["rate"].value_counts().to_dict(),
-        "velocity_rates": velocities.to_dict(),
+        "velocity_rates": velocities,
         "attributes": {k: v for k, v in source.attributes.items() if k not in ("format", "version", REPORT_ATTRIBUTE)},
         "conversion": conversion,
     }
@@ -164,13 +163,8 @@ def _selection(data):
         name: {"seconds": row.sum(), "kept_seconds": row[KEPT], "mostly_dropped": mostly[name]}
         for name, row in by_surface.iterrows()
     }
-    selection = {
-        "reasons": list(table),
-        "seconds": total.to_dict(),
-        "kept_share": total[KEPT] / total.sum(),
-        "explorers": by_explorer.to_dict("index"),
-    }
-    return selection, surfaces
+    shares = {"kept_share": total[KEPT] / total.sum(), "explorers": by_explorer.to_dict("index")}
+    return {"seconds": total.to_dict(), **shares}, surfaces
 
 
 def _preparation(data):
@@ -211,8 +205,7 @@ def _surfaces(data):
         for key in ("level_db", "friction"):
             row[key], row[f"{key}_std"] = mine[key].mean(), mine[key].std(ddof=0)
             row[f"{key}_explorers"] = by_explorer[key].mean().to_dict()
-        for key, pooled in (("ratings", data.ratings.mean), ("raters", data.ratings.count)):
-            row[key] = dict(zip(RATING_AXES, pooled[number], strict=True))
+        row["ratings"] = dict(zip(RATING_AXES, data.ratings.mean[number], strict=True))
         textures = data.textures(chosen[data.surface_ids[chosen] == number])
         if len(textures):
             row["bands_db"] = band_levels_db(textures, data.sampling_rate, edges).mean(axis=0)
