@@ -9,7 +9,7 @@ from tactile_diffusers.evaluation.metrics.rating_effects import (
     shape_change_db,
     texture_measures,
 )
-from tactile_diffusers.evaluation.sampling import generate, noise_seeds, reconstruct
+from tactile_diffusers.evaluation.sampling import generate, noise_seeds
 from tactile_diffusers.signal import DEVICE_RATE, band_edges, level
 
 
@@ -67,9 +67,3 @@ def test_batches_and_order_do_not_change_what_is_generated(pipe):
     assert np.abs(whole.textures - single.textures[::-1]).max() < 1e-4 * np.abs(whole.textures).max()
     latents = generate(pipe, ratings, seeds, 10_000, 2000, steps=2, decode=False)
     assert latents.textures.shape == (3, 0) and np.allclose(latents.latents, whole.latents)
-
-
-def test_reconstruction_comes_at_the_rate_and_length_of_the_data(pipe, pink_noise):
-    textures = pink_noise(1000, 2200, count=3, band=(30.0, 900.0))
-    made = reconstruct(pipe, textures, 2200, 1, batch=2)
-    assert made.shape == textures.shape and np.isfinite(made).all()

@@ -61,16 +61,6 @@ def test_effective_size_counts_surfaces_not_textures(surface_ids):
     assert textures.effective_size(POPULATION) == pytest.approx(4**2 / (1 + 1 + 4))
 
 
-def test_surfaces_that_are_not_rated_do_not_count():
-    ratings = np.array([[1.0, FREE, FREE], [1.0, 1.0, FREE], [FREE, 2.0, FREE], [1.0, 1.0, FREE]])
-    textures = RatedTextures({"x": np.arange(4.0)}, np.arange(4), ratings, np.ones(4))
-    np.testing.assert_allclose(textures.weights([1.0, FREE, FREE]), [1 / 3, 1 / 3, 0, 1 / 3])
-    np.testing.assert_allclose(textures.weights(POPULATION), 0.25)
-    np.testing.assert_allclose(textures.mean_rating([1.0, FREE, FREE]), [1.0, 1.0, FREE])
-    with pytest.raises(ValueError, match="No surface is rated on bumpiness and slipperiness"):
-        textures.weights([FREE, 1.0, 0.0])
-
-
 def test_interval_equals_leaving_out_each_surface_by_hand():
     rng = np.random.default_rng(5)
     ratings, importance = SPREAD * rng.standard_normal((12, 3)), rng.uniform(1, 3, 12)

@@ -201,19 +201,6 @@ def test_a_failed_training_does_not_stop_the_others(run, launched, tmp_path, cap
     assert run() == 0 and launched == ["train_dale noise/dale"]
 
 
-def test_a_training_that_was_cut_off_goes_on(run, launched, tmp_path):
-    launched.failing = {"phase-2"}
-    assert run("--only base") == 1
-    kept = tmp_path / "out/base/phase-2/checkpoint-2"
-    kept.mkdir()
-    launched.failing = set()
-    launched.clear()
-    assert run("--only base") == 0
-    assert launched == ["train_lctg base/phase-2"] and kept.is_dir()
-    assert "--resume_from_checkpoint=latest" in launched.words
-    assert f"--pretrained_model_name_or_path={tmp_path / 'out/base/phase-1'}" in launched.words
-
-
 @pytest.mark.parametrize(
     ("row", "message"),
     [
@@ -293,3 +280,16 @@ def test_the_detail_layer_is_measured_apart(bench, make_lctg, make_extractor):
     assert [point["base_only"] for point in layers] == [False, False] and base["base_only"]
     assert not decoded[-1][:, 2:].any() and decoded[-1][:, :2].any() and decoded[0][:, 2:].any()
     assert base["sigma"] == pytest.approx(pipe.lctg.config.latent_noise or 0.1)
+
+
+def test_a_training_that_was_cut_off_goes_on(run, launched, tmp_path):
+    launched.failing = {"phase-2"}
+    assert run("--only base") == 1
+    kept = tmp_path / "out/base/phase-2/checkpoint-2"
+    kept.mkdir()
+    launched.failing = set()
+    launched.clear()
+    assert run("--only base") == 0
+    assert launched == ["train_lctg base/phase-2"] and kept.is_dir()
+    assert "--resume_from_checkpoint=latest" in launched.words
+    assert f"--pretrained_model_name_or_path={tmp_path / 'out/base/phase-1'}" in launched.words

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from audio_distance import frechet_audio_distance, log_mel_embedding
 
-from tactile_diffusers.signal import DEVICE_RATE, WORKING_RATE, band_pass, resample, rms
+from tactile_diffusers.signal import DEVICE_RATE, band_pass, rms
 
 
 def _textures(count, seed):
@@ -61,14 +61,3 @@ def test_rows_are_band_powers_in_newtons(held_out):
     assert log_mel_embedding(held_out, DEVICE_RATE).shape == (500, 32)
     # the tone lies between the centres of the eighth and the ninth filter on HTK's scale, 187 and 210 Hz
     assert set(np.argsort(rows[0])[-2:]) == {7, 8}
-
-
-def test_embedding_does_not_depend_on_batch_dtype_or_rate(held_out):
-    whole = log_mel_embedding(held_out, DEVICE_RATE)
-    single = np.concatenate([log_mel_embedding(texture[None], DEVICE_RATE) for texture in held_out[:4]])
-    np.testing.assert_allclose(single, whole[:20], rtol=1e-10)
-    np.testing.assert_allclose(log_mel_embedding(held_out[60:70], DEVICE_RATE), whole[300:350], rtol=1e-10)
-    np.testing.assert_allclose(log_mel_embedding(held_out.astype(np.float32), DEVICE_RATE), whole, atol=1e-4)
-    # filters are sampled at the same bins, 5 Hz apart; the last samples of a texture are not needed
-    slow = log_mel_embedding(resample(held_out[:10], DEVICE_RATE, WORKING_RATE), WORKING_RATE)
-    np.testing.assert_allclose(slow, whole[:50], atol=0.02)

@@ -45,14 +45,6 @@ def test_uniform_latents_are_flat_and_near_their_bound():
     assert free["near_bound_share"]["mean"] is None and free["largest"]["mean"] == found["largest"]
 
 
-def test_smooth_latents_and_copies_are_told():
-    smooth = np.apply_along_axis(np.convolve, -1, _noise(1, 264), np.ones(9) / 3, mode="valid")
-    found = _means(layer_statistics(np.repeat(smooth, 6, axis=1), SURFACES))
-    assert found["neighbour_correlation"] == pytest.approx(8 / 9, abs=0.02)  # moving average over nine frames
-    assert found["slow_share"] > 0.95
-    assert found["effective_dimension"] == pytest.approx(1, abs=1e-6)
-
-
 def _framed(textures, hop=16):
     """An encoder whose latent frame is the mean of a hop: it follows every delay."""
     whole = textures[:, : textures.shape[-1] // hop * hop]

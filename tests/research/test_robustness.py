@@ -48,14 +48,6 @@ def test_an_exact_copy_has_no_error(inputs):
             assert found["level_error_db"] == pytest.approx(0, abs=1e-9) == found["nine_band_db"], name
 
 
-def test_outputs_that_are_not_finite_are_counted(inputs):
-    broken = inputs["loud"].copy()
-    broken[0, 5] = np.nan
-    found = robustness.hard_metrics(broken, inputs["loud"], DEVICE_RATE, band_edges())
-    assert found["finite"]["mean"] == pytest.approx(2 / 3) and found["level_error_db"]["n"] == 2
-    assert _means(np.full_like(broken, np.inf), inputs["loud"])["level_error_db"] is None
-
-
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
     """Ten virtual surfaces, some kept apart, in segments of the tiny networks' length."""

@@ -69,19 +69,6 @@ def test_known_slopes_lie_in_the_interval(make_key):
         assert found["reference"] > found["generated"] > found["mean_spectrum"]
 
 
-def test_similarity_is_compared_with_another_take(key):
-    report, answers = _report(key, population=_population(similarity_noise=3.0))
-    for condition, dprime in DPRIME.items():
-        leaf = report["similarity"][condition]["similarity"]
-        # 12 participants x 6 surfaces, noise 3: standard error 0.35
-        assert leaf["mean"] == pytest.approx(100 - SIMILARITY_PER_DPRIME * dprime, abs=1.5)
-    expected = -SIMILARITY_PER_DPRIME * (DPRIME["generated"] - DPRIME["other_take"])
-    assert report["similarity"]["generated"]["difference"]["mean"] == pytest.approx(expected, abs=2)
-    assert report["similarity"]["other_take"]["difference"]["mean"] is None
-    assert report["similarity"]["other_surface"]["similarity"]["mean"] < 40
-    assert report["answers"] == answers["task"].value_counts().to_dict()
-
-
 def test_answers_made_by_hand(key):
     """A participant who always finds X, calls everything 50 alike and answers 4 plus what was asked for."""
     trials = participant_trials(key, 1, seed=0)
@@ -156,3 +143,16 @@ def test_power_refuses_unknown_conditions(key):
         power(key, 3, 0, Population({"reference": 1.0}), repeats=1)
     with pytest.raises(ValueError, match="`repeats` must be a whole number"):
         power(key, 3, 0, Population(), repeats=0)
+
+
+def test_similarity_is_compared_with_another_take(key):
+    report, answers = _report(key, population=_population(similarity_noise=3.0))
+    for condition, dprime in DPRIME.items():
+        leaf = report["similarity"][condition]["similarity"]
+        # 12 participants x 6 surfaces, noise 3: standard error 0.35
+        assert leaf["mean"] == pytest.approx(100 - SIMILARITY_PER_DPRIME * dprime, abs=1.5)
+    expected = -SIMILARITY_PER_DPRIME * (DPRIME["generated"] - DPRIME["other_take"])
+    assert report["similarity"]["generated"]["difference"]["mean"] == pytest.approx(expected, abs=2)
+    assert report["similarity"]["other_take"]["difference"]["mean"] is None
+    assert report["similarity"]["other_surface"]["similarity"]["mean"] < 40
+    assert report["answers"] == answers["task"].value_counts().to_dict()

@@ -43,12 +43,11 @@ def analyse(key, answers, missing=0, seed=0):
         seed (`int`): of the bootstrap.
 
     Returns:
-        `dict`: JSON; a leaf {"mean", "n", "min", "max", "median", "interval"} is over participants.
-        "abx": condition -> leaves "proportion_correct", "dprime" (of the mean proportion) and "difference" (of the
-        proportion, to another take); "abx_participants": participant -> condition -> numbers; "similarity": condition
-        -> leaves "similarity" and "difference"; "ratings": condition -> axis -> leaves "slope" (answer units per
-        requested z-score), "difference" (of the slope, to the reference take), "correlation" and the number "spread";
-        "reliability": axis -> numbers. A task that nobody did is None.
+        `dict`: JSON; leaves are over participants. "abx": condition -> leaves "proportion_correct", "dprime" (of the
+        mean proportion) and "difference" (to another take); "abx_participants": participant -> condition -> numbers;
+        "similarity": condition -> leaves "similarity" and "difference"; "ratings": condition -> axis -> leaves "slope"
+        (answer units per requested z-score), "difference", "correlation" and the number "spread"; "reliability": axis
+        -> numbers. A task that nobody did is None.
 
     Raises:
         ValueError: if there are no answers.

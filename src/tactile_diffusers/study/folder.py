@@ -30,13 +30,7 @@ _WORDS = ("id", "surface", "condition", "copy_of", "recording")
 
 @dataclass(frozen=True)
 class Study:
-    """A study as its experimenter sees it.
-
-    Attributes:
-        folder (`Path`): of the study.
-        key (`pandas.DataFrame`): columns `KEY_COLUMNS`, one row a file.
-        settings (`dict`): of `experimenter/study.json`.
-    """
+    """A study as its experimenter sees it: its key has `KEY_COLUMNS`, one row a file, its settings are study.json's."""
 
     folder: Path
     key: pandas.DataFrame

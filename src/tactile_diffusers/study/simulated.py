@@ -38,26 +38,16 @@ SIMILARITY_PER_DPRIME = 18.0
 
 @dataclass(frozen=True)
 class Population:
-    """A population of simulated participants.
+    """A population of simulated participants."""
 
-    Attributes:
-        dprime (`dict[str, float]`): condition -> sensitivity to its difference from the reference, 0 or more.
-        rating_share (`dict[str, float]`): condition -> share of the requested rating that is felt.
-        dprime_spread (`float`): standard deviation over participants of the logarithm of a factor on every d'.
-        similarity_noise (`float`): of each answer, points.
-        rating_gain (`float`): answer units per z-score of a participant with the typical gain.
-        rating_gain_spread, rating_offset (`float`): over participants and axes: of the log gain, of the offset.
-        rating_noise (`float`): factor on the virtual raters' disagreement about a texture.
-    """
-
-    dprime: dict = field(default_factory=dict)
-    rating_share: dict = field(default_factory=dict)
-    dprime_spread: float = 0.25
-    similarity_noise: float = 12.0
-    rating_gain: float = TYPICAL_GAIN
-    rating_gain_spread: float = GAIN_SPREAD
-    rating_offset: float = OFFSET_SPREAD
-    rating_noise: float = 1.0
+    dprime: dict = field(default_factory=dict)  # condition -> sensitivity to its difference from the reference
+    rating_share: dict = field(default_factory=dict)  # condition -> share of the requested rating that is felt
+    dprime_spread: float = 0.25  # over participants, of the logarithm of a factor on every d'
+    similarity_noise: float = 12.0  # of each answer, points
+    rating_gain: float = TYPICAL_GAIN  # answer units per z-score of a typical participant
+    rating_gain_spread: float = GAIN_SPREAD  # over participants and axes, of the log gain
+    rating_offset: float = OFFSET_SPREAD  # over participants and axes
+    rating_noise: float = 1.0  # factor on the virtual raters' disagreement about a texture
 
     def __post_init__(self):
         for condition, value in self.dprime.items():
@@ -141,13 +131,7 @@ def simulated_trials(key, participants, seed, tasks=TASKS):
 
 
 def simulate_participants(key, participants, seed, population, tasks=TASKS):
-    """Trial lists of simulated participants with their responses: columns `TRIAL_COLUMNS`.
-
-    Arguments as in `power`; the seed of the study decides the lists and the answers.
-
-    Raises:
-        ValueError: if the population names conditions that the study has not.
-    """
+    """Trial lists of simulated participants with their responses, columns `TRIAL_COLUMNS`; arguments as in `power`."""
     population.check(set(key["condition"]))
     trials = simulated_trials(key, participants, seed, tasks)
     return simulate(key, trials, population, np.random.default_rng([seed, 5]))

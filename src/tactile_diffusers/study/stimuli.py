@@ -43,21 +43,15 @@ _TRAINING_SEGMENTS, _CANDIDATES = 4, 4
 class StimulusSettings:
     """Settings of the stimuli.
 
-    Attributes:
-        surfaces (`int`): held-out surfaces, 2 or more, spread over the ratings.
-        baselines (`tuple[str, ...]`): of `BASELINES`.
-        level (`str`): "matched": every texture of a surface has the RMS and friction coefficient of the surface's
-            reference take; "natural": as recorded or generated.
-        full_scale (`float` or `None`): the largest force that the device renders, N. If a texture peaks above it, all
-            are attenuated alike. `None` = the largest peak.
-        seed (`int`): of every choice, noise, id and order.
+    With the level "matched" every texture of a surface has the RMS and friction coefficient of the surface's reference
+    take; "natural": as recorded or generated. Textures that peak above `full_scale` attenuate all alike.
     """
 
-    surfaces: int = 6
-    baselines: tuple = ("mean_spectrum", "knn_blend")
-    level: str = "matched"
-    full_scale: float | None = None
-    seed: int = 0
+    surfaces: int = 6  # held-out ones, 2 or more, spread over the ratings
+    baselines: tuple = ("mean_spectrum", "knn_blend")  # of `BASELINES`
+    level: str = "matched"  # of `LEVELS`
+    full_scale: float | None = None  # the largest force that the device renders, N; None = the largest peak
+    seed: int = 0  # of every choice, noise, id and order
 
     def __post_init__(self):
         if self.surfaces < 2:
@@ -74,23 +68,14 @@ class StimulusSettings:
 
 @dataclass(frozen=True)
 class Stimuli:
-    """Textures under blind ids.
+    """Textures under blind ids."""
 
-    Attributes:
-        key (`pandas.DataFrame`): columns `KEY_COLUMNS`; `id` and `copy_of` tell what is what.
-        textures (`np.ndarray`): (rows of the key, samples) float64, N, as they are played.
-        sampling_rate (`int`): Hz.
-        full_scale (`float`): N at full scale of every file.
-        attenuation_db (`float`): 0 or more, of all textures alike.
-        speed (`float`): mm/s at which fingers should slide: mean of the takes used; NaN = unknown.
-    """
-
-    key: pandas.DataFrame
-    textures: np.ndarray
-    sampling_rate: int
-    full_scale: float
-    attenuation_db: float
-    speed: float
+    key: pandas.DataFrame  # columns `KEY_COLUMNS`; `id` and `copy_of` tell what is what
+    textures: np.ndarray  # (rows of the key, samples) float64, N, as they are played
+    sampling_rate: int  # Hz
+    full_scale: float  # N at full scale of every file
+    attenuation_db: float  # 0 or more, of all textures alike
+    speed: float  # mm/s at which fingers should slide: mean of the takes used; NaN = unknown
 
 
 def make_stimuli(pipe, data, settings, quiet=True):
@@ -119,18 +104,11 @@ def make_stimuli(pipe, data, settings, quiet=True):
 
 
 def choose_takes(dataset, surfaces, seed):
-    """Chooses surfaces whose ratings lie far apart, and two takes of each that share no sample.
+    """Chooses surfaces whose ratings lie far apart, and two takes of each that share no sample: indices (surfaces,) of
+    each.
 
     The first surface is the one farthest from the middle, each further one the farthest from those chosen. Takes are by
     one explorer where one has two, because fingers differ.
-
-    Args:
-        dataset (`PreparedDataset`): held-out surfaces.
-        surfaces (`int`): how many.
-        seed (`int`): of the choice of takes.
-
-    Returns:
-        `tuple[np.ndarray, np.ndarray]`: indices of the reference takes and of the other takes, (surfaces,) int64 each.
 
     Raises:
         ValueError: if there are too few surfaces with every rating and two such takes.
