@@ -71,6 +71,13 @@ def test_out_into_a_folder_and_back(tmp_path, virtual_recordings, capsys):
         assert all((a.read(name).force == b.read(name).force).all() for name in a.names)
 
 
+def test_why_no_segment_meets_the_limits_is_listed(tmp_path, virtual_recordings, capsys):
+    flags = "--source recordings --recordings {r} --prepared {p} --speed 900 950 --quiet"
+    assert refused(flags, r=virtual_recordings, p=tmp_path / "p.h5")
+    lines = capsys.readouterr().err.splitlines()
+    assert "no segment meets the limits" in lines[0] and any(line.startswith("  speed: median") for line in lines)
+
+
 def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtual_recordings, capsys):
     folder, draft = tmp_path / "folder", tmp_path / "layout.toml"
     run("--export-folder {f} --recordings {r} --quiet", f=folder, r=virtual_recordings)

@@ -129,7 +129,7 @@ def _add_splits(add):
         add(f"--hold_out_{kind}", nargs="+", default=(), metavar="PATTERN", help=held)
 
 
-@command("prepare_data.py")
+@command("prepare_data.py", one_line=False)  # why no segment meets the limits is a list
 def main(argv=None):
     """Runs the command."""
     parser = build_parser()

@@ -37,13 +37,14 @@ class Parser(argparse.ArgumentParser):
         return next((other for other in (name, *others) if other in self._option_string_actions), name) + equals + value
 
 
-def refuse(script, error):
-    """Prints on stderr, in one line, why a command stops; returns its exit code, 2."""
-    print(f"{program(script)}: error: {' '.join(str(error).split())}", file=sys.stderr)
+def refuse(script, error, one_line=True):
+    """Prints on stderr why a command stops; returns its exit code, 2."""
+    text = " ".join(str(error).split()) if one_line else str(error)
+    print(f"{program(script)}: error: {text}", file=sys.stderr)
     return 2
 
 
-def command(script):
+def command(script, one_line=True):
     """Decorates `main(argv)` of a command: what it raises over its input is refused, None is exit code 0.
 
     Bad arguments end the process with exit code 2 and a line that names the argument (`SystemExit` of argparse).
@@ -55,7 +56,7 @@ def command(script):
             try:
                 return function(argv) or 0
             except (ValueError, OSError, FloatingPointError) as error:  # the last: guidance that makes levels explode
-                return refuse(script, error)
+                return refuse(script, error, one_line)
 
         return main
 

@@ -16,12 +16,12 @@ from .program import Parser, command, existing_file, existing_folder, program, r
 REPORT = "report"
 
 
-def _folder_with(file, command):
-    """A type of argument: a folder that `command` wrote, with the file `file`."""
+def _folder_with(file, writer):
+    """A type of argument: a folder with the file `file`, which `writer` writes."""
 
     def folder(word):
         if not (Path(word) / file).is_file():
-            raise argparse.ArgumentTypeError(f"{word} has no {file}; it is written by {command}")
+            raise argparse.ArgumentTypeError(f"{word} has no {file}; it is written by {writer}")
         return Path(word)
 
     return folder
