@@ -197,5 +197,5 @@ def test_other_recipes_rates_and_nonsense_are_refused(prepared, monkeypatch):
         virtual_truth(PreparedDataset(prepared, sampling_rate=2500), [POPULATION], describe)
     made = virtual.RECIPE_VERSION
     monkeypatch.setattr(virtual, "RECIPE_VERSION", made + 1)
-    with pytest.raises(ValueError, match=f"is of recipe {made}, the code makes surfaces of recipe {made + 1}"):
+    with pytest.raises(ValueError, match=f"is of recipe {made}, the code is of {made + 1}"):
         virtual_truth(data, [POPULATION], describe)

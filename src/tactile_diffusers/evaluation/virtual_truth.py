@@ -144,15 +144,11 @@ def _check_virtual(dataset, requests, surfaces, per_surface):
     facts = dataset.attributes
     if facts["source"] != VIRTUAL_SOURCE:
         raise ValueError(f"`dataset` must hold virtual surfaces, got {facts['source']!r}. Use `recorded_truth`.")
-    if facts.get("recipe_version") != RECIPE_VERSION:
-        raise ValueError(
-            f"`dataset` is of recipe {facts.get('recipe_version')}, the code makes surfaces of recipe "
-            f"{RECIPE_VERSION}: generate the data again, or use `recorded_truth`."
-        )
-    if dataset.sampling_rate != facts["sampling_rate"]:
-        raise ValueError(
-            f"`dataset` must be at its native rate, {facts['sampling_rate']} Hz: open it without `sampling_rate`."
-        )
+    recipe, rate = facts.get("recipe_version"), facts["sampling_rate"]
+    if recipe != RECIPE_VERSION:
+        raise ValueError(f"`dataset` is of recipe {recipe}, the code is of {RECIPE_VERSION}: generate the data again.")
+    if dataset.sampling_rate != rate:
+        raise ValueError(f"`dataset` must be at its native rate, {rate} Hz: open it without `sampling_rate`.")
     if not len(requests):
         raise ValueError("`requests` must not be empty; three NaN stand for the whole population.")
     check_whole_number("surfaces", surfaces)
