@@ -73,9 +73,11 @@ class PreparedDataset(torch.utils.data.Dataset):
                 self._read_surfaces(file)
                 self._read_segments(file, max_samples, max_surfaces)
                 self._lateral = LateralReader(file, self.sampling_rate, self.recording_ids)
-            places = self._places(slice(None))  # resampling rounds both ends of a segment
-            if places.min() < 0 or places.max() + self.segment_samples > len(self._lateral) + 1:
-                raise ValueError(f"{self.path} is damaged: segments lie outside of its recordings. Prepare it again.")
+                places = self._places(slice(None))  # resampling rounds both ends of a segment
+                if places.min() < 0 or places.max() + self.segment_samples > len(self._lateral) + 1:
+                    raise ValueError(
+                        f"{self.path} is damaged: segments lie outside of its recordings. Prepare it again."
+                    )
 
     def _reading(self):
         return reading(self.path, "a prepared data set", "Copy it again, or prepare the data again.")
