@@ -19,18 +19,6 @@ def _csv(folder, text):
     return folder / "ratings.csv"
 
 
-def test_columns_go_by_name_and_empty_cells_are_not_specified(tmp_path):
-    path = _csv(tmp_path, "slipperiness, roughness\n1.5,-1\n,0.25\n")
-    found = read_ratings_file(path, CONFIG, 2)
-    assert found.dtype == np.float32
-    np.testing.assert_array_equal(found, [[-1, NAN, 1.5], [0.25, NAN, NAN]])
-
-
-def test_rows_are_used_in_turn(tmp_path):
-    path = _csv(tmp_path, "roughness\n1\n2\n3\n")
-    assert read_ratings_file(path, CONFIG, 7)[:, 0].tolist() == [1, 2, 3, 1, 2, 3, 1]
-
-
 def test_all_kinds_of_file_say_the_same(tmp_path):
     rows = [[1.0, None, -1.0], [0.5, 0.25, None]]
     (tmp_path / "a.json").write_text(json.dumps(rows))

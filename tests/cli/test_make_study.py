@@ -79,16 +79,6 @@ def test_bad_arguments_end_with_code_2(words, capsys):
     assert stop.value.code == 2 and "error" in capsys.readouterr().err
 
 
-def test_a_folder_that_is_no_study_is_named(tmp_path, capsys):
-    for words in (
-        f"rehearse --study {tmp_path}",
-        f"analyse --study {tmp_path} --responses x --output {tmp_path / 'r'}",
-    ):
-        assert make_study.main(words.split()) == 2
-        assert "make a study first" in capsys.readouterr().err
-    assert not (tmp_path / "r").exists()
-
-
 def test_answers_of_another_study_are_refused(make, tmp_path, capsys):
     assert make("--participants 1 --tasks rating") == 0
     shutil.copytree(tmp_path / "study/trials", tmp_path / "responses")

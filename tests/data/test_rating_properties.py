@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from tactile_diffusers.data.ratings import (
-    axis_correlation,
     pool_ratings,
-    rating_coverage,
     rating_quantiles,
     rating_reliability,
 )
@@ -113,18 +111,3 @@ def test_percentiles_rise_and_end_where_ratings_do(mean, shares):
             assert (np.diff(table[axis]) >= 0).all() and (np.diff(found[:, axis]) >= -1e-12).all()
             assert table[axis, 0] == known.min() and table[axis, -1] == known.max()
             assert from_percentile(np.full((1, 3), 100.0), table)[0, axis] == known.max()
-
-
-@settings.get_profile("many")
-@given(mean=means)
-def test_coverage_reaches_its_own_surfaces(mean):
-    found, correlation = rating_coverage(mean), axis_correlation(mean)
-    whole = np.isfinite(mean).all(1).sum()
-    assert (found is None) == (whole < 6)
-    known = ~np.isnan(correlation)
-    np.testing.assert_array_equal(known, known.T)
-    assert (np.abs(correlation[known]) <= 1 + 1e-9).all()
-    if found is not None:
-        centre, covariance, reach = found
-        assert np.isfinite(centre).all() and np.isfinite(reach) and reach >= 0
-        assert (np.linalg.eigvalsh(covariance) > 0).all()
