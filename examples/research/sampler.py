@@ -24,7 +24,7 @@ from tactile_diffusers.evaluation.report_figures import figure_panels
 from tactile_diffusers.evaluation.result_files import write_results
 from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.schedulers import VDDIMScheduler
-from tactile_diffusers.virtual import fresh_textures
+from tactile_diffusers.virtual import Collection, fresh_textures
 
 #: Rules and spacings that the tables show; the JSON has all.
 _SHOWN = ("ddim", "rotation_2", "rotation_2_lowered", "rotation_3", "adams_bashforth_2", "adams_bashforth_3", "data_2m")
@@ -256,7 +256,9 @@ def main(argv=None):
         where = f"{len(real)} segments of {len(real)} validation surfaces, {source}"
     else:
         rate, found = pipe.feature_extractor.delivery_rate, None
-        real = np.concatenate([fresh_textures(10**6 + k, 0, per_surface=1)[0] for k in range(arguments.segments)])
+        real = np.concatenate(
+            [fresh_textures(10**6 + k, Collection(12.0), per_surface=1)[0] for k in range(arguments.segments)]
+        )
         where = f"{len(real)} segments of fresh virtual surfaces"
     report = {
         "about": f"{where}; reference: {study.REFERENCE_STEPS} steps. Textures' components: 64 bands at the working "

@@ -48,13 +48,13 @@ def test_flags_reach_the_preparation(tmp_path, virtual_recordings):
 
 def test_flags_reach_the_virtual_collection(tmp_path):
     recordings, prepared = tmp_path / "r.h5", tmp_path / "p.h5"
-    flags = "--surfaces 6 --seconds 8 --explorers 3 --raters 5 --axis-correlation 0.5"
+    flags = "--surfaces 6 --seconds 8 --explorers 3 --raters 5 --rating-correlation 0.3 -0.7 -0.1 --impulsiveness 0.5"
     flags += " --no-limits --hold-out-explorers explorer-2 --hold-out-raters rater-3 rater-4"
     flags += " --hold-out-surfaces 0005-*"
     run(f"{flags} --validation 1 --test 1 --output {{r}} --prepared {{p}} --quiet", r=recordings, p=prepared)
     with RecordingsFile(recordings) as file:
         assert len(file) == 18 and file.ratings.values.shape == (5, 6, 3)
-        assert file.attributes["axis_correlation"] == 0.5
+        assert file.attributes["rating_correlation"] == [0.3, -0.7, -0.1] and file.attributes["impulsiveness"] == 0.5
     hard, train = PreparedDataset(prepared, "hard"), PreparedDataset(prepared, "train")
     assert {hard.recordings[i].split("/")[1] for i in hard.recording_ids} == {"explorer-2"}
     assert {train.recordings[i].split("/")[1] for i in train.recording_ids} == {"explorer-0", "explorer-1"}

@@ -50,9 +50,9 @@ def slow_selection(in_limits, valid, longest_gap, window, step):
     return starts
 
 
-def recording_of(force, velocity, velocity_rate=500):
-    force = np.float32(force)
-    return Recording("s", "e", "0", force, None, DEVICE_RATE, np.float32(velocity), velocity_rate, "N")
+def recording_of(force, velocity, velocity_rate=500, lateral=None):
+    force, lateral, velocity = (None if x is None else np.float32(x) for x in (force, lateral, velocity))
+    return Recording("s", "e", "0", force, lateral, DEVICE_RATE, velocity, velocity_rate, "N")
 
 
 def windows_of(recording, limits=None):
@@ -188,6 +188,30 @@ def test_circular_stroke_gives_its_friction_coefficient(sign, radius, noise):
     np.testing.assert_allclose(windows.friction_coefficient, 0.7, rtol=0.01)
     np.testing.assert_allclose(windows.speed, 80, rtol=5e-3)
     assert windows.turnarounds.tolist() == [0, 0, 0]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("fixed_axis", [True, False])
+def test_lateral_force_opposes_the_motion_whatever_the_source(sign, fixed_axis):
+    # a stage goes to and fro under a sensor with a fixed axis, or the source has projected the force already
+    time = np.arange(6 * DEVICE_RATE) / DEVICE_RATE
+    stroke = np.where(np.sin(np.pi * time) < 0, -1.0, 1.0)
+    sawtooth = 0.01 * (time * 40 % 1 - 0.5)  # loads slowly, lets go at once
+    opposing = 0.3 + sawtooth
+    velocity = 80 * stroke[:: DEVICE_RATE // 500, None] * np.array([np.cos(0.4), np.sin(0.4)])
+    recorded = sign * opposing * (stroke if fixed_axis else 1)
+    recording = recording_of(None, velocity, lateral=recorded)
+    data = channels(recording, "keep")
+    apart = np.abs(np.sin(np.pi * time)) > 0.3  # the direction is low-passed around a reversal
+    np.testing.assert_allclose(data.lateral[apart], opposing[apart], atol=1e-6)  # float32
+    assert data.flipped == (sign < 0 or fixed_axis)
+
+
+def test_the_sign_of_a_force_without_mean_stays():
+    lateral = 0.01 * np.random.default_rng(0).standard_normal(3 * DEVICE_RATE) - 0.001
+    data = channels(recording_of(None, None, lateral=lateral), "keep")
+    np.testing.assert_allclose(data.lateral, lateral, atol=1e-8)
+    assert not data.flipped
 
 
 def test_direction_is_held_through_standstill():

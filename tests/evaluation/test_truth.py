@@ -11,10 +11,18 @@ from tactile_diffusers.evaluation import virtual_truth as virtual
 from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, RatedTextures, recorded_truth
 from tactile_diffusers.evaluation.virtual_truth import draw_surfaces, truth_of, virtual_truth
 from tactile_diffusers.signal import level
-from tactile_diffusers.virtual import FIRST_FRESH, VirtualSurface, fresh_ratings, fresh_textures, generate_recordings
+from tactile_diffusers.virtual import (
+    FIRST_FRESH,
+    Collection,
+    VirtualSurface,
+    fresh_ratings,
+    fresh_textures,
+    generate_recordings,
+)
 
 FREE = np.nan
 POPULATION = [FREE, FREE, FREE]
+COLLECTION = Collection(8.0, seed=4, agreement=2.0)
 REQUESTS = [POPULATION, *([value, FREE, FREE] for value in (-1.0, 0.0, 1.0)), [FREE, 0.5, -0.5]]
 SPREAD = np.array([0.8, 0.7, 0.7])
 
@@ -114,14 +122,14 @@ def test_virtual_truth_explores_what_it_drew(prepared, monkeypatch):
     data = PreparedDataset(prepared, "test")
     rated = virtual_truth(data, REQUESTS, describe, surfaces=8, candidates=40, seconds=8.0, seed=2)
     training = np.unique(PreparedDataset(prepared, "train", "full").surface_ids)
-    ratings = fresh_ratings(40, seed=4, agreement=2.0, training=training)
+    ratings = fresh_ratings(40, COLLECTION, training=training)
     drawn, importance = draw_surfaces(ratings, REQUESTS, 8, seed=2)
     np.testing.assert_array_equal(rated.ratings, ratings[drawn])
     np.testing.assert_array_equal(rated.importance, importance)
     assert rated.dropped == 0 and rated.measures["textures"].shape[1] == data.segment_samples
     np.testing.assert_allclose(level(rated.measures["textures"]), rated.measures["levels"], atol=1e-4)  # float32
     for number in (0, len(drawn) - 1):
-        textures, friction, *_ = fresh_textures(FIRST_FRESH + drawn[number], seed=4, explorers=2, seconds=8.0)
+        textures, friction, *_ = fresh_textures(FIRST_FRESH + drawn[number], COLLECTION, seconds=8.0)
         np.testing.assert_array_equal(rated.measures["textures"][rated.surface_ids == number], textures)
         np.testing.assert_array_equal(rated.measures["friction"][rated.surface_ids == number], friction)
     again = virtual_truth(data, REQUESTS, describe, surfaces=8, candidates=40, seconds=8.0, seed=2, workers=2)

@@ -9,10 +9,10 @@ from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES
 from tactile_diffusers.virtual import (
     FIRST_FRESH,
     VELOCITY_RATE,
+    Collection,
     VirtualSurface,
     fresh_ratings,
     fresh_textures,
-    rater_settings,
 )
 from tactile_diffusers.virtual.profile import profile_tables
 from tactile_diffusers.virtual.raters import draw_raters
@@ -20,6 +20,7 @@ from tactile_diffusers.virtual.recipe import draw_surface
 from tactile_diffusers.virtual.streams import Stream, stream
 
 SEED = 3
+COLLECTION = Collection(12.0, seed=SEED)
 
 
 def test_a_rated_surface_needs_no_profile():
@@ -28,7 +29,7 @@ def test_a_rated_surface_needs_no_profile():
     assert "_tables" not in vars(surface)
     # made later it is the same: the profile goes on in the stream that the parameters were drawn from
     rng = stream(SEED, Stream.SURFACE, FIRST_FRESH)
-    assert draw_surface(rng, stream(SEED, Stream.COMPLIANCE, FIRST_FRESH)) == surface.parameters
+    assert draw_surface(rng) == surface.parameters
     tables = profile_tables(surface.parameters, rng)
     surface.explore(0, 2.0)
     np.testing.assert_array_equal(surface._tables, tables)
@@ -42,33 +43,32 @@ def test_ratings_in_the_units_of_a_data_set(virtual_prepared):
     mean, scale = (moment[:, None].astype(np.float64) for moment in (answers.mean(1), answers.std(1)))
     fresh = np.stack([VirtualSurface(SEED, FIRST_FRESH + number).answers(raters) for number in range(5)], axis=1)
     expected = ((fresh - mean) / scale).mean(0)
-    np.testing.assert_allclose(fresh_ratings(5, SEED, training=training), expected, atol=1e-5)  # float32 moments
+    np.testing.assert_allclose(fresh_ratings(5, COLLECTION, training=training), expected, atol=1e-5)  # float32 moments
 
 
 def test_ratings_of_a_file_with_other_raters():
-    attributes = {"agreement": 3.0, "raters": 15, "axis_correlation": 0.5, "band": 1}
-    settings = rater_settings(attributes)
-    assert settings == {name: attributes[name] for name in ("raters", "agreement", "axis_correlation")}
-    assert rater_settings({"agreement": 2.0})["raters"] == 12  # a file without the others
-    stored = rater_settings({"raters": np.int64(3), "agreement": np.float64(2.0)})
-    np.testing.assert_array_equal(fresh_ratings(20, 3, **stored), fresh_ratings(20, 3, agreement=2.0, raters=3))
+    attributes = {"agreement": 3.0, "raters": 15, "rating_correlation": [0.4, -0.8, -0.3], "seed": SEED, "seconds": 9.0}
+    collection = Collection.from_attributes({**attributes, "band": 1})
+    assert collection == Collection(9.0, seed=SEED, agreement=3.0, raters=15, rating_correlation=(0.4, -0.8, -0.3))
     surfaces = [VirtualSurface(SEED, FIRST_FRESH + number) for number in range(20)]
     asked = [2, 7, 14]  # the others are held out
-    answers = np.stack([s.answers(draw_raters(SEED, 15), 3.0, 0.5)[asked] for s in surfaces], axis=1)
-    answers = answers.astype(np.float64)
+    answers = [s.answers(draw_raters(SEED, 15), 3.0, (0.4, -0.8, -0.3))[asked] for s in surfaces]
+    answers = np.stack(answers, axis=1).astype(np.float64)
     z = (answers - answers.mean(1, keepdims=True)) / answers.std(1, keepdims=True)
-    fresh = fresh_ratings(20, SEED, **{**settings, "raters": asked})
+    fresh = fresh_ratings(20, collection, raters=asked)
     np.testing.assert_allclose(fresh, z.mean(0), atol=1e-6)  # float32
-    assert not np.array_equal(fresh, fresh_ratings(20, SEED, **settings))
+    assert not np.array_equal(fresh, fresh_ratings(20, collection))
 
 
 def test_textures_of_chosen_explorers():
     limits = SegmentLimits(seconds=0.5)
-    both, second = (fresh_textures(FIRST_FRESH, SEED, who, 12.0, limits, per_surface=100)[0] for who in (2, [1]))
-    first = fresh_textures(FIRST_FRESH, SEED, 1, 12.0, limits, per_surface=100)[0]
+    both, second = (
+        fresh_textures(FIRST_FRESH, COLLECTION, who, 12.0, limits, per_surface=100)[0] for who in (None, [1])
+    )
+    first = fresh_textures(FIRST_FRESH, COLLECTION, [0], 12.0, limits, per_surface=100)[0]
     assert 0 < len(first) < len(both) and 0 < len(second) < len(both)
     with pytest.raises(ValueError, match="`explorers`"):
-        fresh_textures(FIRST_FRESH, SEED, [], 12.0, limits)
+        fresh_textures(FIRST_FRESH, COLLECTION, [], 12.0, limits)
 
 
 @pytest.mark.parametrize("turnarounds", ["keep", "mask"])
@@ -89,7 +89,7 @@ def test_textures_are_those_of_a_prepared_file(tmp_path, turnarounds):
     data = PreparedDataset(tmp_path / "p.h5", "all")
     for number, surface in enumerate(surfaces):
         rows = np.flatnonzero(data.surface_ids == number)
-        textures, friction, levels, speeds = fresh_textures(surface.index, SEED, 2, 6.0, limits, **filters)
+        textures, friction, levels, speeds = fresh_textures(surface.index, COLLECTION, None, 6.0, limits, **filters)
         assert textures.shape == (2, 8000)
         stored = data.textures(rows)
         for k, texture in enumerate(textures):
@@ -101,27 +101,27 @@ def test_textures_are_those_of_a_prepared_file(tmp_path, turnarounds):
 
 def test_textures_share_no_sample_and_come_from_both_explorers():
     limits = SegmentLimits(seconds=0.5)
-    textures, friction, levels, speeds = fresh_textures(FIRST_FRESH, SEED, 2, 12.0, limits, per_surface=6)
+    textures, friction, levels, speeds = fresh_textures(FIRST_FRESH, COLLECTION, None, 12.0, limits, per_surface=6)
     assert textures.shape == (6, 5000) and textures.dtype == friction.dtype == levels.dtype == speeds.dtype == "f4"
     assert pdist(textures).min() > 0
     # explorers in turn: the second one's skin is drier, its friction coefficient three quarters (within the 10 % that
     # speed and load change)
     np.testing.assert_allclose(friction[1::2].mean() / friction[::2].mean(), 0.75, rtol=0.1)
     # all that there are: float32 values rarely meet by chance, overlapping windows would share half of theirs
-    values = fresh_textures(FIRST_FRESH, SEED, 2, 12.0, limits, per_surface=100)[0]
+    values = fresh_textures(FIRST_FRESH, COLLECTION, None, 12.0, limits, per_surface=100)[0]
     assert len(values) > 10 and len(np.unique(values)) > 0.98 * values.size
-    again = fresh_textures(FIRST_FRESH, SEED, 2, 12.0, limits, per_surface=6)[0]
+    again = fresh_textures(FIRST_FRESH, COLLECTION, None, 12.0, limits, per_surface=6)[0]
     np.testing.assert_array_equal(textures, again)
-    other = fresh_textures(FIRST_FRESH, SEED, 2, 12.0, limits, per_surface=6, trial=1)[0]
+    other = fresh_textures(FIRST_FRESH, COLLECTION, None, 12.0, limits, per_surface=6, trial=1)[0]
     assert np.isin(other, textures).mean() < 0.01
 
 
 def test_a_surface_without_a_window_has_no_texture():
     nowhere = SegmentLimits(speed=(500.0, 501.0))
-    textures, *facts = fresh_textures(FIRST_FRESH, SEED, 1, 3.0, nowhere)
+    textures, *facts = fresh_textures(FIRST_FRESH, COLLECTION, [0], 3.0, nowhere)
     assert textures.shape == (0, 16384) and all(values.shape == (0,) for values in facts)
 
 
 def test_no_candidates_are_refused():
     with pytest.raises(ValueError, match="`candidates`"):
-        fresh_ratings(0, SEED)
+        fresh_ratings(0, COLLECTION)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data import RecordingsFile
-from tactile_diffusers.virtual import RECIPE_VERSION, VirtualSurface, generate_recordings, rater_settings
+from tactile_diffusers.virtual import RECIPE_VERSION, VirtualSurface, generate_recordings
 from tactile_diffusers.virtual.collection import Collection
 from tactile_diffusers.virtual.raters import draw_raters
 
@@ -109,18 +109,18 @@ def test_a_missing_folder_is_named(tmp_path):
 
 
 def test_attributes_give_the_collection_back(tmp_path):
-    settings = {"agreement": 2.0, "raters": 14, "axis_correlation": 0.5}
+    correlation = (0.3, -0.7, -0.1)
+    settings = {"agreement": 2.0, "raters": 14, "rating_correlation": correlation, "impulsiveness": 2.0}
     generate_recordings(tmp_path / "r.h5", 4, **SETTINGS, **settings)
     with RecordingsFile(tmp_path / "r.h5") as file:
         attributes = file.attributes
         assert attributes["recipe_version"] == RECIPE_VERSION and attributes["source"] == "virtual surfaces"
-        collection = Collection(**{name: attributes[name] for name in Collection.__dataclass_fields__})
-        assert rater_settings(attributes).keys() < vars(collection).keys()
-        surfaces = [VirtualSurface(5, index) for index in range(4)]
+        collection = Collection.from_attributes(attributes)
+        surfaces = [VirtualSurface(5, index, 2.0) for index in range(4)]
         np.testing.assert_array_equal(file.ratings.values, collection.answers(surfaces))
         assert file.ratings.values.shape == (14, 4, 3)
         np.testing.assert_array_equal(
-            file.ratings.values[3, 2], surfaces[2].answers(draw_raters(5, 4), 2.0, axis_correlation=0.5)[3]
+            file.ratings.values[3, 2], surfaces[2].answers(draw_raters(5, 4), 2.0, correlation)[3]
         )
         for index, recording in enumerate(file):
             np.testing.assert_array_equal(recording.force, surfaces[index].explore(0, collection.seconds)[0])
@@ -130,7 +130,8 @@ def test_attributes_give_the_collection_back(tmp_path):
     "arguments, message",
     [
         ({"raters": 0}, "`raters`"),
-        ({"axis_correlation": 1.0}, "`axis_correlation` must be a finite number .*at most 0.95"),
+        ({"rating_correlation": (0.9, -0.9, 0.9)}, "`rating_correlation` .* impossible"),
+        ({"impulsiveness": -1}, "`impulsiveness`"),
         ({"agreement": float("nan")}, "`agreement`"),
         ({"workers": 0}, "`workers`"),
     ],

@@ -11,7 +11,7 @@ from ..data.sens3 import convert_sens3
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
-from ..virtual.raters import RATERS
+from ..virtual.raters import RATERS, RATING_CORRELATION
 from .program import Parser, command, count, existing_file, existing_folder, positive_number, program, seed
 
 #: Options of each source with their defaults; `None` = required.
@@ -23,7 +23,8 @@ SOURCE_OPTIONS = {
         "seed": 0,
         "agreement": 1.0,
         "raters": RATERS,
-        "axis_correlation": 0.0,
+        "rating_correlation": RATING_CORRELATION,
+        "impulsiveness": 1.0,
         "workers": 1,
         "output": None,
     },
@@ -89,7 +90,10 @@ def _add_virtual(add):
     number("raters", count, "number of raters")
     number("seed", seed, "seed of surfaces, explorations and raters")
     number("agreement", positive_number, "divides the raters' disagreement")
-    number("axis_correlation", float, "halo: the axes of a rater correlate by up to this; at most 0.6")
+    number("impulsiveness", float, "0 = Gaussian textures, 1 = as fingers measure them, 2 = twice as many catches")
+    shown = "{:g} {:g} {:g}".format(*RATING_CORRELATION)
+    purpose = f"correlations of (rough, bumpy), (rough, slippery), (bumpy, slippery) in the ratings; default: {shown}"
+    add("--rating_correlation", nargs=3, type=float, metavar="R", help=purpose)
     number("workers", count, "processes; the result does not depend on it")
     add("--calibrate", action="store_true", help="recompute the constants of the percepts, and stop")
 

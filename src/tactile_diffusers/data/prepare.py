@@ -217,7 +217,7 @@ def _recording_notes(data, windows):
     if data.normal is None:
         notes.append("no normal force in N: the friction coefficient is NaN")
     if data.flipped:
-        notes.append("the force is the surface's on the finger: its sign was turned, and nothing is lost")
+        notes.append("the force is the surface's on the finger, or along a fixed axis: its sign was turned")
     if windows.seconds["missing (NaN)"]:
         notes.append("missing samples (NaN) excluded")
     if windows.seconds["saturated"]:

@@ -14,6 +14,9 @@ from .turnarounds import DEFAULT_TURNAROUNDS, find_turnarounds, treat_turnaround
 DIRECTION_BANDWIDTH = 25.0
 #: Below this speed (mm/s) the last sliding direction is held.
 SLOWEST_DIRECTION = 10.0
+#: Mean over standard deviation from which a lateral force says which way friction points; without its mean (a
+#: microphone, an accelerometer, a high-passed file) the sign cannot be known and stays.
+LEAST_BIAS = 0.5
 
 
 @dataclass
@@ -27,7 +30,8 @@ class Channels:
         turnarounds (`np.ndarray`): (turnarounds,) int64, the sample in the middle of each.
         saturated (`np.ndarray`): (n,) bool, samples excluded because a sensor was at the end of its range.
         excluded (`np.ndarray`): (n,) bool, samples that no segment may hold because of a turnaround.
-        flipped (`bool`): whether the recorded force was the surface's on the finger.
+        flipped (`bool`): whether the recorded sign was turned: the force was the surface's on the finger, or along a
+            fixed axis of a sensor.
     """
 
     lateral: np.ndarray
@@ -42,8 +46,10 @@ class Channels:
 def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
     """Lateral force, normal force and speed of a recording.
 
-    Lateral force is the contact force projected on the sliding direction (paper section 2.1). Friction dissipates:
-    where the projection is negative on average, the file holds the reaction on the finger, and the sign is turned.
+    Lateral force is the contact force projected on the sliding direction (paper section 2.1), positive where it opposes
+    the motion, so that slow loading rises and a slip falls in every recording. Friction dissipates: where the
+    projection is negative on average, the file holds the reaction on the finger, and the sign is turned. `lateral`
+    force of a fixed sensor under a reciprocating stage changes its sign with the stroke: there velocity decides.
 
     Args:
         recording (`Recording`): one exploration.
@@ -73,8 +79,8 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
         raise ValueError(f"{recording.name} has no sample that is neither missing nor saturated. Leave it out.")
     if np.nanmin(force) == np.nanmax(force):
         raise ValueError(f"{recording.name} has the same force in all samples: the sensor was dead. Leave it out.")
-    flipped = recording.force is not None and bool(np.nanmean(lateral) < 0)
-    lateral = -lateral if flipped else lateral
+    sign = _opposing(lateral, angle, known=recording.force is not None)
+    lateral, flipped = sign * lateral, bool(np.any(sign < 0))
     lateral, excluded = treat_turnarounds(lateral, positions, rate, turnarounds)
     return Channels(lateral, normal, speed, positions, broken, excluded, flipped)
 
@@ -98,6 +104,29 @@ def _project(recording, angle):
     # counts of different axes need not be alike: a limit in newtons, and a ratio, have no meaning for them
     normal = np.abs(force[:, 2]) if recording.unit == "N" else None
     return force[:, 0] * np.cos(angle) + force[:, 1] * np.sin(angle), normal
+
+
+def _opposing(lateral, angle, known):
+    """Sign that makes lateral force oppose the motion, a number or (n,).
+
+    Args:
+        lateral (`np.ndarray`): (n,), NaN = missing.
+        angle (`np.ndarray` or `None`): (n,) rad, sliding direction.
+        known (`bool`): whether the force is already projected on the sliding direction.
+    """
+
+    def bias(values):
+        return np.nanmean(values) / max(np.nanstd(values), 1e-12)
+
+    if known:
+        return -1.0 if np.nanmean(lateral) < 0 else 1.0
+    sign = 1.0
+    if angle is not None:  # along which line the stage goes to and fro, and which of the two ways it goes
+        line = 0.5 * np.angle(np.nanmean(np.exp(2j * angle)))
+        stroke = np.where(np.cos(angle - line) < 0, -1.0, 1.0)
+        if abs(bias(stroke * lateral)) > max(LEAST_BIAS, 2 * abs(bias(lateral))):
+            sign = stroke
+    return -sign if bias(sign * lateral) < -LEAST_BIAS else sign
 
 
 def at_rate(values, rate_in, rate_out, samples):

@@ -12,7 +12,7 @@ from tqdm.auto import tqdm
 from ..data import HoldOut, PreparedDataset, SegmentLimits
 from ..signal.checks import check_whole_number
 from ..signal.constants import VIRTUAL_SOURCE
-from ..virtual import FIRST_FRESH, RECIPE_VERSION, VirtualSurface, fresh_ratings, fresh_textures, rater_settings
+from ..virtual import FIRST_FRESH, RECIPE_VERSION, Collection, VirtualSurface, fresh_ratings, fresh_textures
 from .truth import CHUNK, RatedTextures, joined, log_kernel, recorded_truth
 
 
@@ -78,15 +78,15 @@ def virtual_truth(
     facts = _check_virtual(dataset, requests, surfaces, per_surface)
     training = np.unique(PreparedDataset(dataset.path, "train", "full").surface_ids)
     numbers = [int(dataset.surfaces[surface].split("-")[0]) for surface in training]
-    asked = rater_settings(facts)
-    asked["raters"] = _ordinary(facts, "raters", [f"rater-{number}" for number in range(asked["raters"])])
-    ratings = fresh_ratings(candidates, facts["seed"], training=numbers, **asked)
+    collection = Collection.from_attributes(facts)
+    asked = _ordinary(facts, "raters", [f"rater-{number}" for number in range(collection.raters)])
+    ratings = fresh_ratings(candidates, collection, training=numbers, raters=asked)
     met = _ordinary_candidates(facts, candidates)
     drawn, importance = draw_surfaces(ratings[met], requests, surfaces, seed)
     drawn = met[drawn]
     limits = SegmentLimits(**facts["limits"])
     settings = dict(
-        seed=facts["seed"],
+        collection=collection,
         explorers=_ordinary(facts, "explorers", sorted({name.split("/")[1] for name in dataset.recordings})),
         seconds=seconds,
         limits=limits if dataset.subset == "filtered" else limits.without_conditions(),

@@ -37,7 +37,7 @@ class TextureStream:
         friction_coefficient (`float`): of the mean friction; 0 = texture alone.
         sensor_rate (`float`): of the finger's reports, Hz.
         sampling_rate (`int`, *optional*, defaults to 10000): of the blocks, Hz.
-        force_exponent, speed_exponent (`float`, *optional*, defaults to 0.8 and 0.3): the texture grows with these
+        force_exponent, speed_exponent (`float`, *optional*, defaults to 0.03 and 0.41): the texture grows with these
             powers of normal force Fn and speed v; 0 = off. Below 10 mm/s the power of speed is held.
         cutoff (`float`, *optional*): of the finger's path, Hz; see [`FingerPath`].
         dimensions (`int`, *optional*, defaults to 1): of positions and forces.

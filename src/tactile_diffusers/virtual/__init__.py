@@ -8,14 +8,14 @@ from .exploration import VELOCITY_RATE, Exploration, Explorer, explorer, free_ex
 from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
 from .generation import generate_recordings
 from .percepts import CALIBRATION_FILE, calibrate
-from .raters import RATER_SETTINGS, rater_settings
+from .raters import RATING_CORRELATION
 from .recipe import RECIPE_VERSION, SurfaceParameters
 from .surface import VirtualSurface
 
 __all__ = [
     "CALIBRATION_FILE",
     "FIRST_FRESH",
-    "RATER_SETTINGS",
+    "RATING_CORRELATION",
     "RECIPE_VERSION",
     "VELOCITY_RATE",
     "Collection",
@@ -29,6 +29,5 @@ __all__ = [
     "fresh_ratings",
     "fresh_textures",
     "generate_recordings",
-    "rater_settings",
     "steady_exploration",
 ]

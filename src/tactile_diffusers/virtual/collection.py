@@ -8,7 +8,7 @@ import numpy as np
 from ..signal import SEGMENT_SECONDS
 from ..signal.checks import check_number, check_seed, check_whole_number
 from .exploration import VELOCITY_RATE
-from .raters import RATERS, draw_raters
+from .raters import RATERS, RATING_CORRELATION, check_rating_correlation, draw_raters
 from .recipe import RECIPE_VERSION
 from .surface import VirtualSurface
 
@@ -26,7 +26,9 @@ class Collection:
         seed (`int`): of everything.
         agreement (`float`): divides the raters' disagreement; 1 is the recipe.
         raters (`int`): number of raters.
-        axis_correlation (`float`): see `rate_surface`; 0 is the recipe.
+        rating_correlation (`tuple[float, float, float]`): of the impressions that raters share, as (rough, bumpy),
+            (rough, slippery), (bumpy, slippery).
+        impulsiveness (`float`): 0 = Gaussian profiles, 1 = the recipe, 2 = twice the intermittency and catches.
 
     Raises:
         ValueError: naming the argument, if one is out of range.
@@ -37,7 +39,8 @@ class Collection:
     seed: int = 0
     agreement: float = 1.0
     raters: int = RATERS
-    axis_correlation: float = 0.0
+    rating_correlation: tuple[float, float, float] = RATING_CORRELATION
+    impulsiveness: float = 1.0
 
     def __post_init__(self):
         checked = {
@@ -46,7 +49,8 @@ class Collection:
             "seed": check_seed(self.seed),
             "agreement": check_number("agreement", self.agreement, above=0),
             "raters": check_whole_number("raters", self.raters),
-            "axis_correlation": check_number("axis_correlation", self.axis_correlation, at_least=0, at_most=0.95),
+            "rating_correlation": check_rating_correlation(self.rating_correlation),
+            "impulsiveness": check_number("impulsiveness", self.impulsiveness, at_least=0, at_most=4),
         }
         for name, value in checked.items():  # plain numbers, as they come back from a file
             object.__setattr__(self, name, value)
@@ -56,11 +60,18 @@ class Collection:
         """The settings as attributes of a file: a dict."""
         return {"recipe_version": RECIPE_VERSION, **asdict(self)}
 
+    @classmethod
+    def from_attributes(cls, attributes):
+        """The collection that a file's attributes describe; a file of another source has none of them."""
+        fields = {name: attributes[name] for name in cls.__dataclass_fields__ if name in attributes}
+        return cls(**fields)
+
     def surface(self, index):
         """Surface number `index`."""
-        return VirtualSurface(self.seed, index)
+        return VirtualSurface(self.seed, index, self.impulsiveness)
 
-    def answers(self, surfaces):
+    def answers(self, surfaces, trial=0):
         """(raters, surfaces, 3) answers about a list of `VirtualSurface`."""
         raters = draw_raters(self.seed, self.raters)
-        return np.stack([one.answers(raters, self.agreement, self.axis_correlation) for one in surfaces], axis=1)
+        settings = self.agreement, self.rating_correlation, trial
+        return np.stack([one.answers(raters, *settings) for one in surfaces], axis=1)

@@ -9,6 +9,8 @@ from .streams import Stream, stream
 
 #: Rate at which finger velocity is recorded, Hz; also the rate of everything that the hand controls.
 VELOCITY_RATE = 500
+#: Ranges of how long the finger rests on the surface before it moves, and of how long it takes to reach its speed, s.
+REST, START = (0.02, 0.06), (0.08, 0.2)
 #: Nothing that the hand does on purpose is faster (Hz): wandering is smoothed by this much.
 HAND_BANDWIDTH = 6.0
 
@@ -137,7 +139,7 @@ def adapted_force_spread(spread, roughness):
 
 
 def free_exploration(rng, who, seconds, roughness=0.0):
-    """Free exploration: bouts of loops and of strokes with turnarounds shorter than 0.1 s.
+    """Free exploration from rest: bouts of loops and of strokes with turnarounds shorter than 0.1 s.
 
     Args:
         rng (`np.random.Generator`): the trial.
@@ -154,9 +156,16 @@ def free_exploration(rng, who, seconds, roughness=0.0):
     spread = adapted_force_spread(rng.uniform(*FORCE_SPREAD), roughness)
     normal_force = wandering(rng, samples, mean_force, spread, rng.uniform(*FORCE_TAU))
     turning, slowing, along = _plan(rng, samples, speed)
-    speed = speed * slowing
+    speed = speed * slowing * _start(rng, samples)
     heading = rng.uniform(0, 2 * np.pi) + np.cumsum(turning) / VELOCITY_RATE
     return Exploration(speed, normal_force, heading, speed * along)
+
+
+def _start(rng, samples):
+    """Factor on the speed of a finger that rests, then starts to move: (samples,)."""
+    rest, start = rng.uniform(*REST), rng.uniform(*START)
+    part = np.clip((np.arange(samples) / VELOCITY_RATE - rest) / start, 0, 1)
+    return part**2 * (3 - 2 * part)
 
 
 def _plan(rng, samples, speed):

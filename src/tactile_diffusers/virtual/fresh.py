@@ -1,5 +1,6 @@
 """Fresh surfaces of the collection that a virtual data set comes from: the same raters and explorers, new surfaces."""
 
+from dataclasses import replace
 from numbers import Integral
 
 import numpy as np
@@ -12,25 +13,22 @@ from ..data.turnarounds import DEFAULT_TURNAROUNDS
 from ..signal import BAND_HZ, DEVICE_RATE, RATING_AXES
 from ..signal.checks import check_whole_number
 from .exploration import VELOCITY_RATE
-from .raters import RATERS, draw_raters
 from .streams import Stream, stream
-from .surface import VirtualSurface
 
 #: Numbers of fresh surfaces start here: no recorded collection is as large.
 FIRST_FRESH = 1_000_000
 
 
-def fresh_ratings(candidates, seed, agreement=1.0, training=None, raters=RATERS, axis_correlation=0.0):
+def fresh_ratings(candidates, collection, training=None, raters=None):
     """Ratings of fresh surfaces, without exploring them: about 0.6 ms a surface.
 
     Args:
         candidates (`int`): how many; they are the surfaces `FIRST_FRESH`, `FIRST_FRESH + 1`, ...
-        seed, agreement (`int`, `float`): of the collection, as in `generate_recordings`.
+        collection (`Collection`): of which they are; `Collection.from_attributes` reads it from a file's attributes.
         training (`Sequence[int]`, *optional*): numbers of the surfaces that give each rater's mean and scale: with the
             training surfaces of a data set, the result is in exactly that data set's units. Defaults to the
             candidates, whose moments are those of the population if they are many.
-        raters (`int` or `Sequence[int]`): how many raters, or the numbers of those who are asked.
-        axis_correlation (`float`): of the collection. `rater_settings` reads these settings from a file's attributes.
+        raters (`Sequence[int]`, *optional*): numbers of those who are asked; defaults to all of the collection.
 
     Returns:
         `np.ndarray`: (candidates, 3) float32, means over raters of their z-scores.
@@ -40,12 +38,10 @@ def fresh_ratings(candidates, seed, agreement=1.0, training=None, raters=RATERS,
     """
     candidates = check_whole_number("candidates", candidates)
     reference = [] if training is None else [int(index) for index in training]
-    fresh = range(FIRST_FRESH, FIRST_FRESH + candidates)
-    asked = np.array(_numbers("raters", raters))
-    drawn = draw_raters(seed, asked.max() + 1)
-    numbers = [*reference, *fresh]
-    surfaces = [VirtualSurface(seed, number) for number in numbers]
-    answers = np.stack([one.answers(drawn, agreement, axis_correlation)[asked] for one in surfaces], axis=1)
+    asked = _numbers("raters", collection.raters if raters is None else raters)
+    numbers = [*reference, *range(FIRST_FRESH, FIRST_FRESH + candidates)]
+    everybody = replace(collection, raters=max(asked) + 1)
+    answers = everybody.answers([everybody.surface(number) for number in numbers])[asked]
     names = tuple(str(number) for number in numbers)
     scores = RaterScores(answers, tuple(str(rater) for rater in asked), names, RATING_AXES)
     gives_scale = np.ones(len(numbers), bool) if training is None else np.arange(len(numbers)) < len(reference)
@@ -54,8 +50,8 @@ def fresh_ratings(candidates, seed, agreement=1.0, training=None, raters=RATERS,
 
 def fresh_textures(
     index,
-    seed,
-    explorers=2,
+    collection,
+    explorers=None,
     seconds=12.0,
     limits=None,
     band=BAND_HZ,
@@ -68,8 +64,10 @@ def fresh_textures(
     """Textures of one surface by the route of a prepared data set, without a file: about 50 ms a recording of 12 s.
 
     Args:
-        index, seed (`int`): surface number `index` of collection `seed`.
-        explorers (`int` or `Sequence[int]`): how many, or the numbers of those who explore; each records it once.
+        index (`int`): number of the surface.
+        collection (`Collection`): of which it is.
+        explorers (`Sequence[int]`, *optional*): numbers of those who explore, each once; defaults to all of the
+            collection.
         seconds (`float`): of each recording.
         limits (`SegmentLimits`, *optional*): defaults to the paper's.
         band, order, passes: of `signal.band_pass`.
@@ -82,11 +80,11 @@ def fresh_textures(
         (k,), all float32; k is 0 if no window meets the limits.
     """
     limits = limits or SegmentLimits()
-    surface, route = VirtualSurface(seed, index), (limits, band, order, passes, turnarounds)
+    surface, route = collection.surface(index), (limits, band, order, passes, turnarounds)
     # which windows are taken is a draw of its own, so that the recordings do not depend on it
-    rng = stream(seed, Stream.FRESH_WINDOWS, index, trial)
+    rng = stream(collection.seed, Stream.FRESH_WINDOWS, index, trial)
     found = []
-    for number in _numbers("explorers", explorers):
+    for number in _numbers("explorers", collection.explorers if explorers is None else explorers):
         filtered, windows = _explored(surface, number, seconds, trial, *route)
         chosen = _apart(rng.permutation(len(windows.start)), windows.start, limits.samples(DEVICE_RATE))
         found += [(turn, number, filtered, windows, window) for turn, window in enumerate(chosen)]

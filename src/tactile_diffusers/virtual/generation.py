@@ -9,7 +9,7 @@ from ..signal.checks import check_whole_number
 from ..signal.constants import VIRTUAL_SOURCE
 from .collection import Collection
 from .exploration import VELOCITY_RATE
-from .raters import RATERS
+from .raters import RATERS, RATING_CORRELATION
 from .workers import run_in_order
 
 LICENCE = "CC0-1.0"
@@ -25,7 +25,8 @@ def generate_recordings(
     quiet=False,
     *,
     raters=RATERS,
-    axis_correlation=0.0,
+    rating_correlation=RATING_CORRELATION,
+    impulsiveness=1.0,
     workers=1,
 ):
     """Writes recordings and ratings of virtual surfaces: about 2 ms for each second of recording.
@@ -33,7 +34,7 @@ def generate_recordings(
     Args:
         path (`str` or `Path`): `recordings.h5` to write; it appears when it is complete.
         surfaces (`int`): number of surfaces.
-        seconds, explorers, seed, agreement, raters, axis_correlation: of `Collection`.
+        seconds, explorers, seed, agreement, raters, rating_correlation, impulsiveness: of `Collection`.
         quiet (`bool`): no progress bar.
         workers (`int`): processes that explore; 1 = this one. The result does not depend on it.
 
@@ -42,7 +43,7 @@ def generate_recordings(
         FileNotFoundError: if the folder of `path` does not exist.
         ChildProcessError: if a worker was killed.
     """
-    collection = Collection(seconds, explorers, seed, agreement, raters, axis_correlation)
+    collection = Collection(seconds, explorers, seed, agreement, raters, rating_correlation, impulsiveness)
     surfaces, workers = check_whole_number("surfaces", surfaces), check_whole_number("workers", workers)
     clear_left_behind(path)
     with RecordingsWriter(path, VIRTUAL_SOURCE, LICENCE, **collection.attributes) as writer:

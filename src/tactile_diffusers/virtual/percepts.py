@@ -5,11 +5,12 @@ from functools import lru_cache
 from importlib.resources import files
 
 import numpy as np
+from scipy.special import ndtri
 
 from ..signal import BAND_HZ, REFERENCE_FORCE
-from .friction import FALL_SHARE, TEMPORAL_NOISE_N
+from .friction import FALL_SHARE, TEMPORAL_NOISE_N, stick_slip_gate
 from .laws import finger_cutoff, friction_coefficient, stick_slip_drop, stick_slip_rate, texture_amplitude
-from .profile import HARMONICS, PERIOD_MM, harmonic_amplitudes, spectrum
+from .profile import CATCH_SPREAD, HARMONICS, PERIOD_MM, catch_response, harmonic_amplitudes, spectrum
 from .recipe import RECIPE_VERSION, REFERENCE_SPEED_MM_S, draw_surface
 from .streams import Stream, stream
 
@@ -23,10 +24,8 @@ COARSE_BELOW_HZ = 80.0
 #: Share of fine power that is subtracted from coarse power in bumpiness. The recipe's 0.5 gives r(rough, bumpy) = 0.55
 #: for the expected spectra used here; 0.85 gives the recipe's own result, 0.40.
 FINE_IN_BUMPINESS = 0.85
-#: Weight of the standardised log friction coefficient in slipperiness: they correlate by -0.85 (Smith & Scott 1996).
-FRICTION_IN_SLIPPERINESS = -0.85
-#: Mean square of the slow on/off modulation of stick-slip, 1 / (1 + exp(-4 z)) with z normal.
-STICK_SLIP_DUTY = 0.41
+#: Mean square of the gate and of the bursts of stick-slip: the gate over quantiles of a normal process.
+STICK_SLIP_POWER = float(np.mean(stick_slip_gate(ndtri((np.arange(1000) + 0.5) / 1000)) ** 2))
 
 
 def pacinian_weight(frequency):
@@ -53,14 +52,20 @@ def expected_powers(surface):
 
 
 def _continuum(surface):
-    """Density of the random profile and of the temporal noise at `FREQUENCIES`, N^2/Hz.
+    """Density of the random profile, of catches and of the temporal noise at `FREQUENCIES`, N^2/Hz.
 
-    A compliant grating's factor on them is 1 at 80 mm/s.
+    A compliant grating's factor on them is 1 at 80 mm/s, and the envelope's mean square is 1.
     """
+    k = FREQUENCIES / REFERENCE_SPEED_MM_S
     variance = np.sum(spectrum(surface)) / PERIOD_MM
     amplitude = texture_amplitude(surface, REFERENCE_FORCE, REFERENCE_SPEED_MM_S)
-    profile = spectrum(surface, FREQUENCIES / REFERENCE_SPEED_MM_S) / variance / REFERENCE_SPEED_MM_S
-    return amplitude**2 * profile + TEMPORAL_NOISE_N**2 / np.log(BAND_HZ[1] / BAND_HZ[0]) / FREQUENCIES
+    profile = spectrum(surface, k) / variance
+    height = surface.catch_height**2 * np.exp(2 * CATCH_SPREAD**2)
+    profile = profile + 2 * surface.catches * height * np.abs(catch_response(surface, k)) ** 2
+    return (
+        amplitude**2 * profile / REFERENCE_SPEED_MM_S
+        + TEMPORAL_NOISE_N**2 / np.log(BAND_HZ[1] / BAND_HZ[0]) / FREQUENCIES
+    )
 
 
 def _lines(surface):
@@ -72,7 +77,7 @@ def _lines(surface):
     # Fourier series of a triangle that rises for 1 - FALL_SHARE of its period
     rise = 1 - FALL_SHARE
     wave = np.sin(np.pi * order * rise) / ((np.pi * order) ** 2 * rise * FALL_SHARE)
-    stick = 0.5 * STICK_SLIP_DUTY * (stick_slip_drop(surface, sliding) * wave) ** 2
+    stick = 0.5 * STICK_SLIP_POWER * (stick_slip_drop(surface, sliding) * wave) ** 2
     rate = stick_slip_rate(surface, sliding, REFERENCE_SPEED_MM_S)
     return np.concatenate([order * REFERENCE_SPEED_MM_S / surface.wavelength, order * rate]), np.append(grating, stick)
 
@@ -99,6 +104,9 @@ def percept_inputs(surface):
 def combine(inputs, standardise):
     """Roughness, bumpiness and slipperiness from `percept_inputs`; the weights are an assumption of the recipe.
 
+    This is the physics: what of two percepts goes together because surfaces that vibrate more also grip more. How
+    raters judge them together is `raters.judgement`.
+
     Args:
         inputs (`dict`): values or arrays.
         standardise (`callable`): (name, values) -> z-scores over the population of surfaces.
@@ -109,9 +117,7 @@ def combine(inputs, standardise):
     z = {name: standardise(name, values) for name, values in inputs.items()}
     rough = standardise("roughness", 0.8 * z["fine_power"] + 0.35 * z["coarse_power"] - 0.25 * inputs["slope"])
     bumpy = standardise("bumpiness", 0.6 * z["coarse_over_fine"] + 0.7 * z["grating"] + 0.25 * rough)
-    slippery = standardise(
-        "slipperiness", FRICTION_IN_SLIPPERINESS * z["log_friction"] - 0.25 * z["stick"] - 0.15 * rough
-    )
+    slippery = standardise("slipperiness", -0.85 * z["log_friction"] - 0.25 * z["stick"])
     return rough, bumpy, slippery
 
 
@@ -121,10 +127,8 @@ def calibrate(surfaces=CALIBRATION_SURFACES):
     Returns:
         `dict`: what `calibration.json` holds.
     """
-    population = []
-    for k in range(surfaces):
-        streams = [stream(CALIBRATION_SEED, kind, k) for kind in (Stream.SURFACE, Stream.COMPLIANCE)]
-        population.append(percept_inputs(draw_surface(*streams)))
+    drawn = [draw_surface(stream(CALIBRATION_SEED, Stream.SURFACE, k)) for k in range(surfaces)]
+    population = [percept_inputs(surface) for surface in drawn]
     inputs = {name: np.array([item[name] for item in population]) for name in population[0]}
     constants = {}
 

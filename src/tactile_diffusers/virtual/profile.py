@@ -14,6 +14,11 @@ FLAT_BELOW = 0.1
 #: Nothing finer than 25 um: at 125 mm/s it would pass 5 kHz and fold.
 FINEST = 40.0
 HARMONICS = 6
+#: Length (mm) over which the envelope of a profile changes, and spread of the log heights of catches (recipe).
+ENVELOPE_LENGTH = 1.0
+CATCH_SPREAD = 0.4
+#: Length (mm) over which a catch lets go: short beside its loading, which gives the force its polarity (recipe).
+RELEASE_LENGTH = 0.05
 
 
 @lru_cache(maxsize=1)
@@ -73,27 +78,74 @@ def grating(surface, rng):
     return profile
 
 
+def envelope(surface, rng):
+    """Envelope of the profile over position, log-normal and of unit mean square: (GRID_POINTS,).
+
+    One envelope for all frequencies, because the envelopes of a texture's bands move together (McDermott & Simoncelli
+    2011). A Gaussian profile under it has a kurtosis of 3 exp(4 s^2), s the intermittency.
+    """
+    frequency = spatial_frequencies()
+    magnitude = np.where(frequency > 0, 1 / (1 + (2 * np.pi * frequency * ENVELOPE_LENGTH) ** 2), 0.0)
+    noise = rng.standard_normal((2, len(frequency)))
+    field = fft.irfft(magnitude * (noise[0] + 1j * noise[1]), GRID_POINTS)
+    return np.exp(surface.intermittency * field / field.std() - surface.intermittency**2)
+
+
+def catch_response(surface, k=None):
+    """Fourier transform of one catch of unit height over position, mm: it loads slowly and lets go fast.
+
+    exp(x / l) before the edge and exp(-x / r) behind it, with l the length of loading and r = 0.05 mm: the polarity
+    of a sawtooth.
+
+    Args:
+        surface (`SurfaceParameters`): the surface.
+        k (`np.ndarray`, *optional*): 1/mm; defaults to the grid's.
+    """
+    omega = 2 * np.pi * (spatial_frequencies() if k is None else k)
+    return surface.catch_length / (1 - 1j * omega * surface.catch_length) + RELEASE_LENGTH / (
+        1 + 1j * omega * RELEASE_LENGTH
+    )
+
+
+def catches(surface, rng):
+    """Isolated catches, met in the one direction and in the other: (2, GRID_POINTS).
+
+    The finger loads before it slips, whichever way it comes; so a stroke back meets each catch mirrored in space.
+    """
+    count = rng.poisson(surface.catches * PERIOD_MM)
+    places, heights = rng.integers(GRID_POINTS, size=count), np.exp(CATCH_SPREAD * rng.standard_normal(count))
+    if not count:
+        return np.zeros((2, GRID_POINTS))
+    events = np.bincount(places, surface.catch_height * heights, GRID_POINTS) / GRID_MM
+    spectrum_of_events, response = fft.rfft(events), catch_response(surface)
+    both = fft.irfft(np.stack([spectrum_of_events * response, spectrum_of_events * response.conj()]), GRID_POINTS)
+    return both - both.mean(axis=1, keepdims=True)
+
+
 def profile_tables(surface, rng):
-    """What the finger meets over position: a random part of unit variance plus a grating of relative level.
+    """What the finger meets over position: a random part of unit variance, a grating of relative level, and catches.
 
     Args:
         surface (`SurfaceParameters`): the surface.
         rng (`np.random.Generator`): phases.
 
     Returns:
-        `np.ndarray`: (GRID_POINTS, 2) float32, periodic: height-like profile h, dimensionless, and its slope at unit
-        variance; for a compliant grating (GRID_POINTS, 3), the random part of the profile last.
+        `np.ndarray`: (GRID_POINTS, 3) float32, periodic: height-like profile, dimensionless, as a finger meets it that
+        comes forwards and backwards, and its slope at unit variance; for a compliant grating (GRID_POINTS, 4), the
+        random part of the profile last.
     """
-    random = random_profile(surface, rng)
-    profile = (random + grating(surface, rng)).astype(np.float32)
-    columns = [profile, unit_slope(profile)]
+    random, lines = random_profile(surface, rng), grating(surface, rng)
+    moving = envelope(surface, rng)
+    profile = (random + lines) * moving
+    forwards, backwards = (profile + catches(surface, rng)).astype(np.float32)
+    columns = [forwards, backwards, unit_slope(profile).astype(np.float32)]
     if surface.compliance > 0:
-        columns.append(random.astype(np.float32))
+        columns.append((random * moving).astype(np.float32))
     return np.stack(columns, axis=-1)
 
 
 def unit_slope(profile):
-    """Derivative of a periodic profile, scaled to unit variance: (GRID_POINTS,) float32."""
+    """Derivative of a periodic profile, scaled to unit variance: (GRID_POINTS,)."""
     slope = np.roll(profile, -1) - np.roll(profile, 1)
     return slope / slope.std()
 

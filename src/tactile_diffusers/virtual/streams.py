@@ -14,8 +14,7 @@ class Stream(IntEnum):
     ANSWERS = 3  # surface
     EXPLORER = 4  # explorer
     FRESH_WINDOWS = 5  # surface, trial
-    COMPLIANCE = 6  # surface
-    # 7 and 8 were the duration of a recording and the moisture of raters
+    TRIAL = 6  # surface, trial of the raters
 
 
 def stream(seed, kind, *numbers):

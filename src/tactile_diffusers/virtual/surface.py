@@ -6,7 +6,7 @@ from .exploration import explorer, free_exploration
 from .friction import contact_force
 from .percepts import percepts
 from .profile import profile_tables
-from .raters import rate_surface
+from .raters import RATING_CORRELATION, rate_surface
 from .recipe import draw_surface
 from .streams import Stream, stream
 
@@ -17,6 +17,7 @@ class VirtualSurface:
     Args:
         seed (`int`): of the whole collection.
         index (`int`): 0, 1, ...
+        impulsiveness (`float`): of `draw_surface`.
 
     Attributes:
         name (`str`): index and material.
@@ -24,10 +25,10 @@ class VirtualSurface:
         percepts (`np.ndarray`): (3,) roughness, bumpiness, slipperiness in standard deviations.
     """
 
-    def __init__(self, seed, index):
+    def __init__(self, seed, index, impulsiveness=1.0):
         rng = stream(seed, Stream.SURFACE, index)
         self.seed, self.index = seed, index
-        self.parameters = draw_surface(rng, stream(seed, Stream.COMPLIANCE, index))
+        self.parameters = draw_surface(rng, impulsiveness)
         self.name = f"{index:04d}-{self.parameters.material}"
         self.percepts = percepts(self.parameters)
         self._rng = rng
@@ -59,14 +60,18 @@ class VirtualSurface:
         """
         return contact_force(rng, self.parameters, self._tables, exploration, moisture, gain, cutoff)
 
-    def answers(self, raters, agreement=1.0, axis_correlation=0.0):
+    def answers(self, raters, agreement=1.0, rating_correlation=RATING_CORRELATION, trial=0):
         """Answers on the 0-8 scale; settings as in `rate_surface`.
 
         Args:
             raters (`tuple[np.ndarray, np.ndarray]`): from `draw_raters`.
+            trial (`int`): a rater who is asked again gives another answer about the same impression.
 
         Returns:
             `np.ndarray`: (raters, 3) float32; a rater's answers do not depend on how many raters there are.
         """
-        rng = stream(self.seed, Stream.ANSWERS, self.index)
-        return rate_surface(rng, self.percepts, raters, agreement, axis_correlation)
+        rng, trial_rng = (
+            stream(self.seed, Stream.ANSWERS, self.index),
+            stream(self.seed, Stream.TRIAL, self.index, trial),
+        )
+        return rate_surface(rng, trial_rng, self.percepts, raters, agreement, rating_correlation)
