@@ -203,8 +203,8 @@ def page(results, size):
         f"A short DALE ({size.steps} steps, a tenth of the bundled size) was trained on each world: {size.surfaces} "
         f"surfaces, two fingers, {size.seconds:g} s each, behind the bundled LCTG. One slider moves from {SLIDER[0]:g} "
         f"to {SLIDER[-1]:g} while the others stay at 0. Each cell: change per standard deviation of the slider, with a "
-        f"95 % interval over {size.takes} takes, and in brackets the regression of the same measure on the ratings of the "
-        "world's own training surfaces. A second seed of the training shows what chance does.\n\n"
+        f"95 % interval over {size.takes} takes, and in brackets the regression of the same measure on the ratings of "
+        "the world's own training surfaces. A second seed of the training shows what chance does.\n\n"
         f"![Slopes over assumptions](sensitivity.png)\n\n{rows}\n"
     )
 
