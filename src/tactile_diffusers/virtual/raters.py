@@ -19,6 +19,7 @@ IDIOSYNCRASY = np.array([0.55, 0.40, 0.80])
 #: at 0.5 and 0.75 (recipe).
 TASTE = np.array([0.42, 0.65, 0.58])
 TRIAL_NOISE = np.array([0.63, 0.65, 0.48])
+DISAGREEMENT = np.hypot(TASTE, TRIAL_NOISE)
 OFFSET_SPREAD = 0.6
 TYPICAL_GAIN = 1.75
 GAIN_SPREAD = 0.25
