@@ -58,8 +58,8 @@ def _ktd(frozen, textures, groups):
 def test_real_textures_are_close_to_the_reference(world, frozen):
     held_out = world["held_out"]
     ktd = _ktd(frozen, held_out.textures, held_out.surface_ids)
-    # 48 surfaces on either side: their own draw moves it by some units, far from every failure below
-    assert abs(ktd["mean"]) < 10
+    # 48 surfaces on either side: their own draw moves it by some tens, below every failure that follows
+    assert abs(ktd["mean"]) < 30
 
 
 def test_half_the_level_is_seen(world, frozen):
@@ -86,7 +86,7 @@ def test_noise_above_1_khz_is_seen(world, frozen):
     noise *= (10 ** (-30 / 20) * rms(held_out.textures) / rms(noise))[:, None]
     noisy = held_out.textures + noise
     clean, heard = (out_of_band_ratio_db(t, DEVICE_RATE).mean() for t in (held_out.textures, noisy))
-    assert clean < -38 and heard == pytest.approx(-30, abs=1.2)  # the clean textures' own remainder adds up to 1 dB
+    assert clean < -37 and heard == pytest.approx(-30, abs=1.5)  # the clean textures' own remainder adds up to 1.3 dB
     assert _ktd(frozen, noisy, held_out.surface_ids)["mean"] > 200
     assert nine_band_error_db(noisy, held_out.textures, DEVICE_RATE).mean() < 0.1  # the nine bands cannot see it
 
