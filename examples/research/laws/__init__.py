@@ -1,10 +1,18 @@
-"""The laws of virtual surfaces, measured on what the code makes and compared with what is intended."""
+"""The laws of virtual surfaces, measured on what the code makes: as intended (`LAWS`), and beside measured hands."""
 
-from .friction import compliant_grating, friction_coefficient, stick_slip
+from .friction import compliant_grating, friction_coefficient, onset, stick_slip, stick_slip_comes_and_goes
 from .law import Check, Law
-from .people import exploration, further_explorers, raters
-from .surfaces import levels, material_classes
-from .texture import amplitude, finger_low_pass, grating_line, harmonic_decay, noise_in_time, profile_slope
+from .population import exploration, levels, surfaces
+from .texture import (
+    amplitude,
+    catches,
+    envelope,
+    finger_low_pass,
+    grating_line,
+    harmonic_decay,
+    noise_in_time,
+    profile_slope,
+)
 
 #: Name -> function(quick=False) -> `Law`; `quick` measures less, with wider tolerances.
 LAWS = {
@@ -14,16 +22,18 @@ LAWS = {
         noise_in_time,
         grating_line,
         harmonic_decay,
+        envelope,
+        catches,
         amplitude,
         finger_low_pass,
         friction_coefficient,
         compliant_grating,
         stick_slip,
-        material_classes,
+        stick_slip_comes_and_goes,
+        onset,
+        surfaces,
         levels,
-        raters,
         exploration,
-        further_explorers,
     )
 }
 

@@ -1,26 +1,40 @@
-"""Laws of the mean friction and of stick-slip."""
+"""Laws of the mean friction, of stick-slip, and of the first slip."""
 
 from dataclasses import replace
 
 import numpy as np
 from scipy import signal
+from scipy.special import ndtri
 
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db
-from tactile_diffusers.virtual.friction import PERIOD_JITTER
+from tactile_diffusers.virtual.exploration import VELOCITY_RATE, steady_exploration
+from tactile_diffusers.virtual.friction import (
+    BURST_PERIODS,
+    BURST_SPREAD,
+    FALL_SHARE,
+    PERIOD_JITTER,
+    contact_force,
+    stick_slip_gate,
+)
+from tactile_diffusers.virtual.friction import stick_slip as oscillate
 from tactile_diffusers.virtual.laws import (
-    AMPLITUDE_SPEED_EXPONENT,
     COMPLIANT_BACKGROUND_EXPONENT,
     COMPLIANT_FRICTION,
     COMPLIANT_SPEED_EXPONENT,
-    SLIPPING_SHARE,
+    FIRST_SLIP,
+    FIRST_SLIP_TRAVEL,
+    STICKS_WHEN_FAST,
+    STICKS_WHEN_MOIST,
+    STICKS_WHEN_PRESSED,
+    contact_stiffness,
+    stick_slip_drop,
     stick_slip_rate,
+    stick_slip_readiness,
 )
-from tactile_diffusers.virtual.percepts import STICK_SLIP_DUTY
-from tactile_diffusers.virtual.profile import PERIOD_MM
-from tactile_diffusers.virtual.recipe import CLASSES, load_exponent
+from tactile_diffusers.virtual.profile import PERIOD_MM, profile_tables
+from tactile_diffusers.virtual.recipe import CLASSES, friction_load_exponent
 
-from .law import PLAIN, Check, Law, draw_power_law, exponent, finish, slide
-from .texture import FORCES, SPEEDS
+from .law import FORCES, PLAIN, SPEEDS, Check, Law, exponent, slide
 
 
 def measured_friction(surface, speed, normal_force):
@@ -31,66 +45,44 @@ def measured_friction(surface, speed, normal_force):
 
 def friction_coefficient(quick=False):
     """Friction coefficient over normal force and speed."""
-    loads, powers = (-1 / 3, -1 / 6, 0.0), (-0.15, 0.0, 0.15)
-    by_load = {e: [measured_friction(replace(PLAIN, load_exponent=e), 80.0, f) for f in FORCES] for e in loads}
-    by_speed = {e: [measured_friction(replace(PLAIN, speed_exponent=e), v, 0.5) for v in SPEEDS] for e in powers}
     slopes = [bound for material in CLASSES for bound in material.slope]
     checks = [
-        Check("load exponent of the smoothest profile", -1 / 3, load_exponent(max(slopes)), 1e-9),
-        Check("load exponent of the roughest profile", 0.0, load_exponent(min(slopes)), 1e-9),
-        *(Check(f"exponent of force at {e:.2f}", e, exponent(FORCES, values), 0.01) for e, values in by_load.items()),
-        *(Check(f"exponent of speed at {e:g}", e, exponent(SPEEDS, values), 0.01) for e, values in by_speed.items()),
-        Check("coefficient at 0.5 N, 80 mm/s", PLAIN.friction, by_load[0.0][FORCES.index(0.5)], 0.01),
+        Check("load exponent of the smoothest profile", -1 / 3, friction_load_exponent(max(slopes)), 1e-9),
+        Check("load exponent of the roughest profile", 0.0, friction_load_exponent(min(slopes)), 1e-9),
+        Check("coefficient at 0.5 N, 80 mm/s", PLAIN.friction, measured_friction(PLAIN, 80.0, 0.5), 0.01),
     ]
-
-    def draw(panels):
-        for number, (e, values) in enumerate(by_load.items()):
-            draw_power_law(panels[0], FORCES, values, e, f"exponent {e:.2f}", f"C{number}")
-        for number, (e, values) in enumerate(by_speed.items()):
-            draw_power_law(panels[1], SPEEDS, values, e, f"exponent {e:g}", f"C{number}")
-        finish(panels[0], "over force, 80 mm/s", "normal force, N", "friction coefficient", ticks=FORCES)
-        finish(panels[1], "over speed, 0.5 N", "speed, mm/s", "friction coefficient", ticks=SPEEDS)
-
+    for name, exponents, values in (("load", (-1 / 3, -1 / 6, 0.0), FORCES), ("speed", (-0.15, 0.0, 0.15), SPEEDS)):
+        for intended in exponents:
+            surface = replace(PLAIN, **{f"friction_{name}_exponent": intended})
+            conditions = [(80.0, value) if name == "load" else (value, 0.5) for value in values]
+            found = [measured_friction(surface, *where) for where in conditions]
+            checks.append(Check(f"exponent of {name} at {intended:.2f}", intended, exponent(values, found), 0.01))
     source = "-1/3 on smooth glass to 0 on rough surfaces (PMC5332579; Seo 2009: -0.2); speed: recipe"
-    return Law("Friction coefficient over normal force and speed", source, tuple(checks), 2, draw)
+    return Law("Friction coefficient over normal force and speed", source, tuple(checks))
 
 
 def compliant_grating(quick=False):
     """Friction and background of gratings of three compliances over speed."""
-    takes, band = 4 if quick else 40, np.array([25.0, 100.0])
-    friction, background = {}, {}
-    for compliance in (0.0, 0.5, 1.0):
+    takes, band, checks = 4 if quick else 40, np.array([25.0, 100.0]), []
+    rigid = None
+    for c in (0.0, 0.5, 1.0):
         # lines above 133 Hz; between 25 and 100 Hz only the background
-        surface = replace(PLAIN, compliance=compliance, grating_level=0.4, wavelength=0.225, friction=0.6)
-        friction[compliance] = [measured_friction(surface, speed, 0.5) for speed in SPEEDS]
-        background[compliance] = [_band_power(surface, speed, band, takes) for speed in SPEEDS]
-    checks = []
-    for c in friction:
-        more = friction[c][SPEEDS.index(80.0)] / friction[0.0][SPEEDS.index(80.0)]
-        rise = exponent(SPEEDS, friction[c])
-        fall = exponent(SPEEDS, background[c])
+        surface = replace(PLAIN, compliance=c, grating_level=0.4, wavelength=0.225, friction=0.6)
+        friction = [measured_friction(surface, speed, 0.5) for speed in SPEEDS]
+        background = [_band_power(surface, speed, band, takes) for speed in SPEEDS]
+        rigid = rigid or friction[SPEEDS.index(80.0)]
+        rises, falls = COMPLIANT_SPEED_EXPONENT * c, 2 * COMPLIANT_BACKGROUND_EXPONENT * c
+        more = friction[SPEEDS.index(80.0)] / rigid
         checks += [
             Check(f"friction over that of a rigid one, c = {c:g}", 1 + COMPLIANT_FRICTION * c, more, 0.01),
-            Check(f"exponent of friction over speed, c = {c:g}", COMPLIANT_SPEED_EXPONENT * c, rise, 0.01),
+            Check(f"exponent of friction over speed, c = {c:g}", rises, exponent(SPEEDS, friction), 0.01),
             # 40 (4) takes scatter by 0.03 (0.1)
-            Check(f"exponent of background power, c = {c:g}", _background_exponent(c), fall, 0.3 if quick else 0.15),
+            Check(
+                f"exponent of background power, c = {c:g}", falls, exponent(SPEEDS, background), 0.3 if quick else 0.15
+            ),
         ]
-
-    def draw(panels):
-        for number, c in enumerate(friction):
-            label, colour = f"compliance {c:g}", f"C{number}"
-            draw_power_law(panels[0], SPEEDS, friction[c], COMPLIANT_SPEED_EXPONENT * c, label, colour)
-            draw_power_law(panels[1], SPEEDS, background[c], _background_exponent(c), label, colour)
-        finish(panels[0], "friction coefficient", "speed, mm/s", "", ticks=SPEEDS)
-        finish(panels[1], "background, 25-100 Hz", "speed, mm/s", "N²", ticks=SPEEDS)
-
     source = "friction higher and rising, background falling with speed (Brewer, Meyer 2014); sizes: recipe"
-    return Law("Compliant gratings over speed", source, tuple(checks), 2, draw)
-
-
-def _background_exponent(compliance):
-    """Of the power of a 1/f background over speed: squared amplitude, times that of the compliance."""
-    return 2 * (AMPLITUDE_SPEED_EXPONENT + COMPLIANT_BACKGROUND_EXPONENT * compliance)
+    return Law("Compliant gratings over speed", source, tuple(checks))
 
 
 def _band_power(surface, speed, band, takes):
@@ -98,59 +90,97 @@ def _band_power(surface, speed, band, takes):
     return float(np.mean(10 ** (band_levels_db(forces, DEVICE_RATE, band) / 10)))
 
 
+#: A sticky surface, without texture where contact_force is used.
+STICKY = replace(PLAIN, amplitude=1e-3, friction=1.5, stick=0.7)
+
+
+def oscillation(speed, seconds, seed, readiness):
+    """Stick-slip of `STICKY` at 0.5 N over the size of a drop, before the finger's low-pass: (n,)."""
+    sliding = np.full(round(seconds * VELOCITY_RATE), STICKY.friction * 0.5)
+    settings = STICKY, sliding, np.full_like(sliding, speed), round(seconds * DEVICE_RATE), readiness
+    return oscillate(np.random.default_rng(seed), *settings) / stick_slip_drop(STICKY, sliding[0])
+
+
 def stick_slip(quick=False):
-    """Periods between drops, and size of the fluctuation, on a sticky surface without texture."""
-    surface = replace(PLAIN, amplitude=1e-3, friction=1.5, stick=0.7)
-    sliding, seconds = surface.friction * 0.5, 10.0 if quick else 40.0
-    forces = [slide(surface, speed, seconds, seed=number)[:, 0] for number, speed in enumerate(SPEEDS)]
-    periods = [_periods(force) for force in forces]
-    rates = np.array([1 / np.median(p) for p in periods])
-    intended = np.array([stick_slip_rate(surface, sliding, speed) for speed in SPEEDS])
-    ratio = rates / intended
-    fluctuation = float(np.sqrt(np.mean([np.var(force) for force in forces]))) / sliding
+    """Rate, jitter, polarity and bursts of drops while the gate is open."""
+    seconds, found = 20.0 if quick else 80.0, []
+    for number, speed in enumerate(SPEEDS):
+        wave = oscillation(speed, seconds, number, readiness=10.0)
+        tops = signal.argrelmax(wave)[0]
+        found.append((wave, np.diff(tops) / DEVICE_RATE, np.log(2 * wave[tops])))
+    rates = np.array([1 / np.mean(periods) for _, periods, _ in found])
+    sliding = STICKY.friction * 0.5
+    # a period lasts exp(N(0, jitter)) of its nominal length, in the mean exp(jitter^2 / 2)
+    intended = np.array([stick_slip_rate(STICKY, sliding, speed) for speed in SPEEDS]) / np.exp(PERIOD_JITTER**2 / 2)
+    spread = np.hypot(PERIOD_JITTER, BURST_SPREAD)
+    bursty = BURST_SPREAD**2 * np.exp(-1 / BURST_PERIODS) / spread**2
+    following = float(np.mean([np.corrcoef(logs[1:], logs[:-1])[0, 1] for *_, logs in found]))
+    rising = float(np.mean([np.mean(np.diff(wave) > 0) for wave, *_ in found]))
+    # from top to top: 15 % of one period and 85 % of the next
+    jitter = PERIOD_JITTER * np.hypot(FALL_SHARE, 1 - FALL_SHARE)
     checks = (
-        Check("rate over k v / (stick mu Fn), mean over speeds", 1.0, float(ratio.mean()), 0.05),
-        Check("the same, fastest over slowest", 1.0, float(ratio[-1] / ratio[0]), 0.1),
-        Check("spread of log periods", PERIOD_JITTER, float(np.mean([np.log(p).std() for p in periods])), 0.06),
-        # slowly on and off (0.5 s): 60 (15) s of independent halves of a second a speed
-        Check("rms over mean friction", _fluctuation(surface), fluctuation, 0.2 * _fluctuation(surface)),
+        Check("rate over k v / (stick mu Fn), mean over speeds", 1.0, float(np.mean(rates / intended)), 0.05),
+        Check("the same, fastest over slowest", 1.0, float(rates[-1] / rates[0] * intended[0] / intended[-1]), 0.1),
+        Check("spread of log times between tops", jitter, float(np.mean([np.log(p).std() for _, p, _ in found])), 0.03),
+        Check("share of the time in which the force rises", 1 - FALL_SHARE, rising, 0.02),
+        Check("spread of log drops", spread, float(np.mean([logs.std() for *_, logs in found])), 0.05),
+        Check("correlation of neighbouring log drops", bursty, following, 0.08),
     )
-
-    def draw(panels):
-        time = np.arange(2000) / DEVICE_RATE
-        start = int(np.argmax(np.convolve(np.abs(np.diff(forces[3])), np.ones(2000), "valid")))
-        panels[0].plot(time, forces[3][start : start + 2000], linewidth=0.7)
-        finish(panels[0], "lateral force at 80 mm/s", "s", "N", legend=False)
-        panels[1].plot(SPEEDS, rates, "o", markersize=4, label="median; line: k v / (stick mu Fn)")
-        panels[1].plot(SPEEDS, intended, linewidth=1)
-        finish(panels[1], "rate of drops", "speed, mm/s", "Hz")
-        relative = np.log(np.concatenate([p / np.median(p) for p in periods]))
-        panels[2].hist(relative, np.linspace(-1, 1, 41), density=True, alpha=0.5, label="measured")
-        x = np.linspace(-1, 1, 200)
-        normal = np.exp(-0.5 * (x / PERIOD_JITTER) ** 2) / PERIOD_JITTER / np.sqrt(2 * np.pi)
-        panels[2].plot(x, normal, label="intended")
-        finish(panels[2], "log period over its median", "", "density")
-
-    source = "charge rate k v, drop of 5 % stick mu Fn, jitter: recipe; k rises by 4.04 N/m per mm/s (arXiv 2505.11162)"
-    return Law("Stick-slip: rate over speed, and its fluctuation", source, checks, 3, draw)
+    source = "rapid relaxation oscillations (Wiertlewski 2011); 5 % of stick mu Fn, jitter, bursts: recipe"
+    return Law("Stick-slip: rate over speed, polarity, bursts", source, checks)
 
 
-def _periods(force):
-    """Seconds between the ends of drops while stick-slip is on."""
-    smooth = signal.sosfiltfilt(signal.butter(2, 1000, fs=DEVICE_RATE, output="sos"), force)
-    ends, facts = signal.find_peaks(-smooth, prominence=0.005)
-    periods = np.diff(ends) / DEVICE_RATE
-    # a pause is no period: only between strong drops
-    strong = facts["prominences"] > 0.01
-    periods = periods[strong[1:] & strong[:-1]]
-    return periods[periods < 2 * np.median(periods)]
+def stick_slip_comes_and_goes(quick=False):
+    """rms of stick-slip over moisture, load and speed, relative to a drop."""
+    takes, checks = 4 if quick else 16, []
+    # seen from one instant, log-normal periods count by their length: E[L^3] / E[L]
+    full = np.exp(4 * PERIOD_JITTER**2) / 12
+    normal = ndtri((np.arange(1000) + 0.5) / 1000)
+    cases = (
+        ("moisture", (0.5, 1.0, 2.0), 1.0, STICKS_WHEN_MOIST),
+        ("normal_force", (0.3, 0.5, 0.8), 0.5, STICKS_WHEN_PRESSED),
+        ("speed", (40.0, 80.0, 160.0), 80.0, STICKS_WHEN_FAST),
+    )
+    for number, (name, values, usual, shift) in enumerate(cases):
+        intended = [np.sqrt(full * np.mean(stick_slip_gate(normal + shift * np.log(v / usual)) ** 2)) for v in values]
+        measured = []
+        for value in values:
+            finger = {"normal_force": 0.5, "speed": 80.0, "moisture": 1.0} | {name: value}
+            ready = stick_slip_readiness(**finger)
+            waves = [oscillation(finger["speed"], 40.0, [number, take], ready) for take in range(takes)]
+            measured.append(float(np.sqrt(np.mean(np.square(waves)))))
+        # a gate of 0.3 s leaves some 60 independent parts of 40 s: 10 % (4 takes), 5 % (16 takes), twice that
+        share = 0.2 if quick else 0.1
+        checks += [
+            Check(f"rms over a drop at {name} {value:g}", float(i), m, share * float(i))
+            for value, i, m in zip(values, intended, measured, strict=True)
+        ]
+    source = "adhesion grows with moisture and load, fast sliding is steady; sizes: recipe"
+    return Law("Stick-slip comes and goes", source, tuple(checks))
 
 
-def _fluctuation(surface):
-    """rms of stick-slip over the mean friction: a triangle of log-normal periods, at `STICK_SLIP_DUTY` of its power.
-
-    The mean square of (L w - 1/2) over time with w uniform in 0-1 is (E[L^3] / 3 - E[L^2] / 2 + E[L] / 4) / E[L].
-    """
-    moment = [np.exp(0.5 * (order * PERIOD_JITTER) ** 2) for order in (1, 2, 3)]
-    square = (moment[2] / 3 - moment[1] / 2 + moment[0] / 4) / moment[0]
-    return float(SLIPPING_SHARE * surface.stick * np.sqrt(STICK_SLIP_DUTY * square))
+def onset(quick=False):
+    """Lateral force of a finger that starts from rest, over its travel."""
+    surface, speed = replace(PLAIN, amplitude=1e-3, friction=0.2), 20.0
+    there = steady_exploration(speed, 0.5, 0.6)
+    there.speed[0] = there.track_speed[0] = 0.0
+    runs = [
+        contact_force(np.random.default_rng(k), surface, profile_tables(surface, np.random.default_rng(k)), there)
+        for k in range(5 if quick else 20)
+    ]
+    sliding = surface.friction * 0.5
+    force = np.mean(runs, axis=0)[:, 0] / sliding
+    travel = np.arange(len(force)) * speed / DEVICE_RATE
+    # loading over mu Fn / k, and the excess of static friction, which goes within FIRST_SLIP_TRAVEL
+    stiffness = contact_stiffness(surface, speed)
+    intended = (1 - np.exp(-travel * stiffness / sliding)) * (1 + FIRST_SLIP * np.exp(-travel / FIRST_SLIP_TRAVEL))
+    tail = travel > 8
+    checks = (
+        Check("force at rest over sliding friction", 0.0, float(force[0]), 0.05),
+        # the formula holds for constant friction: good to some per cent
+        Check("highest force over sliding friction", float(intended.max()), float(force.max()), 0.03),
+        Check("travel at half of it", *(float(travel[np.argmax(f > 0.5)]) for f in (intended, force)), 0.15, "mm"),
+        Check("after 8 mm", 1.0, float(force[tail].mean()), 0.02),
+    )
+    source = "the onset tells surfaces apart (Gueorguiev et al. 2016); 1.2 and 1 mm: recipe"
+    return Law("Onset: loading, then a first slip", source, checks)

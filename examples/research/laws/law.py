@@ -1,6 +1,5 @@
-"""What every check of a law shares: the numbers compared, how they are drawn, and a finger that slides steadily."""
+"""What every check of a law shares: the numbers compared, and a finger that slides steadily."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,14 +9,18 @@ from tactile_diffusers.virtual.friction import contact_force
 from tactile_diffusers.virtual.profile import profile_tables
 from tactile_diffusers.virtual.recipe import SurfaceParameters
 
-#: A rigid surface without grating and stick-slip, from which checks make their own; so strong that noise which does not
-#: come from the surface does not matter.
+SPEEDS = (30.0, 45.0, 66.0, 80.0, 99.0, 120.0)
+FORCES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.9)
+#: A rigid surface without grating, impulses and stick-slip, from which checks make their own; so strong that noise
+#: which does not come from the surface does not matter.
 PLAIN = SurfaceParameters(
     material="plastic",
     friction=0.5,
+    friction_load_exponent=0.0,
+    friction_speed_exponent=0.0,
+    amplitude=60.0,
     load_exponent=0.0,
     speed_exponent=0.0,
-    amplitude=60.0,
     slope=1.0,
     asperity=0.05,
     grating_level=0.0,
@@ -52,15 +55,11 @@ class Law:
         title (`str`): the law.
         source (`str`): where it is from.
         checks (`tuple[Check, ...]`): intended against measured.
-        panels (`int`): how many `draw` needs.
-        draw (`callable`): draws the picture on a list of matplotlib axes.
     """
 
     title: str
     source: str
     checks: tuple[Check, ...]
-    panels: int
-    draw: Callable
 
     @property
     def ok(self):
@@ -84,28 +83,3 @@ def slide(surface, speed, seconds, normal_force=0.5, seed=0, **finger):
 def exponent(x, y):
     """Slope of log y over log x, by least squares."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
-
-
-def draw_power_law(panel, x, y, intended, label, colour):
-    """Measured dots and the intended power law through their geometric mean."""
-    x, y = np.asarray(x), np.asarray(y)
-    panel.loglog(x, y, "o", color=colour, markersize=4, label=label)
-    panel.loglog(x, np.exp(np.mean(np.log(y)) + intended * (np.log(x) - np.mean(np.log(x)))), color=colour, linewidth=1)
-
-
-def finish(panel, title, xlabel, ylabel, legend=True, ticks=None):
-    """Title, labels, grid and legend of a panel; `ticks`: plain numbers along a logarithmic x."""
-    panel.set_title(title, fontsize=9)
-    panel.set_xlabel(xlabel, fontsize=8)
-    panel.set_ylabel(ylabel, fontsize=8)
-    if ticks is not None:
-        panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        panel.set_xticks([], minor=True)
-    if panel.get_yscale() == "log":
-        low, high = panel.get_ylim()
-        panel.yaxis.set_major_formatter("{x:g}")
-        panel.yaxis.set_minor_formatter("{x:g}" if high < 10 * low else "")
-    panel.tick_params(labelsize=7, which="both")
-    panel.grid(alpha=0.3)
-    if legend:
-        panel.legend(fontsize=7)
