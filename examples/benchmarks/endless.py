@@ -19,7 +19,7 @@ from tactile_diffusers.pipelines import find_decoders
 from tactile_diffusers.playback import EndlessProfile, EndlessStream, GeneratingProcess, on_time
 from tactile_diffusers.playback.endless import HANDOVER
 from tactile_diffusers.playback.stream import FADE_SECONDS
-from tactile_diffusers.playback.windows import OVERLAP
+from tactile_diffusers.playback.window_generator import OVERLAP
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db
 
 #: Surfaces that follow each other, and how often ratings change, s.

@@ -43,7 +43,7 @@ def test_rows_do_not_depend_on_the_rest_of_the_batch():
     # a list of generators must equal single calls, so how well windows agree is measured row by row
     windows = Windows(80, 32)
     count = len(windows.starts)
-    agreeing = windows.split(_normal(1, 2, 80))
+    agreeing = windows.cut(_normal(1, 2, 80))
     disagreeing = _normal(count, 2, 32, seed=1)
     both = torch.stack([agreeing, disagreeing], dim=1).flatten(0, 1)  # window by window, as `split` orders them
     fused = windows.fuse(both)

@@ -61,7 +61,7 @@ class TestProfile:
 
     def test_memory_is_bounded_and_what_was_dropped_comes_back(self, make_profile, monkeypatch):
         monkeypatch.setattr("tactile_diffusers.playback.endless.LARGEST_CACHE", 3)
-        monkeypatch.setattr("tactile_diffusers.playback.windows.LARGEST_TAKES", 5)
+        monkeypatch.setattr("tactile_diffusers.playback.window_generator.LARGEST_TAKES", 5)
         profile = make_profile()
         profile.generate(0)
         first = _read(profile, 0.3, 0.9)

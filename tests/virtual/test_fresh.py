@@ -14,9 +14,9 @@ from tactile_diffusers.virtual import (
     fresh_ratings,
     fresh_textures,
 )
-from tactile_diffusers.virtual.profile import profile_tables
 from tactile_diffusers.virtual.raters import draw_raters
 from tactile_diffusers.virtual.recipe import draw_surface
+from tactile_diffusers.virtual.relief import profile_tables
 from tactile_diffusers.virtual.streams import Stream, stream
 
 SEED = 3

@@ -24,8 +24,8 @@ from tactile_diffusers.virtual.exploration import EXPLORERS, VELOCITY_RATE
 from tactile_diffusers.virtual.friction import contact_force, low_pass, stick_slip
 from tactile_diffusers.virtual.laws import contact_stiffness, finger_cutoff, friction_coefficient, stick_slip_rate
 from tactile_diffusers.virtual.percepts import expected_powers
-from tactile_diffusers.virtual.profile import profile_tables
 from tactile_diffusers.virtual.raters import check_rating_correlation, draw_raters
+from tactile_diffusers.virtual.relief import profile_tables
 from tactile_diffusers.virtual.streams import Stream, stream
 
 SURFACE = SurfaceParameters(

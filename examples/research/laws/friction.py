@@ -31,8 +31,8 @@ from tactile_diffusers.virtual.laws import (
     stick_slip_rate,
     stick_slip_readiness,
 )
-from tactile_diffusers.virtual.profile import PERIOD_MM, profile_tables
 from tactile_diffusers.virtual.recipe import CLASSES, friction_load_exponent
+from tactile_diffusers.virtual.relief import PERIOD_MM, profile_tables
 
 from .law import FORCES, PLAIN, SPEEDS, Check, Law, exponent, slide
 

@@ -10,8 +10,8 @@ from tactile_diffusers.virtual.collection import Collection
 from tactile_diffusers.virtual.exploration import EXPLORERS, VELOCITY_RATE, explorer, free_exploration
 from tactile_diffusers.virtual.fresh import FIRST_FRESH, fresh_textures
 from tactile_diffusers.virtual.percepts import percept_correlation, percepts
-from tactile_diffusers.virtual.profile import PERIOD_MM
 from tactile_diffusers.virtual.raters import IDIOSYNCRASY
+from tactile_diffusers.virtual.relief import PERIOD_MM
 
 from .law import exponent, slide
 from .measured import QUOTED, correlation, measure_hands, percentiles, rating_statistics, z_scores

@@ -6,8 +6,8 @@ import numpy as np
 
 from tactile_diffusers.virtual.exploration import steady_exploration
 from tactile_diffusers.virtual.friction import contact_force
-from tactile_diffusers.virtual.profile import profile_tables
 from tactile_diffusers.virtual.recipe import SurfaceParameters
+from tactile_diffusers.virtual.relief import profile_tables
 
 SPEEDS = (30.0, 45.0, 66.0, 80.0, 99.0, 120.0)
 FORCES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.9)

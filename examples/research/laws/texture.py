@@ -10,7 +10,7 @@ from tactile_diffusers.signal.waveform_shape import waveform_shape
 from tactile_diffusers.virtual.exploration import POPULATION_SPREAD, steady_exploration
 from tactile_diffusers.virtual.friction import TEMPORAL_NOISE_N, contact_force, temporal_noise
 from tactile_diffusers.virtual.laws import COMMON_GAIN, CUTOFF_PER_SPEED, finger_cutoff
-from tactile_diffusers.virtual.profile import (
+from tactile_diffusers.virtual.relief import (
     CATCH_SPREAD,
     HARMONICS,
     PERIOD_MM,

@@ -196,11 +196,11 @@ def _check_source(parser, args):
 
 def _preparation(args):
     """Keyword arguments of `prepare_recordings`, checked as far as they can be without the data."""
-    given = {name: tuple(getattr(args, name)) for name in ("normal_force", "speed") if getattr(args, name)}
+    asked = {name: tuple(getattr(args, name)) for name in ("normal_force", "speed") if getattr(args, name)}
     if args.no_limits:
-        given = {"normal_force": None, "speed": None}
+        asked = {"normal_force": None, "speed": None}
     limits = SegmentLimits(
-        longest_excursion=args.longest_excursion, seconds=args.segment_seconds, overlap=args.overlap, **given
+        longest_excursion=args.longest_excursion, seconds=args.segment_seconds, overlap=args.overlap, **asked
     )
     band = tuple(args.band) if args.band else BAND_HZ
     if not 0 < band[0] < band[1] < DEVICE_RATE / 2:

@@ -61,12 +61,12 @@ def parse_arguments(argv=None):
 
 
 def _check_output(arguments):
-    """Refuses an output that is no folder, or whose replacement would remove what was given or anything foreign."""
+    """Refuses an output that is no folder, or whose replacement would remove what it reads or anything foreign."""
     output = arguments.output.resolve()
     if output.exists() and not output.is_dir():
         raise ValueError(f"{arguments.output} is not a folder")
-    given = (getattr(arguments, name) for name in ("checkpoint", "distilled", "data", "report", "data_card"))
-    for path in filter(None, [*given, *arguments.runs, Path.cwd()]):
+    read = (getattr(arguments, name) for name in ("checkpoint", "distilled", "data", "report", "data_card"))
+    for path in filter(None, [*read, *arguments.runs, Path.cwd()]):
         if output in (path.resolve(), *path.resolve().parents):
             raise ValueError(
                 f"{arguments.output} would be replaced as a whole, and {path} lies in it; give another folder"

@@ -1,4 +1,4 @@
-"""Band levels over time: measured on a waveform, and given back to one that a decoder got slightly wrong.
+"""Band levels over time: measured on a waveform, and imposed on one that a decoder got slightly wrong.
 
 A few solver steps and a lossy latent leave every band of a decoded texture a decibel or two off. What the finger feels
 most is the energy in each band, so it is kept as numbers beside the waveform's shape and restored after decoding, as
@@ -77,8 +77,7 @@ class _Grid:
 
     def invert(self, transform, samples):
         """Undoes `transform`."""
-        made = torch.istft(transform, self.window, self.hop, window=self.hann, length=samples)
-        return made.numpy()
+        return torch.istft(transform, self.window, self.hop, window=self.hann, length=samples).numpy()
 
     def log_powers(self, transform, smooth=True):
         """(batch, bins, frames + 1) -> (batch, bands, frames), natural log of power over white noise's."""
@@ -137,10 +136,10 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, modul
 
     Args:
         waveform (`np.ndarray`): (batch, samples), a multiple of `hop` samples.
-        levels (`np.ndarray`): (batch, count + 1, samples / hop), as `measure_band_levels` makes them.
+        levels (`np.ndarray`): (batch, count + 1, samples / hop), as `measure_band_levels` returns them.
         sampling_rate, band, window, hop: as for `measure_band_levels`.
         modulation_gain (`np.ndarray`, *optional*): (batch, count + 1), factors by which each band's fast modulation
-            (`measure_fast_modulation`) is made deeper afterwards, in log power.
+            (`measure_fast_modulation`) is deepened afterwards, in log power.
 
     Returns:
         `np.ndarray`: (batch, samples) float32.
@@ -149,7 +148,7 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, modul
     grid = _Grid(sampling_rate, band, levels.shape[1] - 1, window, hop, torch.float32)
     levels = torch.as_tensor(np.asarray(levels), dtype=torch.float32)
     limit, gains = LARGEST_GAIN_DB * np.log(10) / 20, 0.0
-    given = restored = grid.transform(waveform)
+    transform = restored = grid.transform(waveform)
     for number in range(PASSES + (modulation_gain is not None)):
         if number < PASSES:
             step = levels - grid.log_powers(restored)
@@ -157,7 +156,7 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, modul
             factors = torch.as_tensor(np.asarray(modulation_gain), dtype=torch.float32)[..., None]
             step = (factors - 1) * grid.fast_modulation(restored)
         gains = torch.clamp(gains + 0.5 * step, -limit, limit)
-        made = grid.invert(grid.amplify(given, gains), waveform.shape[-1])
+        shaped = grid.invert(grid.amplify(transform, gains), waveform.shape[-1])
         if number + 1 < PASSES + (modulation_gain is not None):
-            restored = grid.transform(made)
-    return made
+            restored = grid.transform(shaped)
+    return shaped

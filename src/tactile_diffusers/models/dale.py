@@ -15,8 +15,8 @@ from diffusers.utils import BaseOutput
 from ..signal import RATING_AXES
 from .compiling import CompileMixin
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
-from .loading import SafeLoadingMixin
 from .rating_statistics import RatingStatistics
+from .safe_loading import SafeLoadingMixin
 from .unet_1d import UNet1D, from_patches, to_patches
 
 #: scalars that are generated with the latents: level and log friction coefficient

@@ -15,7 +15,7 @@ from ..features.low_band import synthesize
 from ..schedulers.angles import to_angle
 from .compiling import CompileMixin
 from .embeddings import TimestepEmbedder, expand_timestep
-from .loading import SafeLoadingMixin
+from .safe_loading import SafeLoadingMixin
 from .unet_1d import ChannelRMSNorm, UNet1D
 
 

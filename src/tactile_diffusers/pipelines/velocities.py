@@ -21,7 +21,7 @@ def rating_velocity(dale, scheduler, ratings, frames, guidance):
 
     def fused(state, step):
         field, scalars = dale.split_scalars(state.to(dtype))  # every window gets the level and friction of the whole
-        pieces = dale.append_scalars(windows.split(field), windows.repeat(scalars))
+        pieces = dale.append_scalars(windows.cut(field), windows.repeat(scalars))
         t = timesteps[step]
         velocity = in_chunks(lambda piece, rating: guided(piece, t, rating), pieces, window_ratings)
         field, scalars = dale.split_scalars(velocity)
@@ -54,10 +54,10 @@ def texture_velocity(lctg, latents, timesteps):
     if len(windows.starts) == 1:
         conditions = [latents] * len(timesteps) if has_hooks(lctg) else lctg.condition(latents, timesteps)
         return lambda waveform, step: lctg(waveform.to(dtype), timesteps[step], conditions[step], return_dict=False)[0]
-    fine, contexts = windows.scaled(lctg.config.latent_hop), windows.split(latents)
+    fine, contexts = windows.scaled(lctg.config.latent_hop), windows.cut(latents)
 
     def fused(waveform, step):
-        pieces, t = fine.split(waveform.to(dtype)), timesteps[step]
+        pieces, t = fine.cut(waveform.to(dtype)), timesteps[step]
         return fine.fuse(in_chunks(lambda x, z: lctg(x, t, z, return_dict=False)[0], pieces, contexts))
 
     return fused

@@ -33,12 +33,12 @@ class Windows:
         finer.starts = [start * factor for start in self.starts]
         return finer
 
-    def split(self, field):
+    def cut(self, field):
         """(batch, channels, total) -> (windows * batch, channels, size), window by window."""
         return torch.cat([field[..., start : start + self.size] for start in self.starts])
 
     def repeat(self, rows):
-        """(batch, ...) -> (windows * batch, ...), in the order of `split`."""
+        """(batch, ...) -> (windows * batch, ...), in the order of `cut`."""
         return rows.repeat(len(self.starts), *([1] * (rows.ndim - 1)))
 
     def weights(self, device):
@@ -61,7 +61,7 @@ class Windows:
         return field
 
     def fuse(self, pieces):
-        """Velocities of all windows, in the order of `split`, as one field (batch, channels, total).
+        """Velocities of all windows, in the order of `cut`, as one field (batch, channels, total).
 
         Where windows disagree their average would be too weak, and so would the texture. The average is divided by
         what the weights and the measured agreement rho of overlapping windows leave of its RMS,

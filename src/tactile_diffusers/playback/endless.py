@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from .stream import TextureStream
-from .windows import OVERLAP, WindowGenerator
+from .window_generator import OVERLAP, WindowGenerator
 
 #: Part of the overlap over which one window gives way to the next: away from both ends, which fade out, and where a
 #: decoder sees too little of what surrounds it.

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import torch
 
 from ..signal.checks import check_whole_number
-from .windows import WindowGenerator, interrupt
+from .window_generator import WindowGenerator, interrupt
 
 #: How often threads take turns, s: Python's own 5 ms are longer than a block of 32 samples lasts.
 SWITCH_SECONDS = 5e-4

@@ -8,8 +8,8 @@ def coverage_distance(ratings, centre, covariance):
     ratings, centre, covariance = (np.asarray(values, dtype=np.float64) for values in (ratings, centre, covariance))
     distances = np.full(len(ratings), np.nan)
     for row, rating in enumerate(ratings):
-        given = np.flatnonzero(np.isfinite(rating))
-        if len(given):
-            away = rating[given] - centre[given]
-            distances[row] = np.sqrt(away @ np.linalg.solve(covariance[np.ix_(given, given)], away))
+        specified = np.flatnonzero(np.isfinite(rating))
+        if len(specified):
+            away = rating[specified] - centre[specified]
+            distances[row] = np.sqrt(away @ np.linalg.solve(covariance[np.ix_(specified, specified)], away))
     return distances

@@ -116,11 +116,11 @@ def rating_scores(described):
     rated = described[described["task"] == RATING]
     scores = {}
     for (participant, condition, axis), rows in rated.groupby(["participant", "condition", "axis"], sort=False):
-        asked, felt = rows["asked"].to_numpy(), rows["value"].to_numpy()
+        asked, answered = rows["asked"].to_numpy(), rows["value"].to_numpy()
         slope = correlation = np.nan
         if len(rows) >= _LEAST_SURFACES and np.ptp(asked) > 0:
-            slope = np.cov(asked, felt)[0, 1] / np.var(asked, ddof=1)
-            correlation = np.corrcoef(asked, felt)[0, 1] if np.ptp(felt) > 0 else np.nan
+            slope = np.cov(asked, answered)[0, 1] / np.var(asked, ddof=1)
+            correlation = np.corrcoef(asked, answered)[0, 1] if np.ptp(answered) > 0 else np.nan
         scores.setdefault(participant, {}).update(
             {("slope", condition, axis): slope, ("correlation", condition, axis): correlation}
         )
@@ -152,23 +152,23 @@ def _compared(scores, name, seed):
     """Leaves of each condition, and of its difference to another take of the surface, participant by participant."""
     if scores.empty:
         return None
-    made = {}
+    entries = {}
     for condition in scores:
-        made[condition] = {name: bootstrap(scores[condition], seed), "difference": number()}
+        entries[condition] = {name: bootstrap(scores[condition], seed), "difference": number()}
         if OTHER_TAKE in scores and condition != OTHER_TAKE:
-            made[condition]["difference"] = bootstrap(scores[condition] - scores[OTHER_TAKE], seed)
-    return made
+            entries[condition]["difference"] = bootstrap(scores[condition] - scores[OTHER_TAKE], seed)
+    return entries
 
 
 def _abx(answers, seed):
-    made = _compared(abx_scores(answers), "proportion_correct", seed)
-    if made is None:
+    entries = _compared(abx_scores(answers), "proportion_correct", seed)
+    if entries is None:
         return None
     trials = answers[answers["task"] == ABX].groupby("condition").size()
-    for condition, entry in made.items():
+    for condition, entry in entries.items():
         entry["trials"] = int(trials[condition])
         entry["dprime"] = dprime_leaf(entry["proportion_correct"], entry["trials"])
-    return made
+    return entries
 
 
 def dprime_leaf(proportion, trials):
@@ -189,24 +189,24 @@ def _abx_participants(answers):
     done = answers[answers["task"] == ABX]
     if done.empty:
         return None
-    made = {}
+    entries = {}
     for (participant, condition), correct in done.groupby(["participant", "condition"], sort=False)["correct"]:
-        made.setdefault(participant, {})[condition] = {
+        entries.setdefault(participant, {})[condition] = {
             "trials": len(correct),
             "proportion_correct": float(correct.mean()),
             "dprime": abx_dprime(correct.mean(), len(correct)),
         }
-    return made
+    return entries
 
 
 def _ratings(answers, seed):
     scores = rating_scores(answers)
     if scores.empty:
         return None
-    felt = _felt(answers)
-    made = {}
+    answered = _answers_of_ratings(answers)
+    entries = {}
     for condition in scores.columns.get_level_values(1).unique():
-        made[condition] = {}
+        entries[condition] = {}
         for axis in RATING_AXES:
             if ("slope", condition, axis) not in scores:
                 continue
@@ -216,12 +216,12 @@ def _ratings(answers, seed):
                 excess = scores["slope", condition, axis] - scores["slope", REFERENCE, axis]
                 entry["difference"] = bootstrap(excess, seed)
             # of participants about one texture, averaged over textures
-            spread = felt.loc[(condition, axis)].std(axis=1).mean()
-            made[condition][axis] = entry | {"spread": None if np.isnan(spread) else float(spread)}
-    return made
+            spread = answered.loc[(condition, axis)].std(axis=1).mean()
+            entries[condition][axis] = entry | {"spread": None if np.isnan(spread) else float(spread)}
+    return entries
 
 
-def _felt(answers):
+def _answers_of_ratings(answers):
     """Answers by (condition, axis, texture) and participant."""
     rated = answers[answers["task"] == RATING]
     return rated.pivot_table(index=["condition", "axis", "stimulus_a"], columns="participant", values="value")

@@ -92,7 +92,7 @@ def simulate(key, trials, population, rng):
     answers = {
         ABX: _abx(key, trials, dprime, noise),
         SIMILARITY: _whole(likeness + population.similarity_noise * noise[:, 0], SIMILARITY),
-        RATING: _whole(_felt(described, population, person, noise[:, 0], rng), RATING),
+        RATING: _whole(_perceived(described, population, person, noise[:, 0], rng), RATING),
     }
     tasks = [(trials["task"] == task).to_numpy() for task in answers]
     return trials.assign(response=np.select(tasks, list(answers.values()), default=""))
@@ -107,15 +107,15 @@ def _abx(key, trials, dprime, noise):
     return np.where((x - (a + b) / 2) * (a - b) > 0, "A", "B")
 
 
-def _felt(described, population, person, noise, rng):
+def _perceived(described, population, person, noise, rng):
     """Ratings before rounding, for every row; NaN where nothing is rated."""
     shape = (person.max() + 1, len(RATING_AXES))
     gains = population.rating_gain * np.exp(population.rating_gain_spread * rng.standard_normal(shape))
     offsets = population.rating_offset * rng.standard_normal(shape)
     axis = pandas.Index(RATING_AXES).get_indexer(described["axis"])  # -1 where nothing is rated
     rating_share = described["condition"].map(population.rating_share_of).to_numpy()
-    felt = rating_share * described["asked"].to_numpy() + population.rating_noise * DISAGREEMENT[axis] * noise
-    return np.mean(SCALES[RATING]) + offsets[person, axis] + gains[person, axis] * felt
+    perceived = rating_share * described["asked"].to_numpy() + population.rating_noise * DISAGREEMENT[axis] * noise
+    return np.mean(SCALES[RATING]) + offsets[person, axis] + gains[person, axis] * perceived
 
 
 def _whole(values, task):
@@ -165,21 +165,21 @@ def power(key, participants, seed, population, tasks=TASKS, repeats=100, quiet=T
         for place, excess in _excesses(describe(key, answers)).items():
             interval = bootstrap(excess, repeat)["interval"]
             found.setdefault(place, []).append(interval is not None and not interval[0] <= 0 <= interval[1])
-    made = {}
+    power = {}
     for (measure, *condition), hits in found.items():
-        made.setdefault(measure, {})[": ".join(condition)] = float(np.mean(hits))
-    return made
+        power.setdefault(measure, {})[": ".join(condition)] = float(np.mean(hits))
+    return power
 
 
 def _excesses(described):
     """What is zero if there is nothing to find, one number per participant: (measure, condition[, axis]) -> values."""
     abx, similarity, ratings = abx_scores(described), similarity_scores(described), rating_scores(described)
-    made = {("abx_above_chance", name): abx[name] - 0.5 for name in abx}
+    excesses = {("abx_above_chance", name): abx[name] - 0.5 for name in abx}
     for measure, scores in (("abx", abx), ("similarity", similarity)):
         for name in scores:
             if name != OTHER_TAKE and OTHER_TAKE in scores:
-                made[f"{measure}_unlike_other_take", name] = scores[name] - scores[OTHER_TAKE]
+                excesses[f"{measure}_unlike_other_take", name] = scores[name] - scores[OTHER_TAKE]
     for measure, condition, axis in ratings:
         if measure == "slope":
-            made["slope_unlike_zero", condition, axis] = ratings[measure, condition, axis]
-    return made
+            excesses["slope_unlike_zero", condition, axis] = ratings[measure, condition, axis]
+    return excesses

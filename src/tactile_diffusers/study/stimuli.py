@@ -150,11 +150,11 @@ def _all_textures(pipe, held_out, train, rows, others, settings, quiet):
     ratings = held_out.ratings.mean[held_out.surface_ids[rows]]
     real, count = held_out.textures(rows), len(rows)
     seeds = noise_seeds([settings.seed, 1], count)
-    made = generate(pipe, ratings, seeds, rate, samples, steps, quiet=quiet)
+    generated = generate(pipe, ratings, seeds, rate, samples, steps, quiet=quiet)
     sets = {
         REFERENCE: real,
         OTHER_TAKE: held_out.textures(others),
-        GENERATED: made.textures,
+        GENERATED: generated.textures,
         RECONSTRUCTED: reconstruct(pipe, real, rate, steps, [settings.seed, 2], quiet=quiet),
     }
     request = BaselineRequest(ratings, real, sets[OTHER_TAKE])
@@ -166,7 +166,7 @@ def _all_textures(pipe, held_out, train, rows, others, settings, quiet):
     if settings.level == "matched":
         facts[OTHER_TAKE] |= {"friction_coefficient": own["friction_coefficient"]}
     else:
-        facts[GENERATED] |= {"friction_coefficient": _known(made.friction_coefficients)}
+        facts[GENERATED] |= {"friction_coefficient": _known(generated.friction_coefficients)}
     return sets, facts
 
 
@@ -203,8 +203,8 @@ def _baseline_textures(train, request, settings):
 def _blinded(held_out, rows, sets, facts, settings):
     """`Stimuli` from textures: levels, the common scale, and two ids for each texture."""
     key, textures = [], []
-    for condition, made in sets.items():
-        levelled, gains_db = _levelled(condition, made, sets[REFERENCE], settings.level)
+    for condition, textures in sets.items():
+        levelled, gains_db = _levelled(condition, textures, sets[REFERENCE], settings.level)
         textures.append(levelled)
         surfaces = [held_out.surfaces[surface] for surface in held_out.surface_ids[rows]]
         entry = {"surface": surfaces, "condition": condition, "gain_db": gains_db, **facts[condition]}
@@ -228,12 +228,12 @@ def _blinded(held_out, rows, sets, facts, settings):
     return Stimuli(key, np.tile(textures, (2, 1)), held_out.sampling_rate, full_scale, attenuation_db, speed)
 
 
-def _levelled(condition, made, reference, level):
+def _levelled(condition, textures, reference, level):
     """Textures (n, samples) float64 at their level, and the gains in dB that brought them there, (n,)."""
-    if not (rms(made) > 0).all():
+    if not (rms(textures) > 0).all():
         raise ValueError(f"A texture {condition!r} is silent and has no level. Leave this condition out.")
-    gains = rms(reference) / rms(made) if level == "matched" else np.ones(len(made))
-    return gains[:, None] * made.astype(np.float64), 20 * np.log10(gains)
+    gains = rms(reference) / rms(textures) if level == "matched" else np.ones(len(textures))
+    return gains[:, None] * textures.astype(np.float64), 20 * np.log10(gains)
 
 
 def blind_ids(count, rng):

@@ -64,9 +64,9 @@ def participant_trials(key, number, seed, tasks=TASKS, name=None):
         raise ValueError(f"`number` must be at least 1, got {number}.")
     rng = np.random.default_rng([seed, 4, number])
     make = {ABX: _abx, SIMILARITY: _similarity, RATING: _rating}
-    made = {task: make[task](key, number, rng) for task in TASKS}  # tasks left out change nothing of the others
+    trials_of = {task: make[task](key, number, rng) for task in TASKS}  # tasks left out change nothing of the others
     first = (number - 1) % len(tasks)
-    rows = [{"task": task, **row} for task in (*tasks[first:], *tasks[:first]) for row in made[task]]
+    rows = [{"task": task, **row} for task in (*tasks[first:], *tasks[:first]) for row in trials_of[task]]
     empty = dict.fromkeys(TRIAL_COLUMNS, "") | {"participant": name or participant_name(number)}
     return pandas.DataFrame([{**empty, "trial": trial, **row} for trial, row in enumerate(rows, 1)])
 

@@ -144,8 +144,8 @@ class Trainer:
 
     def _start_tracker(self):
         if self.args.report_to != "none":
-            given = {name: value for name, value in vars(self.args).items() if name != "hub_token"}
-            plain = {name: value for name, value in given.items() if isinstance(value, int | float | str)}
+            shown = {name: value for name, value in vars(self.args).items() if name != "hub_token"}
+            plain = {name: value for name, value in shown.items() if isinstance(value, int | float | str)}
             with writing("The log of the tracker", self.output):
                 self.accelerator.init_trackers(self.args.tracker_project_name, plain)
 

@@ -6,7 +6,7 @@ They prove the machinery (controllability, spectra, dependence on speed), not pe
 from .collection import Collection
 from .exploration import VELOCITY_RATE, Exploration, Explorer, explorer, free_exploration, steady_exploration
 from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
-from .generation import generate_recordings
+from .generate_recordings import generate_recordings
 from .percepts import CALIBRATION_FILE, calibrate
 from .raters import RATING_CORRELATION
 from .recipe import RECIPE_VERSION, SurfaceParameters

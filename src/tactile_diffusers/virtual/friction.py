@@ -16,7 +16,7 @@ from .laws import (
     stick_slip_readiness,
     texture_amplitude,
 )
-from .profile import look_up
+from .relief import look_up
 
 #: rms in N (recipe).
 TEMPORAL_NOISE_N = 1.2e-3

@@ -10,8 +10,8 @@ from scipy.special import ndtri
 from ..signal import BAND_HZ, REFERENCE_FORCE
 from .friction import FALL_SHARE, TEMPORAL_NOISE_N, stick_slip_gate
 from .laws import finger_cutoff, friction_coefficient, stick_slip_drop, stick_slip_rate, texture_amplitude
-from .profile import CATCH_SPREAD, HARMONICS, PERIOD_MM, catch_response, harmonic_amplitudes, spectrum
 from .recipe import RECIPE_VERSION, REFERENCE_SPEED_MM_S, draw_surface
+from .relief import CATCH_SPREAD, HARMONICS, PERIOD_MM, catch_response, harmonic_amplitudes, spectrum
 from .streams import Stream, stream
 
 CALIBRATION_FILE = "calibration.json"

@@ -5,9 +5,9 @@ from functools import cached_property
 from .exploration import explorer, free_exploration
 from .friction import contact_force
 from .percepts import percepts
-from .profile import profile_tables
 from .raters import RATING_CORRELATION, rate_surface
 from .recipe import draw_surface
+from .relief import profile_tables
 from .streams import Stream, stream
 
 

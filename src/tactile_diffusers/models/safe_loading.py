@@ -35,6 +35,6 @@ class SafeLoadingMixin:
     def save_pretrained(self, save_directory, *args, **kwargs):
         from .model_files import check_safe
 
-        given = inspect.signature(ModelMixin.save_pretrained).bind(self, save_directory, *args, **kwargs).arguments
-        check_safe("safe_serialization", given.get("safe_serialization"))
+        arguments = inspect.signature(ModelMixin.save_pretrained).bind(self, save_directory, *args, **kwargs).arguments
+        check_safe("safe_serialization", arguments.get("safe_serialization"))
         return super().save_pretrained(save_directory, *args, **kwargs)
