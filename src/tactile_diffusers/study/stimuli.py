@@ -203,8 +203,8 @@ def _baseline_textures(train, request, settings):
 def _blinded(held_out, rows, sets, facts, settings):
     """`Stimuli` from textures: levels, the common scale, and two ids for each texture."""
     key, textures = [], []
-    for condition, textures in sets.items():
-        levelled, gains_db = _levelled(condition, textures, sets[REFERENCE], settings.level)
+    for condition, takes in sets.items():
+        levelled, gains_db = _levelled(condition, takes, sets[REFERENCE], settings.level)
         textures.append(levelled)
         surfaces = [held_out.surfaces[surface] for surface in held_out.surface_ids[rows]]
         entry = {"surface": surfaces, "condition": condition, "gain_db": gains_db, **facts[condition]}
