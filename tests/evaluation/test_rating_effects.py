@@ -88,7 +88,7 @@ def test_difference_of_matrices_is_that_of_the_worst_entry():
 
 def _report():
     """Guidance 1.0 and 2.0 as real, permuted ratings wrong everywhere."""
-    keys = "ktd_excess ftd diversity diversity_of_rating novelty_share precision recall".split()
+    keys = "ktd_excess ftd diversity diversity_of_rating copied_share precision recall".split()
     spearman = {axis: {"moved": number(value, 9)} for axis, value in zip(RATING_AXES, (1.0, 0.9, 0.8), strict=True)}
     good = {"axes": _axes(), "response": _matrix(np.eye(3)), "spearman": spearman}
     wrong = _axes()

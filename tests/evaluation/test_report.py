@@ -28,8 +28,6 @@ TINY = replace(
     steps=(1, 10),
     per_surface=2,
     takes=2,
-    novelty_textures=8,
-    novelty_segments=40,
     control_values=(-2.0, -1.0, 1.0, 2.0),
     control_takes=3,
     truth_candidates=300,
@@ -97,9 +95,9 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
     assert silence["power_bias_percent"]["mean"] == pytest.approx(100)
     assert silence["rmse_n"]["mean"] == pytest.approx(reconstruction["real"]["rms_n"]["mean"])
     generation = report["generation"]["1.0"]
-    metrics = "ftd ktd ftd_real_real ktd_real_real ftd_excess diversity novelty_share precision recall"
+    metrics = "ftd ktd ftd_excess diversity nearest_correlation copied_share precision recall"
     assert all(is_leaf(generation[metric]) for metric in metrics.split())
-    over_real = generation["ktd"]["mean"] - generation["ktd_real_real"]["mean"]
+    over_real = generation["ktd"]["mean"] - report["generation"]["real"]["ktd"]["mean"]
     assert generation["ktd_excess"]["mean"] == pytest.approx(over_real)
     assert generation["ftd"]["mean"] is None is generation["ftd_excess"]["mean"]  # too few textures for a covariance
     assert generation["rmse_protocol_n"]["n"] == 4

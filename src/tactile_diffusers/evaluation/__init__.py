@@ -7,7 +7,7 @@ _PLACES = {
     "judge": ("Judge", "response_matrix"),
     "truth": ("RatedTextures",),
     "virtual_truth": ("truth_of",),
-    "metrics.copying": ("TrainingWaveforms", "closer_share", "nearest_distance"),
+    "metrics.copying": ("TrainingEnvelopes", "copied_share", "nearest_distance"),
     "metrics.distances": ("frechet_tactile_distance", "kernel_tactile_distance"),
     "metrics.diversity": ("diversity", "precision_recall"),
     "metrics.embedding": ("FEATURE_NAMES", "TactileEmbedding", "tactile_features"),

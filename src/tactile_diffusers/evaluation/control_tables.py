@@ -58,7 +58,7 @@ def matrix_difference(response, real):
 def effect_rows(report):
     """Figures for each guidance scale, under permuted ratings, of real textures and of regressions."""
     control, unseen, generation = report["control"], report["unseen_surfaces"], report["generation"]
-    sets = ("ftd", "diversity", "novelty_share", "precision", "recall")
+    sets = ("ftd", "diversity", "copied_share", "precision", "recall")
     rows = {"real, held out": {key: generation["real"][key] for key in sets}}
     for name in [*(key for key in control if key in generation and key != "baselines"), "permuted"]:
         entry = control[name]

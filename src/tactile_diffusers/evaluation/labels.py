@@ -42,10 +42,8 @@ HEADINGS = {
     "precision": "precision",
     "recall": "recall",
     "diversity": "diversity",
-    "nearest_correlation": "nearest training segment, correlation",
-    "novelty_share": "closer than the real 1st percentile: correlation",
-    "novelty_share_embedding": "embedding (reference only)",
-    "novelty_share_latent": "latent (reference only)",
+    "nearest_correlation": "nearest training segment, correlation of envelopes",
+    "copied_share": "copied (0.05 = none)",
 }
 
 
@@ -63,10 +61,7 @@ ANCHORS = _columns(
     "optimiser_steps minutes parameters kilobits_per_second nine_band_db ktd_excess snr_db power_bias_percent "
     "seconds_per_segment"
 )
-SETS = _columns(
-    "ftd ftd_excess ktd ktd_excess precision recall diversity nearest_correlation novelty_share "
-    "novelty_share_embedding novelty_share_latent out_of_band_db"
-)
+SETS = _columns("ftd_excess ktd ktd_excess precision recall diversity nearest_correlation copied_share out_of_band_db")
 UNSEEN = {
     "nine_band_db": "error of the mean spectrum, dB",
     "level_r": "r of level",
@@ -83,7 +78,7 @@ EFFECTS = {
     "diversity": "over that of takes of one surface",
     "precision": "precision",
     "recall": "recall",
-    "novelty_share": "closer to training than the real 1st percentile",
+    "copied_share": "copied (0.05 = none)",
 }
 ONE_RATING = {
     "rating_truth": "rating of the real",

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import platform
+import time
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -22,7 +23,7 @@ from .sections import SECTIONS, WITHOUT_RATINGS
 from .sections.reconstruction import measure_anchor
 
 #: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
-METRICS_VERSION = 1
+METRICS_VERSION = 2
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
 MEASURED = ("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "novel", "regression")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
@@ -43,7 +44,7 @@ def run_sections(context, names, checkpoint, training=()):
 
     Returns:
         `dict`: the report. Sections that are not in `names`, or have nothing to measure, are None; "anchors" holds the
-        leaves and training facts of each of the context's anchors, or is None.
+        leaves and training facts of each of the context's anchors, or is None; "seconds" how long each section took.
     """
     conditions, folder = _conditions(context, checkpoint), context.output / "sections"
     folder.mkdir(parents=True, exist_ok=True)
@@ -59,10 +60,13 @@ def run_sections(context, names, checkpoint, training=()):
         "machine": machine_facts(),
         "versions": _versions(),
         **dict.fromkeys((*MEASURED, "anchors")),
+        "seconds": {},
     }
     for name in tqdm(names, desc="sections", disable=context.quiet):
         if name in WITHOUT_RATINGS or _has_ratings(context):
-            report |= _kept(folder / f"{name}.json", conditions, lambda run=SECTIONS[name]: run(context))
+            result, seconds = _kept(folder / f"{name}.json", conditions, lambda run=SECTIONS[name]: run(context))
+            report |= result
+            report["seconds"][name] = seconds
     if context.anchors:
         report["anchors"] = _anchors(context, conditions, folder)
         if report["reconstruction"]:
@@ -81,7 +85,7 @@ def _anchors(context, conditions, folder):
     found = {}
     for name, anchor in tqdm(context.anchors.items(), desc="anchors", disable=context.quiet):
         own = conditions | {"checkpoint": folder_digest(anchor.folder)}
-        leaves = _kept(folder / f"anchor_{name}.json", own, lambda pipe=anchor.pipe: measure_anchor(context, pipe))
+        leaves, _ = _kept(folder / f"anchor_{name}.json", own, lambda pipe=anchor.pipe: measure_anchor(context, pipe))
         found[name] = leaves | {"training": _training(anchor.pipe, [anchor.folder])}
     return found
 
@@ -120,16 +124,17 @@ def _has_ratings(context):
 
 
 def _kept(path, conditions, measure):
-    """The result in a file if it was measured under these conditions, else a new one, which replaces it."""
+    """The result in a file if measured under these conditions, else a new one, which replaces it; and its seconds."""
     try:
         stored = read_json(path, "JSON")
     except (FileNotFoundError, ValueError):
         stored = {}
     if stored.get("conditions") == conditions and "result" in stored:
-        return stored["result"]
-    result = measure()
-    write_text(path, json.dumps({"conditions": conditions, "result": result}, allow_nan=False))
-    return result
+        return stored["result"], stored["seconds"]
+    start = time.perf_counter()
+    stored = {"conditions": conditions, "result": measure(), "seconds": round(time.perf_counter() - start, 1)}
+    write_text(path, json.dumps(stored, allow_nan=False))
+    return stored["result"], stored["seconds"]
 
 
 def _conditions(context, checkpoint):

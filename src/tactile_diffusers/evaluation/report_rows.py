@@ -135,3 +135,9 @@ def speed_rows(report):
     speed = report["speed"]
     rows = {"segment": speed["segment"], "block": speed["block_100ms"]}
     return rows | {key.replace("_", " "): {"seconds": leaf} for key, leaf in speed.items() if "mean" in leaf}
+
+
+def durations(report):
+    """How long each section took: "340 s: reconstruction 90 s, generation 250 s"."""
+    seconds = report["seconds"]
+    return f"{sum(seconds.values()):.0f} s: " + ", ".join(f"{name} {took:.0f} s" for name, took in seconds.items())

@@ -9,7 +9,7 @@
 | Fréchet distance (FTD) | `distances.frechet_tactile_distance` |
 | kernel distance (KTD) | `distances.kernel_tactile_distance` |
 | latent shift (section 3.3), d′ of a condition | `rating_effects.latent_shift_percent`, `rating_effects.d_prime` |
-| copies of training segments | `copying.TrainingWaveforms`, `copying.closer_share` |
+| copies of training segments | `copying.TrainingEnvelopes`, `copying.copied_share` |
 | precision and recall, diversity | `diversity.precision_recall`, `diversity`, `rating_diversity` |
 | intervals over surfaces | `statistics.jackknife` |
 """

@@ -1,199 +1,185 @@
-"""Does a generator copy its training segments?"""
+"""Does a generator copy its training segments?
+
+A copy need not share a sample with its original: a decoder draws a new waveform, and a shift, a blend or a little noise
+hide the old one. What it shares is how strong each band is and when.
+"""
+
+from itertools import pairwise
 
 import numpy as np
 import torch
-from scipy.fft import next_fast_len
+from scipy import signal
+from scipy.spatial.distance import cdist
 from tqdm.auto import tqdm
 
+from ...signal import BAND_HZ, band_edges
 from .texture_checks import check_sets, check_textures, in_blocks
 
-#: Band in which waveforms are compared, Hz. A low upper edge keeps lags resolved at a low rate, which makes this fast.
-COPY_BAND_HZ = (20.0, 400.0)
-# lags per period of the band's upper edge: 0.35 ms at 400 Hz
-_LAGS_PER_PERIOD = 7.2
-# width over which the mean spectrum is smoothed, Hz: a rough one, as of few segments, would make whitening ring
-_SMOOTHING_HZ = 10.0
-# least amplitude of the mean spectrum that whitening divides by, relative to its largest (60 dB)
-_SPECTRUM_FLOOR = 1e-3
-# least energy of an overlapping part, relative to the whole segment (a stationary texture has at least a half): what
-# is left beside a burst is the ringing of the burst, which resembles that of others
-_ENERGY_FLOOR = 0.1
-# training segments that are correlated at once: their transforms stay in the processor's cache
-_SEGMENTS = 64
+#: Bands whose envelopes are compared.
+BANDS = 18
+#: Modulations up to this rate are compared, Hz: at faster ones a decoder draws envelopes of its own.
+RATE_HZ = 4.0
+#: This share of real textures of unseen surfaces counts as close to training.
+QUANTILE = 0.05
+# s at each end of a segment that are faded, and that are left out of envelopes
+_TAPER, _TRIM = 0.02, 0.05
+# envelope frames per second, and the standard deviation of the Gaussian low-pass of the power, Hz
+_FRAME_HZ, _SMOOTHING_HZ = 20.0, 5.0
+# least eigenvalue of a cross-spectral matrix that whitening divides by, relative to the mean one
+_LEAST_POWER = 0.05
+_RESAMPLES = 400
 
 
-class TrainingWaveforms:
-    """The training segments as whitened spectra, to find out whether a texture is a copy of one of them.
+class TrainingEnvelopes:
+    """Log envelopes of the training segments, to find out whether a texture follows one of them.
 
-    Each segment is brought to unit energy in the band and divided by the smoothed mean amplitude spectrum of the set:
-    otherwise slow components, which are strong and look alike in all textures, would rule the correlation. Only the
-    bins of the band are kept, as complex64: 157 MB for 21,000 segments of 1.64 s in 20-400 Hz.
+    The overall level does not count. Envelopes are whitened by the mean cross-spectral matrix of the bands at each
+    modulation rate, and each component is limited: otherwise changes of all bands at once, and a few surfaces with
+    strong lines, would rule the match.
 
     Args:
         chunks (`Iterable[np.ndarray]`): arrays (n, samples) of training segments of one length, any unit; they are
             read once, one at a time.
         sampling_rate (`float`): Hz.
-        band (`tuple[float, float]`): Hz.
         quiet (`bool`): no progress bars.
 
     Raises:
-        ValueError: if a chunk is not (n, samples), not finite or of another length than the first, there is no chunk,
-            or the band does not lie inside (0, sampling_rate / 2) or holds no frequency bin.
+        ValueError: if a chunk is not (n, samples), not finite, of another length than the first or shorter than 0.5 s,
+            or there is no chunk.
     """
 
-    def __init__(self, chunks, sampling_rate, band=COPY_BAND_HZ, quiet=True):
-        if not 0 < band[0] < band[1] < sampling_rate / 2:
-            raise ValueError(f"`band` must satisfy 0 < low < high < {sampling_rate / 2:g} Hz, got {tuple(band)}.")
-        self.sampling_rate, self.band, self.quiet = float(sampling_rate), tuple(band), quiet
-        self.samples, spectra = None, []
-        for chunk in tqdm(chunks, disable=quiet, desc="training waveforms"):
-            chunk = check_textures("chunks", chunk, rank=2)
-            if self.samples is None:
-                self._set_grid(chunk.shape[-1])
-            spectra.append(_unit_energy(self._spectra(chunk, "chunks")))
-        if not spectra:
+    def __init__(self, chunks, sampling_rate, quiet=True):
+        self.sampling_rate, self.samples = float(sampling_rate), None
+        envelopes = [self._envelopes(chunk, "chunks") for chunk in tqdm(chunks, disable=quiet, desc="envelopes")]
+        if not envelopes:
             raise ValueError("`chunks` must hold at least one array of training segments, got none.")
-        self._whitening = self._whitening_gain(sum(chunk.abs().sum(0, dtype=torch.float64) for chunk in spectra))
-        self._segments = torch.cat(spectra).mul_(self._whitening)
+        envelopes = torch.cat(envelopes)
+        self._mean, frames = envelopes.mean((0, 2), keepdim=True), envelopes.shape[-1]
+        self._rates = torch.arange(max(2, int(RATE_HZ * 2 * frames / _FRAME_HZ)))  # of a transform twice as long
+        lags = torch.arange(-(frames // 2), frames // 2 + 1)
+        # overlaps of half a segment and more, weighted so that chance alone gives as much at each lag
+        waves = torch.exp(1j * torch.pi / frames * self._rates[:, None] * lags) * (1 - lags.abs() / frames).rsqrt()
+        self._lags = torch.cat([waves.real, -waves.imag]).float()
+        self._segments = self._spectra(envelopes)
+        cross = torch.einsum("nbf,ncf->fbc", self._segments, self._segments.conj()).real / len(envelopes)
+        values, vectors = torch.linalg.eigh(cross)
+        values = torch.maximum(values, _LEAST_POWER * values.mean(-1, keepdim=True)).clamp_min(1e-12)
+        self._whitening = ((vectors * values.rsqrt()[:, None]) @ vectors.mT).to(self._segments.dtype)
+        self._segments = self._whitened(self._segments)
 
     def __len__(self):
         return len(self._segments)
 
-    def _set_grid(self, samples):
-        """Sizes: of the transform at the full rate, of that at the rate of the lags, of a segment at that rate."""
-        self.samples = samples
-        # half a segment of zeros is enough to keep apart the lags that are looked at
-        self._padded = next_fast_len(-(-3 * samples // 2), real=True)
-        spacing = self.sampling_rate / self._padded
-        self._bins = slice(int(np.ceil(self.band[0] / spacing)), int(self.band[1] / spacing) + 1)
-        if self._bins.stop <= self._bins.start:
+    def _envelopes(self, textures, name):
+        textures = check_textures(name, textures, rank=2)
+        self.samples = self.samples or textures.shape[-1]
+        if textures.shape[-1] != self.samples or self.samples < 0.5 * self.sampling_rate:
             raise ValueError(
-                f"`chunks` of {samples} samples at {self.sampling_rate:g} Hz have no frequency bin inside {self.band} "
-                "Hz. Give longer segments or a wider band."
+                f"`{name}` must have {self.samples} samples, as the first training segments, and last 0.5 s, got "
+                f"{textures.shape[-1]}."
             )
-        self._size = next_fast_len(int(np.ceil(_LAGS_PER_PERIOD * self.band[1] / spacing)), real=True)
-        self._length = -(-samples * self._size // self._padded)
+        parts = [_log_envelopes(block, self.sampling_rate) for block in in_blocks(textures, 64)]
+        return torch.from_numpy(np.concatenate(parts))
 
-    def _spectra(self, textures, name):
-        """The band's bins of zero-padded textures: (n, bins) complex64."""
-        if textures.shape[-1] != self.samples:
-            raise ValueError(
-                f"`{name}` must have {self.samples} samples, as the first training segments, got {textures.shape[-1]}."
-            )
-        rows = torch.as_tensor(np.ascontiguousarray(textures, dtype=np.float32))
-        return torch.fft.rfft(rows, self._padded)[:, self._bins].clone()
+    def _spectra(self, envelopes):
+        centred = envelopes - self._mean
+        centred = centred - centred.mean((1, 2), keepdim=True)
+        return torch.fft.rfft(centred, 2 * centred.shape[-1])[..., : len(self._rates)]
 
-    def _whitening_gain(self, amplitude):
-        """What flattens an amplitude spectrum (bins,), up to a factor."""
-        width = int(_SMOOTHING_HZ * self._padded / self.sampling_rate / 2)  # bins to either side
-        amplitude = torch.nn.functional.avg_pool1d(
-            amplitude[None], 2 * width + 1, stride=1, padding=width, count_include_pad=False
-        )[0]
-        amplitude = amplitude / amplitude.max().clamp_min(torch.finfo(torch.float64).tiny)
-        return amplitude.clamp_min(_SPECTRUM_FLOOR).reciprocal().float()
-
-    def _overlap_gain(self, spectra):
-        """1 / root of the energy that overlaps at each lag 0, 1, ..., -1; 0 beyond half a segment: (n, size)."""
-        signals = torch.fft.irfft(self._full_spectrum(spectra), self._size)[:, : self._length].double()
-        energy = torch.nn.functional.pad(signals.square().cumsum(-1), (1, 0))  # of the first k samples, k = 0, 1, ...
-        whole, half = energy[:, -1:], self._length // 2
-        overlapping = energy.new_full((len(energy), self._size), torch.inf)
-        overlapping[:, : half + 1] = whole - energy[:, : half + 1]
-        overlapping[:, self._size - half :] = energy[:, self._length - half : -1]
-        gain = torch.maximum(overlapping, _ENERGY_FLOOR * whole).rsqrt()
-        return torch.where(whole > 0, gain, 0.0).float()
-
-    def _full_spectrum(self, spectra):
-        """Bins of the band put where the transform of the low rate expects them: (n, size / 2 + 1)."""
-        full = spectra.new_zeros(len(spectra), self._size // 2 + 1)
-        full[:, self._bins] = spectra
-        return full
+    def _whitened(self, spectra):
+        whitened = torch.einsum("fbc,ncf->nbf", self._whitening, spectra)
+        whitened = whitened / (1 + whitened.abs().square()).sqrt()
+        norm = torch.linalg.vector_norm(whitened, dim=(1, 2), keepdim=True)
+        return whitened / torch.where(norm > 1e-6, norm, torch.inf)
 
     def nearest_correlation(self, textures):
-        """The largest absolute normalised cross-correlation of each texture with any training segment at any lag.
+        """The largest correlation of each texture's envelopes with those of a training segment at any lag: (n,).
 
-        Lags reach to plus and minus half a segment, in steps of at most 0.35 ms at an upper edge of 400 Hz. The
-        correlation is divided by the root of the energies of both overlapping parts, each counted as at least a tenth
-        of its whole. A copy gives 1, also if it is scaled or inverted, and above 0.95 if it is shifted. Independent
-        noise of 1.64 s stays near 0.2; periodic surfaces resemble each other more, so judge the values by those of
-        real test segments (`closer_share`). A texture takes about half a second against 21,000 segments on one core.
+        Lags reach to half a segment. 1 = a copy, also if it is scaled, inverted or decoded anew; 0.3 to 0.4 is usual of
+        textures of other surfaces; 0 = silence.
 
         Args:
             textures (`np.ndarray`): (n, samples), of the length and sampling rate of the training segments, any unit.
 
-        Returns:
-            `np.ndarray`: (n,) float64, 0 to 1; 0 for silence.
-
         Raises:
             ValueError: if `textures` is not (n, samples), not finite or of another length.
         """
-        textures = check_textures("textures", textures, rank=2)
-        probes = _unit_energy(self._spectra(textures, "textures") * self._whitening)
-        gains = self._overlap_gain(probes)
-        best = torch.zeros(len(textures), dtype=torch.float64)
-        # every training segment meets every texture while its own energies are at hand
-        for segments in tqdm(self._segments.split(_SEGMENTS), disable=self.quiet, desc="nearest training segment"):
-            # what is a positive lag to the texture is a negative one to the segment
-            segment_gains = self._overlap_gain(segments).flip(-1).roll(1, -1)
-            product = self._full_spectrum(segments)
-            for row, (probe, gain) in enumerate(zip(probes, gains, strict=True)):
-                torch.mul(segments.conj(), probe, out=product[:, self._bins])
-                correlation = torch.fft.irfft(product, self._size)
-                best[row] = max(best[row], correlation.mul_(segment_gains).mul_(gain).abs_().max())
-        # ringing at the ends of the segment lies outside of the energies: a part in a thousand
-        return best.clamp_max(1.0).numpy()
+        probes, best = self._whitened(self._spectra(self._envelopes(textures, "textures"))), []
+        for probe in probes.split(16):
+            found = []
+            for segments in self._segments.split(512):
+                product = torch.einsum("tbf,sbf->tsf", probe, segments.conj())
+                found.append((torch.cat([product.real, product.imag], -1) @ self._lags).amax((1, 2)))
+            best.append(torch.stack(found).amax(0))
+        best = torch.cat(best).double().numpy()
+        return np.where(np.any(textures, axis=-1), np.clip(best, 0, 1), 0.0)
 
 
-def _unit_energy(spectra):
-    """Spectra of unit sum of squares; silence stays silence."""
-    norm = torch.linalg.vector_norm(spectra, dim=-1, keepdim=True)
-    return spectra / torch.where(norm > 0, norm, 1.0)
+def _log_envelopes(textures, sampling_rate):
+    """Smoothed log power of each band over time: (n, bands, frames) float32."""
+    samples = textures.shape[-1]
+    spectra = np.fft.rfft(textures * signal.windows.tukey(samples, 2 * _TAPER * sampling_rate / samples))
+    spacing, frames = sampling_rate / samples, round(samples / sampling_rate * _FRAME_HZ)
+    smoothing = np.exp(-0.5 * (np.arange(frames // 2 + 1) * spacing / _SMOOTHING_HZ) ** 2)
+    edge, envelopes = int(np.ceil(_TRIM * _FRAME_HZ)), []
+    for low, high in pairwise(np.ceil(band_edges(BANDS, BAND_HZ) / spacing).astype(int)):
+        # a band's bins alone are its complex envelope; so long that slow modulations of its power do not alias
+        size = high - low + frames
+        power = np.abs(np.fft.ifft(spectra[:, low:high], n=size)) ** 2
+        slow = np.fft.rfft(power)[:, : frames // 2 + 1] * smoothing / size
+        smooth = np.fft.irfft(slow, n=frames)[:, edge : frames - edge]
+        least = 1e-3 * smooth.mean(-1, keepdims=True)
+        envelopes.append(np.log(np.maximum(smooth, least) + 1e-30))
+    return np.stack(envelopes, 1).astype(np.float32)
 
 
-def nearest_distance(points, reference):
-    """Euclidean distance (n,) of each point (n, features) to the nearest of a reference (m, features).
+def copied_share(values, groups, real_values, real_groups, quantile=QUANTILE, seed=0):
+    """Share of textures that are closer to training than nearly all real textures of other, unseen surfaces.
 
-    Points are embeddings or flattened latents; the distance is exactly 0 for a point of the reference.
-
-    Raises:
-        ValueError: if the sets do not fit together, are empty, or hold NaN or infinity.
-    """
-    points, reference = check_sets(points=points, reference=reference)
-    centre = reference.mean(0)  # large offsets would cost digits below
-    centred = reference - centre
-    norms = (centred**2).sum(-1)
-    distances = []
-    for block in in_blocks(points):
-        # |r|^2 - 2 p.r orders the reference as the distance does, and is one matrix product: fast, but it loses digits
-        nearest = (norms - 2 * (block - centre) @ centred.T).argmin(-1)
-        distances.append(np.linalg.norm(block - reference[nearest], axis=-1))
-    return np.concatenate(distances)
-
-
-def closer_share(values, real_values, quantile=0.01, higher_is_closer=False):
-    """Share of textures that are closer to the training set than nearly all real ones are.
-
-    The threshold is the `quantile` of the values of real textures that the generator has not seen. An honest
-    generator gives about `quantile`, one that copies gives up to 1. From `n` independent real values the share that
-    an honest generator gets scatters by `sqrt(quantile / n)`: a first percentile needs at least 100 of them.
+    Real textures get about `quantile` themselves, because each is compared with those of the other surfaces; a
+    generator that copies gets up to 1. The 95 % interval is a bootstrap over surfaces, of both sets at once.
 
     Args:
-        values (`np.ndarray`): (n,) `nearest_distance` or `TrainingWaveforms.nearest_correlation` of generated textures.
-        real_values (`np.ndarray`): (m,) the same of real textures outside of the training set.
+        values (`np.ndarray`): (n,) `TrainingEnvelopes.nearest_correlation` of generated textures.
+        groups (`np.ndarray`): (n,) surfaces whose ratings they were generated for.
+        real_values, real_groups (`np.ndarray`): (m,) the same of real textures outside of training, two surfaces and
+            more.
         quantile (`float`): between 0 and 1.
-        higher_is_closer (`bool`): true for correlations, false for distances.
+        seed (`int`): of the bootstrap.
 
     Returns:
-        `tuple[float, float]`: share, 0 to 1, and threshold, in the unit of the values.
+        `tuple`: share, 0 to 1, and its interval (low, high).
 
     Raises:
         ValueError: if an argument is empty, of another rank, not finite, or `quantile` is out of range.
     """
     if not 0 < quantile < 1:
         raise ValueError(f"`quantile` must be between 0 and 1, got {quantile}.")
-    values = check_textures("values", values, rank=1).astype(np.float64)
-    real_values = check_textures("real_values", real_values, rank=1).astype(np.float64)
-    sign = -1.0 if higher_is_closer else 1.0
-    # Weibull's positions k / (n + 1): a new draw falls below the k-th of n others with that probability
-    threshold = np.quantile(sign * real_values, quantile, method="weibull")
-    return float((sign * values < threshold).mean()), float(sign * threshold)
+    values, real = (check_textures(n, v, 1) for n, v in (("values", values), ("real_values", real_values)))
+    names, group = np.unique(np.concatenate([groups, real_groups]), return_inverse=True)
+    group, real_group = group[: len(values)], group[len(values) :]
+    order = np.argsort(-np.asarray(real, np.float64), kind="stable")
+    real, real_group = real[order], real_group[order]
+    drawn = np.random.default_rng(seed).integers(0, len(names), (_RESAMPLES, len(names)))
+    counts = np.stack([np.bincount(row, minlength=len(names)) for row in [np.arange(len(names)), *drawn]]).astype(float)
+    close = np.zeros(len(counts))
+    for surface in np.unique(group):
+        weights = np.where(real_group == surface, 0.0, counts[:, real_group])
+        # Weibull's positions k / (n + 1): a new draw exceeds the k-th largest of n others with that probability
+        rank = np.maximum(np.floor(quantile * (weights.sum(1, keepdims=True) + 1) + 1e-9), 1)
+        place = (weights.cumsum(1) < rank).sum(1)
+        threshold = real[np.minimum(place, len(real) - 1)]
+        close += counts[:, surface] * (values[group == surface] > threshold[:, None]).sum(1)
+    share, *shares = close / np.maximum((counts[:, group]).sum(1), 1)
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return float(share), (float(min(low, share)), float(max(high, share)))
+
+
+def nearest_distance(points, reference):
+    """Euclidean distance (n,) of each point (n, features) to the nearest of a reference (m, features).
+
+    Raises:
+        ValueError: if the sets do not fit together, are empty, or hold NaN or infinity.
+    """
+    points, reference = check_sets(points=points, reference=reference)
+    return np.concatenate([cdist(block, reference).min(-1) for block in in_blocks(points)])

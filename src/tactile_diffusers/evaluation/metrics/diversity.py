@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from .statistics import jackknife
 from .texture_checks import check_sets, check_textures, in_blocks
 
 #: Standard deviation of the kernel over all three ratings by which real surfaces count as alike, z-scores.
@@ -31,11 +32,11 @@ def precision_recall(generated, real, k=5):
         raise ValueError(
             f"`k` must be at least 1 and below the size of both sets, {len(generated)} and {len(real)}, got {k}."
         )
-    return _covered(generated, real, k), _covered(real, generated, k)
+    return covered(generated, real, k), covered(real, generated, k)
 
 
-def _covered(points, members, k):
-    """Share of points that lie in a ball of a member."""
+def covered(points, members, k):
+    """Share of points (n, features) that lie in a ball of a member (m, features): one half of `precision_recall`."""
     # the nearest member to a member is itself
     radii = np.concatenate([np.partition(cdist(block, members), k, axis=-1)[:, k] for block in in_blocks(members)])
     return float(np.mean(np.concatenate([(cdist(block, members) <= radii).any(-1) for block in in_blocks(points)])))
@@ -85,10 +86,10 @@ def rating_diversity(generated_levels, generated_groups, group_ratings, real_lev
     """Spread of generated takes of one rating over that of real textures with such ratings: 1 = as diverse as the data.
 
     Ratings do not settle a surface, so takes of a rating should differ by more than takes of a surface do. Real
-    surfaces count by a Gaussian kernel over all three ratings; ratings with fewer than 20 of them near are left out,
-    NaN where none is left. Levels are (n, bands), (m, bands) in dB; `generated_groups` (n,) is the row of
-    `group_ratings` (groups, 3) that a take was made for; `real_ratings` (m, 3), rows with NaN left out, and
-    `real_groups` (m,) belong to surfaces.
+    surfaces count by a Gaussian kernel over all three ratings; ratings with fewer than 20 of them near are left out.
+    Returns the ratio and its 95 % interval (low, high) over ratings, NaN where none is left. Levels are (n, bands),
+    (m, bands) in dB; `generated_groups` (n,) is the row of `group_ratings` (groups, 3) that a take was made for;
+    `real_ratings` (m, 3), rows with NaN left out, and `real_groups` (m,) belong to surfaces.
     """
     rated = ~np.isnan(real_ratings).any(1)
     real_levels, real_ratings = np.asarray(real_levels)[rated], np.asarray(real_ratings)[rated]
@@ -108,4 +109,7 @@ def rating_diversity(generated_levels, generated_groups, group_ratings, real_lev
         left = real_levels - lines @ np.linalg.lstsq(np.sqrt(weights) * lines, np.sqrt(weights) * real_levels)[0]
         made.append(own.var(0, ddof=1).mean())
         real.append((weights * np.square(left)).sum(0).mean() / (1 - lines.shape[1] / size))
-    return float(np.sqrt(np.mean(made) / np.mean(real))) if made else float("nan")
+    if not made:
+        return np.nan, np.full(2, np.nan)
+    made, real = np.array(made), np.array(real)
+    return jackknife(lambda mask: np.sqrt(made[mask].mean() / real[mask].mean()), np.arange(len(made)))

@@ -5,7 +5,7 @@ from scipy.spatial.distance import cdist
 
 from .distances import frechet_tactile_distance, within_similarity
 from .embedding import TactileEmbedding
-from .statistics import jackknife, number
+from .statistics import estimate, jackknife, number
 
 
 class Reference:
@@ -33,29 +33,46 @@ class Reference:
         """(n, samples) N -> (n, 53)."""
         return self.embedding(textures, self.sampling_rate)
 
-    def distances(self, points, groups):
+    def distances(self, points, groups, real=None):
         """FTD and KTD of a set to the reference, with intervals over the set's groups: leaves "ftd" and "ktd".
 
         FTD is empty for sets too small for a covariance, KTD, which leaves out pairs of one group, for sets of one
         group. The intervals hold the set's own randomness, not the reference's.
 
         Args:
-            points (`np.ndarray`): (n, 53) embeddings.
+            points (`np.ndarray`): (n, features) embeddings.
             groups (`np.ndarray`): (n,) surface or request of each.
+            real (`tuple`, *optional*): points and groups of real, held-out textures: adds "ftd_excess" and
+                "ktd_excess", how much less theirs are, with intervals that leave a group out of both sets.
         """
-        groups = np.asarray(groups)
-        leaves = {"ftd": number(), "ktd": number()}
-        if len(np.unique(groups)) > 1:
-            ktd, interval = self._kernel_distance(points, groups)
-            leaves["ktd"] = number(ktd, len(points), interval)
-        fewest = len(points) - (max(np.unique(groups, return_counts=True)[1]) if len(points) else 0)
-        if min(fewest, len(self.points) - 1) > points.shape[1]:
-            ftd, interval = jackknife(lambda mask: frechet_tactile_distance(points[mask], self.points), groups)
-            leaves["ftd"] = number(ftd, len(points), interval)
+        leaves = {}
+        for name, measure in (("ftd", self._frechet_distance), ("ktd", self._kernel_distance)):
+            distance = measure(points, np.asarray(groups))
+            leaves[name] = number() if distance is None else estimate(distance, groups)
+            if real is not None:
+                beside = measure(real[0], np.asarray(real[1]))
+                known = None not in (distance, beside)
+                over = estimate(lambda a, b, d=distance, r=beside: d(a) - r(b), groups, real[1]) if known else number()
+                leaves[f"{name}_excess"] = over
         return leaves
 
+    def paired_ktd(self, points, others, groups):
+        """KTD of a set minus that of another of the same groups (n,), row by row: a leaf, its interval over groups."""
+        first, second = (self._kernel_distance(values, groups) for values in (points, others))
+        difference, interval = jackknife(lambda mask: first(mask) - second(mask), groups)
+        return number(difference, len(points), interval)
+
+    def _frechet_distance(self, points, groups):
+        """`frechet_tactile_distance` of a mask of the points; None where a group less leaves too few."""
+        fewest = len(points) - (max(np.unique(groups, return_counts=True)[1]) if len(points) else 0)
+        if min(fewest, len(self.points) - 1) <= points.shape[1]:
+            return None
+        return lambda mask: frechet_tactile_distance(points[mask], self.points)
+
     def _kernel_distance(self, points, groups):
-        """As `kernel_tactile_distance`, each kernel computed once for all members left out."""
+        """`kernel_tactile_distance` of a mask of the points, each kernel computed once; None for a single group."""
+        if len(np.unique(groups)) < 2:
+            return None
         width = self.embedding.width
         kernel = np.exp(-cdist(points, points, "sqeuclidean") / width**2)
         other = groups[:, None] != groups[None, :]
@@ -67,4 +84,4 @@ class Reference:
                 return np.nan
             return 1000 * (kernel[np.ix_(mask, mask)][pairs].mean() + self._within - 2 * between[mask].mean())
 
-        return jackknife(distance, groups)
+        return distance

@@ -41,6 +41,16 @@ def jackknife(statistic, groups):
     return value, np.stack(jackknife_interval(value, replicates))
 
 
+def estimate(statistic, *groups):
+    """Leaf of a statistic of one set or several, with the `jackknife` interval: a group is left out of all sets.
+
+    The statistic takes a mask of each set; `groups` (n,), (m,), ... are those of the sets' members.
+    """
+    ends = np.cumsum([len(names) for names in groups])[:-1]
+    value, interval = jackknife(lambda mask: statistic(*np.split(mask, ends)), np.concatenate(groups))
+    return number(value, len(groups[0]), interval)
+
+
 def leaf(values=None, groups=None):
     """Summary of one number per texture (or surface).
 

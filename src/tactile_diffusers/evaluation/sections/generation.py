@@ -5,10 +5,10 @@ import numpy as np
 from ...signal import band_levels_db, level
 from ..baselines import BaselineRequest
 from ..envelopes import surface_means
-from ..metrics.copying import TrainingWaveforms, closer_share, nearest_distance
-from ..metrics.diversity import diversity, precision_recall, rating_diversity
+from ..metrics.copying import TrainingEnvelopes, copied_share
+from ..metrics.diversity import covered, diversity, rating_diversity
 from ..metrics.errors import out_of_band_ratio_db, rmse
-from ..metrics.statistics import excess, jackknife, leaf, number
+from ..metrics.statistics import estimate, leaf, number
 from ..report_figures import plot_unseen
 
 #: Of precision and recall.
@@ -23,18 +23,18 @@ def run(context):
     """Both sections; the textures generated at each guidance scale serve both. Writes unseen.png."""
     data, surfaces = context.data, context.requests[1]
     rows = matching_rows(context)
-    nearest = NearestTraining(context)
-    generation, unseen = {"real": set_metrics(context, nearest, data.real, data.points, data.surfaces)}, {}
+    copying = Copying(context)
+    generation, unseen = {"real": set_metrics(context, copying, data.real, data.points, data.surfaces)}, {}
     for scale, generated in context.generated.items():
         textures = generated.textures[rows]
-        entry = set_metrics(context, nearest, textures, data.reference.embed(textures), surfaces[rows])
+        entry = set_metrics(context, copying, textures, data.reference.embed(textures), surfaces[rows])
         entry["rmse_protocol_n"] = _protocol_rmse(context, scale)
         entry["diversity_of_rating"] = _rating_diversity(context, generated.textures)
         generation[str(scale)] = entry
         frictions = generated.friction_coefficients
         unseen[str(scale)] = unseen_metrics(data, generated.textures, surfaces, generated.levels, frictions)
     generation["baselines"] = {
-        slug: set_metrics(context, nearest, textures, context.baseline_points[slug], data.surfaces, correlate=False)
+        slug: set_metrics(context, copying, textures, context.baseline_points[slug], data.surfaces)
         for slug, textures in context.baseline_textures.items()
     }
     return {"generation": generation, "unseen_surfaces": _unseen_table(context, unseen)}
@@ -47,76 +47,52 @@ def matching_rows(context):
     return np.flatnonzero(take < (surfaces[:, None] == held_out).sum(1))
 
 
-class NearestTraining:
-    """How close textures come to the training segments of a `Context`: by waveform, by embedding, and by latent."""
+class Copying:
+    """How close textures come to the training segments of a `Context`, beside real textures of unseen surfaces."""
 
     def __init__(self, context):
-        self.context, data = context, context.data
-        settings, train = context.settings, data.train
-        spread = np.linspace(0, len(train) - 1, min(settings.novelty_segments or len(train), len(train)))
-        rows = np.unique(spread.astype(np.int64))
-        chunks = (train.textures(rows[start : start + _CHUNK]) for start in range(0, len(rows), _CHUNK))
-        self.waveforms = TrainingWaveforms(chunks, data.rate, quiet=context.quiet)
-        self.latents = self._flat_latents(data.training.textures)
-        self.real = self._closeness(data.real, data.points, self._subset(data.surfaces))
+        data, train = context.data, context.data.train
+        blocks = (np.arange(start, min(start + _CHUNK, len(train))) for start in range(0, len(train), _CHUNK))
+        self._training = TrainingEnvelopes(map(train.textures, blocks), data.rate, context.quiet)
+        self._surfaces = np.tile(data.surfaces, 2)
+        other = data.dataset.textures(data.other_rows)
+        self._real = self._training.nearest_correlation(np.concatenate([data.real, other]))
 
-    def _flat_latents(self, textures):
-        return self.context.encode(textures).reshape(len(textures), -1)
-
-    def _subset(self, groups):
-        """Evenly spaced rows: the textures compared with every training segment at every lag."""
-        count = min(self.context.settings.novelty_textures, len(groups))
-        return np.unique(np.linspace(0, len(groups) - 1, count).astype(int))
-
-    def _closeness(self, textures, points, subset):
-        """Distances to the nearest training segment; smaller is closer for all three."""
-        found = {
-            "_embedding": nearest_distance(points, self.context.data.reference.points),
-            "_latent": nearest_distance(self._flat_latents(textures), self.latents),
+    def leaves(self, textures, groups):
+        """Leaves "nearest_correlation" and "copied_share" of textures made for surfaces (n,); empty for silence."""
+        if not np.any(textures):
+            return {"nearest_correlation": number(), "copied_share": number()}
+        values = self._training.nearest_correlation(textures)
+        share, interval = copied_share(values, groups, self._real, self._surfaces)
+        return {
+            "nearest_correlation": leaf(values, groups),
+            "copied_share": number(share, len(values), interval),
         }
-        if subset is not None:
-            found[""] = -self.waveforms.nearest_correlation(textures[subset])
-        return found
-
-    def leaves(self, textures, points, groups, correlate=True):
-        """Leaves "nearest_correlation" and "novelty_share", "_embedding", "_latent": shares closer than real ones."""
-        subset, silent = self._subset(groups) if correlate else None, not np.any(textures)
-        is_real = textures is self.context.data.real
-        nearest = self.real if is_real else self._closeness(textures, points, subset)
-        leaves = {"nearest_correlation": leaf(-nearest[""], groups[subset]) if correlate else number()}
-        leaves["novelty_share"] = number()
-        for name, values in nearest.items():
-            real, members = self.real[name], groups[subset] if name == "" else groups
-            share, interval = jackknife(lambda mask, v=values, r=real: closer_share(v[mask], r)[0], members)
-            # without a spread over surfaces there is no interval
-            entry = number(share, len(values), interval if 0 < share < 1 else None)
-            leaves[f"novelty_share{name}"] = number() if silent else entry
-        return leaves
 
 
-def set_metrics(context, nearest, textures, points, groups, correlate=True):
+def set_metrics(context, copying, textures, points, groups):
     """Leaves of a set of textures (n, samples) N against the training surfaces and the held-out ones.
 
-    `groups` (n,) are the surfaces whose ratings were requested; `correlate` compares waveforms with those of training,
-    which takes minutes.
+    `groups` (n,) are the surfaces whose ratings were requested. Intervals leave a surface out of both sets at once.
     """
-    data, distances = context.data, context.data.reference.distances(points, groups)
-    leaves = dict(distances)
-    for name, distance in distances.items():
-        leaves[f"{name}_real_real"] = data.distances[name]
-        leaves[f"{name}_excess"] = excess(distance, data.distances[name])
+    data = context.data
+    leaves = data.reference.distances(points, groups, (data.points, data.surfaces))
     leaves["out_of_band_db"] = leaf(out_of_band_ratio_db(textures, data.rate), groups)
     leaves |= {name: number() for name in ("diversity", "precision", "recall")}
     if np.any(textures) and len(np.unique(groups)) < len(groups):
         real = textures is data.real
         bands = data.bands if real else band_levels_db(textures, data.rate, data.edges)
-        leaves["diversity"] = number(diversity(bands, groups, data.bands, data.surfaces), len(textures))
+        leaves["diversity"] = estimate(
+            lambda made, known: diversity(bands[made], groups[made], data.bands[known], data.surfaces[known]),
+            *(groups, data.surfaces),
+        )
         # for the real ones: the same of other surfaces, those of training
         compared = _other_surfaces(context, len(points)) if real else points
-        if min(len(compared), len(data.points)) > NEIGHBOURS:
-            precision, recall = precision_recall(compared, data.points, NEIGHBOURS)
-            leaves["precision"], leaves["recall"] = number(precision, len(points)), number(recall, len(points))
-    return leaves | nearest.leaves(textures, points, groups, correlate)
+        if min(len(compared), len(data.points)) > NEIGHBOURS + max(np.unique(groups, return_counts=True)[1]):
+            both = {"precision": lambda a, b: covered(compared[a], data.points[b], NEIGHBOURS)}
+            both["recall"] = lambda a, b: covered(data.points[b], compared[a], NEIGHBOURS)
+            leaves |= {name: estimate(share, groups, data.surfaces) for name, share in both.items()}
+    return leaves | copying.leaves(textures, groups)
 
 
 def _other_surfaces(context, count):
@@ -141,8 +117,9 @@ def _rating_diversity(context, textures):
     data, training, (ratings, surfaces) = context.data, context.data.training, context.requests
     _, first, groups = np.unique(surfaces, return_index=True, return_inverse=True)
     generated, real = (band_levels_db(rows, data.rate, data.edges) for rows in (textures, training.textures))
-    value = rating_diversity(generated, groups, ratings[first], real, training.ratings, training.surface_ids)
-    return number(value, len(textures))
+    known = (ratings[first], real, training.ratings, training.surface_ids)
+    value, interval = rating_diversity(generated, groups, *known)
+    return number(value, len(textures), interval)
 
 
 def mean_spectra(data, textures, groups):
@@ -171,8 +148,7 @@ def _correlation(data, values, groups, real):
     if not np.isfinite(both).all() or both.shape[1] < 4 or both.std(1).min() < 1e-9:
         return number()
     surfaces = np.arange(both.shape[1])
-    r, interval = jackknife(lambda mask: np.corrcoef(both[:, mask])[0, 1], surfaces)
-    return number(r, len(surfaces), interval)
+    return estimate(lambda mask: np.corrcoef(both[:, mask])[0, 1], surfaces)
 
 
 def _unseen_table(context, by_guidance):
