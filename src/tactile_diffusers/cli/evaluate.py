@@ -20,7 +20,7 @@ from .program import (
     warn,
 )
 
-_SECTIONS = ("reconstruction", "generation", "control", "regression", "novel", "paper", "speed")
+_SECTIONS = ("reconstruction", "generation", "control", "regression", "paper", "speed")
 
 
 def parse_arguments(argv=None):

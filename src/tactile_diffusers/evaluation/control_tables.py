@@ -3,49 +3,73 @@
 import numpy as np
 
 from ..signal import RATING_AXES
+from .changes import QUANTITIES, VALUES, comparisons, counted
 from .labels import default_guidance
 from .tables import text
 
-#: Ratings at which changes are compared.
-VALUES = ("-2.0", "-1.0", "1.0", "2.0")
-#: A change is right within this share of the real one, or within the 95 % interval of either.
-TOLERANCE = 0.2
-QUANTITIES = {
-    "level_db_change": "level, dB",
-    "shape_db": "nine-band shape, dB",
-    "log_friction_change": "log friction",
-    "latent_shift_dprime": "latent displacement, d′",
+#: Rows of the table of changes.
+_CANDIDATES = {
+    "null": "real surfaces, one half for the other",
+    "model": "**generated**",
+    "knn_blend": "blend of 5 nearest surfaces",
+    "ridge": "ridge regression and noise",
+    "regression": "best polynomial of the rating",
+    "permuted": "generated, ratings permuted",
+    "none": "no change at all",
 }
-
-
-def comparisons(axes, fewest):
-    """Every change of "axes" in a report's section "control" beside the real one; few effective surfaces are left out.
-
-    A dict each: "axis", "value", "quantity", "ours", "real", "chance" (half of the 95 % interval of the real one, or of
-    ours if that is wider) and "right".
-    """
-    rows = []
-    for axis in RATING_AXES:
-        for value in (value for value in VALUES if value in axes[axis]):
-            for name in QUANTITIES:
-                ours, real = axes[axis][value][name], axes[axis][value][f"{name}_truth"]
-                if None in (ours["mean"], real["mean"]) or (real["n"] or 0) < fewest:
-                    continue
-                chance = max(_half(ours), _half(real))
-                right = abs(ours["mean"] - real["mean"]) <= max(TOLERANCE * abs(real["mean"]), chance)
-                row = {"axis": axis, "value": float(value), "quantity": name, "ours": ours["mean"]}
-                rows.append(row | {"real": real["mean"], "chance": chance, "right": bool(right)})
-    return rows
-
-
-def _half(leaf):
-    return 0.0 if leaf["interval"] is None else (leaf["interval"][1] - leaf["interval"][0]) / 2
+#: Measures of the response curves, and digits.
+_CURVES = {
+    "level_db": ("level, dB re 1 N", 1),
+    "centroid_hz": ("centroid, Hz", 0),
+    "log_friction": ("log friction", 2),
+    "estimate": ("judge's estimate", 2),
+}
 
 
 def share_right(entry, control):
     """How many changes of a set of conditions are right, such as "29 of 36"."""
-    compared = comparisons(entry["axes"], control["truth"]["fewest_surfaces"]["mean"])
-    return f"{sum(row['right'] for row in compared)} of {len(compared)}"
+    return _of(counted(comparisons(entry["axes"], control["truth"]["fewest_surfaces"]["mean"]))["changes"])
+
+
+def _of(leaf):
+    if leaf["mean"] is None:
+        return None
+    spread = "" if leaf["min"] is None else f" ({leaf['min']:.0f}–{leaf['max']:.0f})"
+    return f"{text(leaf['mean'], 1 if spread else 0)} of {leaf['n']}{spread}"
+
+
+def change_rows(report):
+    """Changes that are right, by quantity, and each candidate beside the generated ones over the same conditions."""
+    rows = {}
+    for slug, name in _CANDIDATES.items():
+        if entry := report["control"]["counts"].get(slug):
+            rows[name] = row = {key: _of(entry[key]) for key in ("changes", *QUANTITIES)}
+            if "closer" in entry and slug != "model":
+                row |= {"closer": _of(entry["closer"]), "closer_p": entry["closer_p"], "right_p": entry["right_p"]}
+                row["alone"] = f"{text(entry['only_ours']['mean'], 0)} / {text(entry['only_other']['mean'], 0)}"
+    return rows
+
+
+def curve_rows(report):
+    """The response to one rating over the whole accepted range: a row for each axis and measure."""
+    rows = {}
+    for axis in RATING_AXES:
+        for name, (label, digits) in _CURVES.items():
+            for source, curves in report["control"]["curves"].items():
+                if name == "centroid_hz" and source != "model":
+                    continue
+                curve = curves[axis]
+                row = {value: text(leaves[name], digits) for value, leaves in curve["values"].items()}
+                share = curve["reversal"][name]["mean"]
+                row["reversal"] = "–" if share is None else f"{100 * share:.0f} %"
+                rows[f"{axis}: {label}" + ("" if source == "model" else " (blend)")] = row
+    return rows
+
+
+def curve_columns(report):
+    """Headings of `curve_rows`."""
+    values = report["control"]["curves"]["model"][RATING_AXES[0]]["values"]
+    return {value: f"{float(value):+g}" for value in values} | {"reversal": "turns back beyond ±2"}
 
 
 def matrix_difference(response, real):
@@ -56,23 +80,26 @@ def matrix_difference(response, real):
 
 
 def effect_rows(report):
-    """Figures for each guidance scale, under permuted ratings, of real textures and of regressions."""
-    control, unseen, generation = report["control"], report["unseen_surfaces"], report["generation"]
+    """Figures for each guidance scale, under permuted ratings, of real textures and of regressions.
+
+    What another section measures is left out where it was not run.
+    """
+    control, unseen, generation = (report[key] or {} for key in ("control", "unseen_surfaces", "generation"))
     sets = ("ftd", "diversity", "copied_share", "precision", "recall")
-    rows = {"real, held out": {key: generation["real"][key] for key in sets}}
-    for name in [*(key for key in control if key in generation and key != "baselines"), "permuted"]:
-        entry = control[name]
+    rows = {"real, held out": {key: generation["real"][key] for key in sets}} if generation else {}
+    for name, entry in control.items():
+        if "spearman" not in entry:
+            continue
         row = {
             "changes": share_right(entry, control),
             "matrix": matrix_difference(entry["response"], control["response_real"]),
             "spearman": min((leaf["moved"]["mean"] or 0 for leaf in entry["spearman"].values()), default=None),
         }
-        if name == "permuted":
-            rows["**ratings permuted**"] = row | {"nine_band_db": unseen["permuted"]["nine_band_db"]}
-        else:
-            row["nine_band_db"] = unseen["guidance"][name]["nine_band_db"]
-            row |= {key: generation[name][key] for key in (*sets, "ktd_excess", "diversity_of_rating")}
-            rows[f"guidance {name}"] = row
+        of_unseen = unseen.get("permuted") if name == "permuted" else unseen.get("guidance", {}).get(name)
+        row["nine_band_db"] = of_unseen and of_unseen["nine_band_db"]
+        of_sets = generation.get(name, {})
+        row |= {key: of_sets.get(key) for key in (*sets, "ktd_excess", "diversity_of_rating")}
+        rows["**ratings permuted**" if name == "permuted" else f"guidance {name}"] = row
     names = {"same_data": "the same surfaces", "many_surfaces": "fresh surfaces"}
     for key, entry in (report.get("regression") or {}).items():
         facts = f"of degree {entry['degree']['mean']:.0f} on {entry['surfaces']['mean']:.0f} of {names[key]}"
@@ -90,12 +117,23 @@ def control_facts(report):
     moved = {axis: entry["moved_name"].removesuffix("_db").replace("_", " ") for axis, entry in spearman.items()}
     return {
         "guidance": guidance,
+        "truth": _truth_facts(report["data"]),
         "moved": ", ".join(f"{axis}: {name}" for axis, name in moved.items()),
         "fewest": f"{min(sizes.values()):.0f}",
         "extrapolated": ", ".join(few) or "none",
         "inside": ", ".join(far) or "none",
         "judge": ", ".join(f"{axis} {text(value, interval=True)}" for axis, value in control["judge_r2"].items()),
     }
+
+
+def _truth_facts(data):
+    """Where real changes come from."""
+    recipe = "" if data.get("recipe") is None else f", recipe {data['recipe']}"
+    if data.get("fresh_surfaces"):
+        return f"fresh ones like those of the split {data['split']}{recipe}"
+    if data["split"] == "hard":
+        return f"the recorded ones of the split hard{recipe}"
+    return f"all recorded ones{recipe}, those of training too, which favours what is fitted to them"
 
 
 def one_rating_rows(report):

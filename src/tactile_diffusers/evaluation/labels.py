@@ -80,6 +80,16 @@ EFFECTS = {
     "recall": "recall",
     "copied_share": "copied (0.05 = none)",
 }
+CHANGES = {
+    "changes": "right",
+    "level_db_change": "of level",
+    "shape_db": "of shape",
+    "log_friction_change": "of friction",
+    "closer": "generated is closer in",
+    "closer_p": ("p", 3),
+    "alone": "right alone: generated / this",
+    "right_p": ("p", 3),
+}
 ONE_RATING = {
     "rating_truth": "rating of the real",
     "level_db": "level, dB re 1 N",
@@ -94,14 +104,6 @@ ONE_RATING = {
     "latent_shift_percent": "latent shift, %",
     "latent_shift_dprime": "latent shift, d′",
     "latent_shift_dprime_truth": "real",
-}
-NOVEL = {
-    "levels": "level, dB re 1 N",
-    "level_inside": "share of levels within those of training",
-    "frictions": "friction coefficient",
-    "beyond": "share farther from training than 99 % of real",
-    "crest": "crest factor",
-    "finite": "finite",
 }
 SPEED = {
     "duration_s": ("lasts, s", 4),

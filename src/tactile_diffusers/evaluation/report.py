@@ -21,11 +21,12 @@ from .report_figures import plot_beside
 from .result_files import machine_facts
 from .sections import SECTIONS, WITHOUT_RATINGS
 from .sections.reconstruction import measure_anchor
+from .virtual_truth import can_be_continued
 
 #: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
 METRICS_VERSION = 2
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
-MEASURED = ("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "novel", "regression")
+MEASURED = ("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "regression")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
 # only training DALE has this argument
 _DALE_ARGUMENT = "condition_dropout"
@@ -176,6 +177,8 @@ def _data_facts(data):
     return {
         "name": Path(dataset.path).name,
         "source": dataset.source,
+        "recipe": dataset.attributes.get("recipe_version"),
+        "fresh_surfaces": can_be_continued(dataset),
         "split": dataset.split,
         "unit": dataset.unit,
         "sampling_rate": dataset.sampling_rate,

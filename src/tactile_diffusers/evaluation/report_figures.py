@@ -141,6 +141,26 @@ def plot_control(control, guidance, output_path):
         panels[0, 0].legend(fontsize=8)
 
 
+def plot_curves(curves, output_path):
+    """Level, centroid, friction and the judge's estimate over the whole range of one rating: generated and blend."""
+    quantities = {"level_db": "level, dB re 1 N", "centroid_hz": "centroid, Hz", "log_friction": "log friction"}
+    quantities["estimate"] = "judge's estimate, z"
+    styles = {"model": {"color": "C0", "label": "generated"}, "knn_blend": {"color": "C1", "label": "blend"}}
+    with figure_panels(output_path, len(quantities), len(RATING_AXES), (12, 11)) as panels:
+        for row, (name, label) in zip(panels, quantities.items(), strict=True):
+            for panel, axis in zip(row, RATING_AXES, strict=True):
+                for source, by_axis in curves.items():
+                    values, leaves = zip(*by_axis[axis]["values"].items(), strict=True)
+                    ratings, shown = list(map(float, values)), [entry[name] for entry in leaves]
+                    panel.plot(ratings, list(map(leaf_mean, shown)), **styles[source], **_DOTS)
+                    bounds = np.transpose([leaf["interval"] or [np.nan] * 2 for leaf in shown])
+                    panel.fill_between(ratings, *bounds, color=styles[source]["color"], alpha=0.2, linewidth=0)
+                panel.axvspan(-2, 2, color="grey", alpha=0.12, linewidth=0)
+                panel.set(xlabel=f"requested {axis}, z (grey: as in training)", ylabel=label)
+            share_limits(row)
+        panels[0, 0].legend(fontsize=8)
+
+
 def plot_responses(control, guidance, output_path):
     """Response matrices: slope of the judge's estimates on requested ratings."""
     matrices = {

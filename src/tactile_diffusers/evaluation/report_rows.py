@@ -117,19 +117,6 @@ def unseen_rows(report):
     return rows
 
 
-def novel_rows(report):
-    """Textures from ratings outside of training, with the ranges of their levels and friction coefficients."""
-
-    def between(leaf, digits):
-        return f"{text(leaf['min'], digits)} to {text(leaf['max'], digits)}"
-
-    return {
-        name: entry | {"levels": between(entry["level_db"], 1), "frictions": between(entry["friction"], 2)}
-        for name, entry in report["novel"].items()
-        if name != "range_db"
-    }
-
-
 def speed_rows(report):
     """Real-time steps of a segment and of a block, and how long each part of the pipeline takes."""
     speed = report["speed"]

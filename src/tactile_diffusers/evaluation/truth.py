@@ -112,16 +112,41 @@ class RatedTextures:
 
     def interval(self, name, request):
         """95 % interval of `mean`, leaving out one surface at a time: low and high, (...,); NaN for fewer than two."""
+        return self._interval(request, *self._left_out(name, request))
+
+    def change(self, name, request):
+        """`mean` over that of the whole population, and its 95 % interval as of `interval`: (...,) and two of these."""
+        nothing = np.full(len(RATING_AXES), np.nan)
+        (value, left_out), (base, base_left_out) = (self._left_out(name, r) for r in (request, nothing))
+        return value - base, self._interval(request, value - base, left_out - base_left_out)
+
+    def _left_out(self, name, request):
+        """`mean`, and for each surface the mean without it: (...,) and (S, ...)."""
         values, weights = self.measures[name], self.surface_weights(request)
         sums = np.zeros((len(weights), *values.shape[1:]))
         np.add.at(sums, self.surface_ids, values)
         column = (slice(None), *[None] * (values.ndim - 1))
         shares = sums * (weights / self._textures)[column]
-        estimate, size = shares.sum(0), self.effective_size(request)
+        estimate = shares.sum(0)
+        return estimate, (estimate - shares) / np.maximum(1 - weights, 1e-12)[column]
+
+    def _interval(self, request, estimate, left_out):
+        size = self.effective_size(request)
         if size < 2:
             return np.full_like(estimate, np.nan), np.full_like(estimate, np.nan)
-        left_out = (estimate - shares) / (1 - weights)[column]
         return jackknife_interval(estimate, left_out, size)
+
+    def halves(self, rng):
+        """Two random halves of the surfaces: a tuple of two `RatedTextures`."""
+        first = rng.permutation(len(self.ratings)) < len(self.ratings) // 2
+        return self._keep(first), self._keep(~first)
+
+    def _keep(self, surfaces):
+        rows, number = surfaces[self.surface_ids], np.cumsum(surfaces) - 1
+        measures = {name: values[rows] for name, values in self.measures.items()}
+        return RatedTextures(
+            measures, number[self.surface_ids[rows]], self.ratings[surfaces], self.importance[surfaces]
+        )
 
 
 def log_kernel(ratings, request, width=KERNEL_WIDTH):

@@ -54,8 +54,9 @@ def virtual_truth(
 ):
     """The truth of requests to a model of virtual surfaces, which are explored afresh.
 
-    Surfaces, explorers and raters are like those of the ordinary splits; what is held out takes no part. A surface
-    whose first recordings hold no segment is explored once more, then dropped.
+    Surfaces, explorers and raters are like those of the ordinary splits; what is held out takes no part, unless
+    `dataset` is the split "hard", which is of nothing else. A surface whose first recordings hold no segment is
+    explored once more, then dropped.
 
     Args:
         dataset (`PreparedDataset`): of virtual surfaces, at its native rate: it says which collection, raters, limits
@@ -79,15 +80,16 @@ def virtual_truth(
     training = np.unique(PreparedDataset(dataset.path, "train", "full").surface_ids)
     numbers = [int(dataset.surfaces[surface].split("-")[0]) for surface in training]
     collection = Collection.from_attributes(facts)
-    asked = _ordinary(facts, "raters", [f"rater-{number}" for number in range(collection.raters)])
+    hard = dataset.split == "hard"
+    asked = _people(facts, "raters", [f"rater-{number}" for number in range(collection.raters)], hard)
     ratings = fresh_ratings(candidates, collection, training=numbers, raters=asked)
-    met = _ordinary_candidates(facts, candidates)
+    met = _met_candidates(facts, candidates, hard)
     drawn, importance = draw_surfaces(ratings[met], requests, surfaces, seed)
     drawn = met[drawn]
     limits = SegmentLimits(**facts["limits"])
     settings = dict(
         collection=collection,
-        explorers=_ordinary(facts, "explorers", sorted({name.split("/")[1] for name in dataset.recordings})),
+        explorers=_people(facts, "explorers", sorted({name.split("/")[1] for name in dataset.recordings}), hard),
         seconds=seconds,
         limits=limits if dataset.subset == "filtered" else limits.without_conditions(),
         band=dataset.band,
@@ -125,18 +127,23 @@ def _explore_and_describe(numbers, describe, settings, workers, quiet):
     return np.array(counts), measures
 
 
-def _ordinary(facts, kind, names):
-    """Numbers of the raters or explorers that are not held out, from names such as "rater-3"."""
-    held = HoldOut(**facts["hold_out"]).held(kind, names) if facts["hold_out"] else [False] * len(names)
-    return [int(name.rsplit("-", 1)[1]) for name, out in zip(names, held, strict=True) if not out]
+def _people(facts, kind, names, hard):
+    """Numbers of the raters or explorers of a split, from names such as "rater-3"."""
+    return [int(name.rsplit("-", 1)[1]) for name, met in zip(names, _met(facts, kind, names, hard), strict=True) if met]
 
 
-def _ordinary_candidates(facts, candidates):
-    """Which of the fresh surfaces are of no class that is held out: (n,) int64."""
+def _met_candidates(facts, candidates, hard):
+    """Which of the fresh surfaces are of classes of a split: (n,) int64."""
     if not facts["hold_out"] or not facts["hold_out"]["surfaces"]:
         return np.arange(candidates)
     names = [VirtualSurface(facts["seed"], FIRST_FRESH + number).name for number in range(candidates)]
-    return np.flatnonzero(~HoldOut(**facts["hold_out"]).held("surfaces", names))
+    return np.flatnonzero(_met(facts, "surfaces", names, hard))
+
+
+def _met(facts, kind, names, hard):
+    """Which names belong to a split: those that are not held out, or in "hard" those that are, if any are."""
+    held = HoldOut(**facts["hold_out"]).held(kind, names) if facts["hold_out"] else np.zeros(len(names), bool)
+    return held | (not held.any()) if hard else ~held
 
 
 def _check_virtual(dataset, requests, surfaces, per_surface):
@@ -146,7 +153,7 @@ def _check_virtual(dataset, requests, surfaces, per_surface):
         raise ValueError(f"`dataset` must hold virtual surfaces, got {facts['source']!r}. Use `recorded_truth`.")
     recipe, rate = facts.get("recipe_version"), facts["sampling_rate"]
     if recipe != RECIPE_VERSION:
-        raise ValueError(f"`dataset` is of recipe {recipe}, the code is of {RECIPE_VERSION}: generate the data again.")
+        raise ValueError(f"`dataset` is of recipe {recipe}, the code is of {RECIPE_VERSION}: use `recorded_truth`.")
     if dataset.sampling_rate != rate:
         raise ValueError(f"`dataset` must be at its native rate, {rate} Hz: open it without `sampling_rate`.")
     if not len(requests):
@@ -156,8 +163,14 @@ def _check_virtual(dataset, requests, surfaces, per_surface):
     return facts
 
 
+def can_be_continued(dataset):
+    """Whether fresh surfaces can be drawn from the world of a `PreparedDataset`: virtual ones of the code's recipe."""
+    facts = dataset.attributes
+    return facts["source"] == VIRTUAL_SOURCE and facts.get("recipe_version") == RECIPE_VERSION
+
+
 def truth_of(dataset, requests, describe, seed=0, quiet=True, **settings):
-    """`virtual_truth` if the data are virtual surfaces, else `recorded_truth`.
+    """`virtual_truth` if the data are virtual surfaces of the code's recipe, else `recorded_truth`.
 
     Args:
         dataset (`PreparedDataset` or `str` or `Path`): the data set, or its file, of which all surfaces are taken.
@@ -166,7 +179,7 @@ def truth_of(dataset, requests, describe, seed=0, quiet=True, **settings):
     """
     if not isinstance(dataset, PreparedDataset):
         dataset = PreparedDataset(dataset, split="all")
-    if dataset.attributes["source"] == VIRTUAL_SOURCE:
+    if can_be_continued(dataset):
         return virtual_truth(dataset, requests, describe, seed=seed, quiet=quiet, **settings)
     chosen = {"per_surface": settings["per_surface"]} if "per_surface" in settings else {}
     return recorded_truth(dataset, describe, seed=seed, **chosen)

@@ -6,7 +6,7 @@ from ...signal import band_levels_db, rms
 from .errors import DB_PER_NEPER
 
 
-def texture_measures(textures, levels, friction_coefficients, sampling_rate, edges, latents):
+def texture_measures(textures, levels, friction_coefficients, sampling_rate, edges, latents=None):
     """What a rating is expected to move, one row a texture.
 
     Args:
@@ -15,22 +15,24 @@ def texture_measures(textures, levels, friction_coefficients, sampling_rate, edg
         friction_coefficients (`np.ndarray`): (n,), NaN = unknown.
         sampling_rate (`float`): Hz.
         edges (`np.ndarray`): of the nine bands, Hz.
-        latents (`np.ndarray`): (n, features), `latent_summary` of the encoded textures.
+        latents (`np.ndarray`, *optional*): (n, features), `latent_summary` of the encoded textures.
 
     Returns:
         `dict[str, np.ndarray]`: "level_db" (n,) dB re 1 N; "shape_db" (n, 9) band levels at unit RMS; "log_friction"
-        (n,); "latent" (n, features + 1 or 2): all that DALE generates.
+        (n,); with latents also "latent" (n, features + 1 or 2): all that DALE generates.
     """
     textures = np.asarray(textures, dtype=np.float64)
     unit = textures / np.maximum(rms(textures), 1e-12)[:, None]
     levels, log_friction = (np.asarray(values, dtype=np.float64) for values in (levels, np.log(friction_coefficients)))
-    scalars = [values for values in (levels, log_friction) if np.isfinite(values).all()]
-    return {
+    measures = {
         "level_db": DB_PER_NEPER * levels,
         "shape_db": band_levels_db(unit, sampling_rate, edges),
         "log_friction": log_friction,
-        "latent": np.concatenate([latents, *(values[:, None] for values in scalars)], axis=-1),
     }
+    if latents is not None:
+        scalars = [values[:, None] for values in (levels, log_friction) if np.isfinite(values).all()]
+        measures["latent"] = np.concatenate([latents, *scalars], axis=-1)
+    return measures
 
 
 def shape_change_db(mean, baseline):
@@ -60,3 +62,21 @@ def d_prime(mean, spread, size, baseline_mean, baseline_spread, baseline_size):
     variance = (np.square(spread) + np.square(baseline_spread)) / 2
     squares = np.square(mean - baseline_mean) / np.maximum(variance, 1e-12)
     return float(np.sqrt(max(0.0, squares.sum() - len(squares) * (1 / size + 1 / baseline_size))))
+
+
+def reversal(values, responses, edge=2.0):
+    """How far a response turns back outside of training, as a share of its change within: 0 if it goes on or is held.
+
+    Args:
+        values (`Sequence[float]`): (n,) ratings, ascending, with -`edge` and `edge` among them.
+        responses (`np.ndarray`): (n,) mean of a measure at each.
+        edge (`float`): z-scores; nearly all surfaces of training lie within.
+
+    Returns:
+        `float`: the largest fall outwards on either side, against the direction in which the measure goes within ±edge.
+    """
+    values, responses = np.asarray(values), np.asarray(responses, dtype=np.float64)
+    high, low = responses[values >= edge], responses[values <= -edge][::-1]
+    change = high[0] - low[0]
+    falls = [np.max(np.maximum.accumulate(side) - side) for side in (high * np.sign(change), -low * np.sign(change))]
+    return float(max(falls) / max(abs(change), np.finfo(np.float64).tiny))

@@ -1,6 +1,6 @@
 """The sections of a report: each measures one thing on a `Context` and returns leaves under top-level keys."""
 
-from . import control, generation, novel, paper, reconstruction, regression, speed
+from . import control, generation, paper, reconstruction, regression, speed
 from .context import FULL, QUICK, Context, Settings, make_context
 from .reconstruction import Anchor
 
@@ -10,7 +10,6 @@ SECTIONS = {
     "generation": generation.run,
     "control": control.run,
     "regression": regression.run,
-    "novel": novel.run,
     "paper": paper.run,
     "speed": speed.run,
 }

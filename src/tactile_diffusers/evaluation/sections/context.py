@@ -25,6 +25,7 @@ class Settings:
     takes: int = 16  # textures generated per held-out surface
     control_values: tuple = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)  # of one axis, the others not specified
     control_takes: int = 100  # textures per value
+    response_takes: int = 24  # textures per value of the response curves
     truth_candidates: int = 20_000  # fresh virtual surfaces that are rated
     truth_surfaces: int = 1500  # and explored
     truth_seconds: float = 12.0  # of each exploration
@@ -45,6 +46,7 @@ QUICK = Settings(
     per_surface=2,
     control_values=(-2.0, -1.0, 1.0, 2.0),
     control_takes=24,
+    response_takes=8,
     truth_candidates=8000,
     truth_surfaces=400,
     truth_seconds=8.0,

@@ -8,15 +8,20 @@ import numpy as np
 import torch
 from scipy.stats import spearmanr
 
+from ...data import PreparedDataset
 from ...signal import RATING_AXES, level
 from ..baselines import BaselineRequest
+from ..changes import against_real, comparisons, counted, no_change, null_counts, paired
+from ..envelopes import surface_means
 from ..judge import FEWEST_SURFACES, Judge, response_interval, response_matrix
 from ..metrics.rating_effects import d_prime, latent_shift_percent, shape_change_db, texture_measures
 from ..metrics.statistics import jackknife, leaf, number
-from ..report_figures import plot_control, plot_responses
+from ..report_figures import plot_control, plot_curves, plot_responses
 from ..sampling import latent_summary
 from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
 from ..virtual_truth import truth_of
+from .regression import best_polynomial
+from .response import response_curves
 
 # fewest requests for three slopes and an intercept, also with one left out
 _FEWEST_REQUESTS = 6
@@ -26,7 +31,7 @@ _NOTHING = np.full(len(RATING_AXES), np.nan)
 
 
 def run(context):
-    """The section: `{"control": ...}`; writes control.png and response.png."""
+    """The section: `{"control": ...}`; writes control.png, response.png and curves.png."""
     data, truth = context.data, _truth(context)
     judge, r2 = _judge(context)
     real = _estimate(judge, data.points, data.frictions)
@@ -41,9 +46,45 @@ def run(context):
     result["baselines"] = {
         slug: _baseline(context, slug, judge, truth) for slug in _STEERABLE if slug in context.baselines
     }
+    result["regression"] = {"axes": _regression(context, truth)}
+    result["counts"] = _counts(context, result, truth)
+    result["curves"] = response_curves(context, lambda points, frictions: _estimate(judge, points, frictions))
     plot_control(result, context.default_guidance, context.output / "control.png")
     plot_responses(result, context.default_guidance, context.output / "response.png")
+    plot_curves(result["curves"], context.output / "curves.png")
     return {"control": result}
+
+
+def _counts(context, result, truth):
+    """`{name: leaves}` of the changes that are right, by the model, by what stands beside it, and by real surfaces."""
+    ours = result[str(context.default_guidance)]["axes"]
+    candidates = {"model": ours, "permuted": result["permuted"]["axes"], "regression": result["regression"]["axes"]}
+    candidates |= {slug: entry["axes"] for slug, entry in result["baselines"].items()} | {"none": no_change(ours)}
+    rows = {name: comparisons(axes, LEAST_EFFECTIVE_SIZE) for name, axes in candidates.items()}
+    found = {name: counted(some) | paired(rows["model"], some) for name, some in rows.items()}
+    requests = {key: _request(key) for key in _conditions(context)[1:]}
+    return found | {"null": null_counts(truth, requests, LEAST_EFFECTIVE_SIZE, context.rng("null"))}
+
+
+def _regression(context, truth):
+    """Conditions as the best polynomials of one rating predict them, fitted to the training surfaces."""
+    data, training = context.data, context.data.baseline_training
+    training = training.keep(np.isfinite(training.ratings).all(-1))
+    measures = _measures(
+        context, training.textures, level(training.textures), training.friction_coefficients, encoded=False
+    )
+    targets = np.column_stack([measures[name] for name in ("level_db", "log_friction", "shape_db")])
+    ratings, targets = (surface_means(values, training.surface_ids) for values in (training.ratings, targets))
+    axes = {axis: {} for axis in RATING_AXES}
+    for index, axis in enumerate(RATING_AXES):
+        # each target has a degree of its own
+        fits = [best_polynomial(ratings[:, [index]], target[:, None], data.seed)[0] for target in targets.T]
+        for value in context.settings.control_values:
+            requested = truth.draw_ratings(_request((axis, value)), context.settings.control_takes)[:, [index]]
+            change = np.array([fit(requested).mean() for fit in fits]) - targets.mean(0)
+            changes = {"level_db": change[0], "log_friction": change[1], "shape_db": change[2:]}
+            axes[axis][str(value)] = against_real(changes, truth, _request((axis, value)))
+    return axes
 
 
 def _guided(context, scale, truth, judge):
@@ -87,9 +128,9 @@ def _request(key):
 
 def _truth(context):
     """`RatedTextures`: measures of real textures, from which the truth of a request is read."""
-    settings = context.settings
+    settings, data = context.settings, context.data.dataset
     return truth_of(
-        context.data.dataset.path,
+        PreparedDataset(data.path, "hard" if data.split == "hard" else "all"),
         [_request(key) for key in _conditions(context)],
         lambda textures, levels, frictions: _measures(context, textures, levels, frictions),
         candidates=settings.truth_candidates,
@@ -101,9 +142,9 @@ def _truth(context):
     )
 
 
-def _measures(context, textures, levels, frictions):
+def _measures(context, textures, levels, frictions, encoded=True):
     """`texture_measures` of textures, without friction where the data do not know it."""
-    data, latents = context.data, latent_summary(context.encode(textures))
+    data, latents = context.data, latent_summary(context.encode(textures)) if encoded else None
     frictions = frictions if data.has_friction else np.full(len(textures), np.nan)
     return texture_measures(textures, levels, frictions, data.rate, data.edges, latents)
 
@@ -170,7 +211,7 @@ def _baseline(context, slug, judge, truth):
         textures = baseline.sample(request, context.rng(f"control {slug}"))
         # a generator in the same state: the friction that belongs to these textures
         frictions = baseline.friction_coefficients(request, context.rng(f"control {slug}"))
-        conditions[key] = _measures(context, textures, level(textures), frictions), None
+        conditions[key] = _measures(context, textures, level(textures), frictions, encoded=False), None
     frictions = baseline.friction_coefficients(data.request, context.rng(slug))
     estimated = _estimate(judge, context.baseline_points[slug], frictions)
     response = _matrix(estimated, data.request.ratings, data.surfaces)
@@ -220,30 +261,23 @@ def _against_truth(condition, base, independent, truth, request):
     """Leaves of one condition beside those of real surfaces with these ratings."""
     (ours, latents), (ours_base, base_latents) = condition, base
     size, takes = truth.effective_size(request), np.arange(len(ours["level_db"]))
-    entry = {}
+    # take by take from the same noise
+    changes = {name: ours[name] - ours_base[name] for name in ("level_db", "shape_db", "log_friction")}
+    entry = against_real({name: values.mean(0) for name, values in changes.items()}, truth, request)
     for name in ("level_db", "log_friction"):
-        mean, nothing, interval = truth.mean(name, request), truth.mean(name, _NOTHING), truth.interval(name, request)
-        entry[name] = leaf(ours[name])
-        entry[f"{name}_truth"] = number(mean, size, interval)
-        entry[f"{name}_change"] = leaf(ours[name] - ours_base[name])  # take by take from the same noise
-        entry[f"{name}_change_truth"] = number(mean - nothing, size, tuple(bound - nothing for bound in interval))
-
+        entry[name], entry[f"{name}_change"] = leaf(ours[name]), leaf(changes[name])
+        entry[f"{name}_truth"] = number(truth.mean(name, request), size, truth.interval(name, request))
     shape, shape_base = ours["shape_db"], ours_base["shape_db"]
     change, interval = jackknife(lambda mask: shape_change_db(shape[mask].mean(0), shape_base[mask].mean(0)), takes)
     entry["shape_db"] = number(change, len(takes), interval)
-    true_change = truth.mean("shape_db", request) - truth.mean("shape_db", _NOTHING)
-    low, high = truth.interval("shape_db", request)
-    change, chance = np.abs(true_change).mean(), float(np.mean(high - low)) / 2
-    entry["shape_db_truth"] = number(change, size, (change - chance, change + chance))
-    own_change = shape.mean(0) - shape_base.mean(0)
-    entry["shape_difference_db"] = number(np.abs(own_change - true_change).mean(), len(takes))
-
-    entry["latent_shift_percent"] = leaf(None if latents is None else latent_shift_percent(latents, base_latents))
+    entry["rating_truth"] = number(truth.mean_rating(request)[np.isfinite(request)][0], size)
+    if latents is None:
+        return entry
+    entry["latent_shift_percent"] = leaf(latent_shift_percent(latents, base_latents))
     ends = [(m["latent"].mean(0), m["latent"].std(0, ddof=1), len(takes)) for m in (ours, independent)]
     entry["latent_shift_dprime"] = number(d_prime(*ends[0], *ends[1]), len(takes))
     ends = [(truth.mean("latent", r), truth.spread("latent", r), truth.effective_size(r)) for r in (request, _NOTHING)]
     entry["latent_shift_dprime_truth"] = number(d_prime(*ends[0], *ends[1]), ends[0][2])
-    entry["rating_truth"] = number(truth.mean_rating(request)[np.isfinite(request)][0], size)
     return entry
 
 

@@ -8,11 +8,11 @@ import itertools
 
 import numpy as np
 
+from ...data import PreparedDataset
 from ...signal import RATING_AXES, band_levels_db
-from ...signal.constants import VIRTUAL_SOURCE
 from ..envelopes import surface_means
 from ..metrics.statistics import leaf, number
-from ..virtual_truth import virtual_truth
+from ..virtual_truth import can_be_continued, virtual_truth
 
 DEGREES = (1, 2, 3)
 #: Added to the diagonal of the normal equations, in surfaces: holds a cubic of 50 surfaces in check, else nothing.
@@ -21,14 +21,14 @@ FOLDS = 5
 
 
 def run(context):
-    """The section: `{"regression": {"same_data": ..., "many_surfaces": ...}}`; the latter for virtual surfaces only."""
+    """The section: `{"regression": {"same_data": ..., "many_surfaces": ...}}`; the latter of fresh surfaces."""
     data, training = context.data, context.data.baseline_training
     bands = band_levels_db(training.textures, data.rate, data.edges)
     found = {"same_data": _fitted(data, bands, training.ratings, training.surface_ids)}
     count = context.settings.regression_surfaces
-    if data.dataset.attributes["source"] == VIRTUAL_SOURCE:
+    if can_be_continued(data.dataset):
         fresh = virtual_truth(
-            data.dataset,
+            PreparedDataset(data.dataset.path, "all"),
             [[np.nan] * len(RATING_AXES)],
             lambda textures, levels, frictions: {"bands": band_levels_db(textures, data.rate, data.edges)},
             surfaces=count,
@@ -48,17 +48,28 @@ def _fitted(data, bands, ratings, surface_ids):
     rated = np.isfinite(ratings).all(1)
     ratings, bands, ids = ratings[rated], bands[rated], surface_ids[rated]
     points, targets = (surface_means(values, ids) for values in (ratings, bands))
-    fold = np.random.default_rng(data.seed).permutation(len(points)) % FOLDS
-    errors = [_cross_validated(points, targets, degree, fold) for degree in DEGREES]
-    degree = DEGREES[int(np.argmin(errors))]
+    predict, degree = best_polynomial(points, targets, data.seed)
     requested, real = (surface_means(values, data.surfaces) for values in (data.ratings, data.bands))
     known = np.isfinite(requested).all(1)
-    predicted = _predict(_fit(points, targets, degree), requested[known], degree)
     return {
-        "nine_band_db": leaf(np.abs(predicted - real[known]).mean(-1)),
+        "nine_band_db": leaf(np.abs(predict(requested[known]) - real[known]).mean(-1)),
         "degree": number(degree),
         "surfaces": number(len(points)),
     }
+
+
+def best_polynomial(points, targets, seed):
+    """The polynomial with the least cross-validated error: a function of (n, ratings) -> (n, targets), and its degree.
+
+    Args:
+        points, targets (`np.ndarray`): (surfaces, ratings) z-scores and (surfaces, targets), means over segments.
+        seed (`int`): of the folds.
+    """
+    fold = np.random.default_rng(seed).permutation(len(points)) % FOLDS
+    errors = [_cross_validated(points, targets, degree, fold) for degree in DEGREES]
+    degree = DEGREES[int(np.argmin(errors))]
+    fitted = _fit(points, targets, degree)
+    return lambda ratings: _predict(fitted, ratings, degree), degree
 
 
 def _terms(ratings, degree):
