@@ -6,14 +6,14 @@ import json
 import pytest
 
 from tactile_diffusers.cli import compare
-from tactile_diffusers.evaluation.control_tables import QUANTITIES
+from tactile_diffusers.evaluation.changes import QUANTITIES
 from tactile_diffusers.evaluation.metrics.statistics import number
 from tactile_diffusers.signal import RATING_AXES
 
 
 def _report(response=1.0):
     """The least that is compared: changes of `response` times the real ones."""
-    entry = {"latent_shift_percent": number(30.0 * response)}
+    entry = {"latent_shift_percent": number(30.0 * response), "shape_difference_db": number(2.0 * abs(1 - response))}
     for name in QUANTITIES:
         entry |= {name: number(2.0 * response), f"{name}_truth": number(2.0, 50)}
     axes = {axis: {value: entry for value in ("-2.0", "2.0")} for axis in RATING_AXES}
@@ -54,7 +54,7 @@ def test_obedient_and_deaf_checkpoints_are_told_apart(folder, tmp_path, capsys):
     assert compare.main(words.split()) == 0
     printed = capsys.readouterr().out
     lines = {line.split("|")[1].strip(): line for line in printed.splitlines() if line.startswith("| o")}
-    assert "24 of 24" in lines["ours"] and " 0 of 24 " in lines["other"]
+    assert "18 of 18" in lines["ours"] and " 0 of 18 " in lines["other"]
     assert "| 0.00 |" in lines["ours"] and "| 0.63 |" in lines["other"]  # 0.7 - 0.07
     assert "30–30" in lines["ours"] and "3–3" in lines["other"]
     assert (tmp_path / "out/axes.png").read_bytes()[:4] == b"\x89PNG"

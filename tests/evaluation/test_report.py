@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli import evaluate
-from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
+from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
+from tactile_diffusers.evaluation import virtual_truth
 from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.metrics.statistics import is_leaf
 from tactile_diffusers.evaluation.report import folder_digest, leaves, run_sections
@@ -30,6 +31,7 @@ TINY = replace(
     takes=2,
     control_values=(-2.0, -1.0, 1.0, 2.0),
     control_takes=3,
+    response_takes=2,
     truth_candidates=300,
     truth_surfaces=12,
     truth_seconds=4.0,
@@ -117,23 +119,48 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
     unseen = report["unseen_surfaces"]
     assert set(unseen["nine_band_db"]) == {"model", *SLUGS}
     assert unseen["permuted"]["nine_band_db"] != unseen["nine_band_db"]["model"]
-    novel = {name: entry for name, entry in report["novel"].items() if name != "range_db"}
-    assert "corners ±4, guidance 1.0" in novel and "one axis ±1, guidance 1.0" in novel and len(novel) == 1 + 2 * 4
-    for name, entry in novel.items():
-        assert all(np.isfinite(entry[figure]["mean"]) for figure in ("level_db", "friction", "beyond", "crest")), name
-        assert "real" in name or entry["finite"]["mean"] == 1
-    trained = report["novel"]["range_db"]
-    assert trained["min"] < trained["mean"] < trained["max"]
+    counts = {"model", "permuted", "knn_blend", "ridge", "regression", "none", "null"}
+    assert set(control["counts"]) == counts and is_leaf(control["counts"]["ridge"]["closer_p"])
+    assert set(control["curves"]) == {"model", "knn_blend"}
+    for axis, curve in control["curves"]["model"].items():
+        assert list(curve["values"])[0] == "-6.0" and len(curve["values"]) == 13, axis
+        for measures in (*curve["values"].values(), curve["reversal"]):
+            assert all(np.isfinite(measures[name]["mean"]) for name in ("level_db", "centroid_hz", "log_friction"))
     assert report["paper"]["latent_shift_percent"]["roughness"]["0.0"]["mean"] == pytest.approx(0, abs=1e-3)
     assert report["speed"]["segment"]["real_time_steps"]["mean"] == int(SECONDS / 0.01)
     found = list(leaves(report))
     assert len(found) > 500
     for path, leaf in found:
         assert leaf["interval"] is None or leaf["interval"][0] <= leaf["mean"] <= leaf["interval"][1], path
-    for name in "overlays steps unseen control response latent_shift spectra".split():
+    for name in "overlays steps unseen control curves response latent_shift spectra".split():
         assert (tmp_path / "out" / f"{name}.png").stat().st_size > 5000
     written = report_markdown(report) + report_markdown(report, "figures", level=3, short=True)
     assert "KTD over real" in written and "another take" in written and "nan" not in written.lower()
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_the_hard_split_has_generation_and_control(evaluable_pipe, tmp_path, monkeypatch):
+    """A class, a finger and two raters that training does not see; what is real there is of them alone."""
+    generate_recordings(tmp_path / "r.h5", surfaces=30, seconds=10, explorers=2, seed=2, quiet=True)
+    hold_out = HoldOut(("*-wood",), ("explorer-1",), ("rater-1", "rater-2"))
+    sizes, limits = dict(validation=2, test=2), SegmentLimits(seconds=SECONDS)
+    prepare_recordings(tmp_path / "r.h5", tmp_path / "p.h5", limits=limits, hold_out=hold_out, quiet=True, **sizes)
+    report = _report(evaluable_pipe(), tmp_path / "p.h5", tmp_path, ["generation", "control"], split="hard")
+    assert report["data"]["split"] == "hard" and report["data"]["surfaces"] >= 2
+    assert is_leaf(report["generation"]["1.0"]["ktd"]) and report["unseen_surfaces"]["nine_band_db"]["model"]["mean"]
+    assert report["control"]["1.0"]["axes"]["roughness"]["2.0"]["level_db_truth"]["mean"] is not None
+    assert "like those of the split hard, recipe" in report_markdown(report)
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_another_recipe_is_evaluated_as_recordings_and_named(evaluable_pipe, prepared, tmp_path, monkeypatch):
+    made = virtual_truth.RECIPE_VERSION
+    monkeypatch.setattr(virtual_truth, "RECIPE_VERSION", made + 1)
+    report = _report(evaluable_pipe(), prepared, tmp_path, ["control", "regression"])
+    assert (report["data"]["recipe"], report["data"]["fresh_surfaces"]) == (made, False)
+    assert "many_surfaces" not in report["regression"]
+    assert report["control"]["truth"]["effective_surfaces"]["roughness +1"]["n"] == 24  # all of the file
+    assert f"all recorded ones, recipe {made}, those of training too" in report_markdown(report)
 
 
 @pytest.mark.usefixtures("blank_pictures")

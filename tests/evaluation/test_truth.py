@@ -155,11 +155,17 @@ def test_what_is_held_out_takes_no_part(tmp_path, monkeypatch):
 
     monkeypatch.setattr(virtual, "fresh_textures", explore)
     monkeypatch.setattr(virtual, "fresh_ratings", rate)
-    virtual_truth(PreparedDataset(prepared, "hard"), REQUESTS, describe, surfaces=20, candidates=60, seconds=4.0)
-    assert any(VirtualSurface(4, FIRST_FRESH + n).parameters.material == material for n in range(60))
+    virtual_truth(PreparedDataset(prepared, "all"), REQUESTS, describe, surfaces=20, candidates=60, seconds=4.0)
+    classes = [VirtualSurface(4, FIRST_FRESH + number).parameters.material for number in range(60)]
+    assert material in classes
     assert all(VirtualSurface(4, number).parameters.material != material for number, _ in explored)
     assert {tuple(explorers) for _, explorers in explored} == {(0, 2)}
     assert list(asked["raters"]) == [n for n in range(12) if n not in (0, 5)]
+    # and in the hard split nothing else does
+    explored.clear()
+    virtual_truth(PreparedDataset(prepared, "hard"), REQUESTS, describe, surfaces=20, candidates=60, seconds=4.0)
+    assert {VirtualSurface(4, number).parameters.material for number, _ in explored} == {material}
+    assert {tuple(explorers) for _, explorers in explored} == {(1,)} and list(asked["raters"]) == [0, 5]
 
 
 def _without_limits(recordings, prepared, **options):
@@ -180,9 +186,9 @@ def test_recorded_truth_takes_all_surfaces_as_they_are(prepared, monkeypatch):
     assert rated.mean("levels", POPULATION) == pytest.approx(data.levels[chosen].mean())
 
 
-def test_source_decides(prepared, tmp_path):
-    virtual = truth_of(prepared, [POPULATION], describe, surfaces=2, candidates=40, seconds=8.0)
-    assert len(virtual.ratings) <= 2
+def test_source_and_recipe_decide(prepared, tmp_path, monkeypatch):
+    fresh = truth_of(prepared, [POPULATION], describe, surfaces=2, candidates=40, seconds=8.0)
+    assert len(fresh.ratings) <= 2
     copy = tmp_path / "p.h5"
     copy.write_bytes(prepared.read_bytes())
     with h5py.File(copy, "r+") as file:
@@ -192,6 +198,8 @@ def test_source_decides(prepared, tmp_path):
     assert len(recorded.ratings) == len(recorded.surface_ids) == surfaces
     with pytest.raises(ValueError, match="`dataset` must hold virtual surfaces, got 'a study'"):
         virtual_truth(PreparedDataset(copy), [POPULATION], describe)
+    monkeypatch.setattr(virtual, "RECIPE_VERSION", 0)
+    assert len(truth_of(prepared, [POPULATION], describe, surfaces=2, per_surface=1).ratings) == surfaces
 
 
 def test_other_recipes_rates_and_nonsense_are_refused(prepared, monkeypatch):
