@@ -45,6 +45,7 @@ TINY = replace(
     repeats=1,
     anchor_steps=(2, 10),
 )
+FEW = replace(TINY, control_values=(-1.0, 1.0), response_takes=1)
 METRICS = (
     "nine_band_db lsd_db gfc rmse_n snr_db power_difference_n2 level_error_db band_error_db_20_60 "
     "band_error_db_60_150 band_error_db_400_650 band_error_db_650_1000 out_of_band_db ftd ktd "
@@ -139,16 +140,16 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
 
 
 @pytest.mark.usefixtures("blank_pictures")
-def test_the_hard_split_has_generation_and_control(evaluable_pipe, tmp_path, monkeypatch):
+def test_the_hard_split_has_generation_and_control(evaluable_pipe, tmp_path):
     """A class, a finger and two raters that training does not see; what is real there is of them alone."""
-    generate_recordings(tmp_path / "r.h5", surfaces=30, seconds=10, explorers=2, seed=2, quiet=True)
+    generate_recordings(tmp_path / "r.h5", surfaces=30, seconds=6, explorers=2, seed=2, quiet=True)
     hold_out = HoldOut(("*-wood",), ("explorer-1",), ("rater-1", "rater-2"))
     sizes, limits = dict(validation=2, test=2), SegmentLimits(seconds=SECONDS)
     prepare_recordings(tmp_path / "r.h5", tmp_path / "p.h5", limits=limits, hold_out=hold_out, quiet=True, **sizes)
-    report = _report(evaluable_pipe(), tmp_path / "p.h5", tmp_path, ["generation", "control"], split="hard")
+    report = _report(evaluable_pipe(), tmp_path / "p.h5", tmp_path, ["generation", "control"], 0, FEW, "hard")
     assert report["data"]["split"] == "hard" and report["data"]["surfaces"] >= 2
     assert is_leaf(report["generation"]["1.0"]["ktd"]) and report["unseen_surfaces"]["nine_band_db"]["model"]["mean"]
-    assert report["control"]["1.0"]["axes"]["roughness"]["2.0"]["level_db_truth"]["mean"] is not None
+    assert report["control"]["1.0"]["axes"]["roughness"]["1.0"]["level_db_truth"]["mean"] is not None
     assert "like those of the split hard, recipe" in report_markdown(report)
 
 
@@ -156,7 +157,7 @@ def test_the_hard_split_has_generation_and_control(evaluable_pipe, tmp_path, mon
 def test_another_recipe_is_evaluated_as_recordings_and_named(evaluable_pipe, prepared, tmp_path, monkeypatch):
     made = virtual_truth.RECIPE_VERSION
     monkeypatch.setattr(virtual_truth, "RECIPE_VERSION", made + 1)
-    report = _report(evaluable_pipe(), prepared, tmp_path, ["control", "regression"])
+    report = _report(evaluable_pipe(), prepared, tmp_path, ["control", "regression"], settings=FEW)
     assert (report["data"]["recipe"], report["data"]["fresh_surfaces"]) == (made, False)
     assert "many_surfaces" not in report["regression"]
     assert report["control"]["truth"]["effective_surfaces"]["roughness +1"]["n"] == 24  # all of the file

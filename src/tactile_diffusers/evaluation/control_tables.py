@@ -88,12 +88,11 @@ def effect_rows(report):
     sets = ("ftd", "diversity", "copied_share", "precision", "recall")
     rows = {"real, held out": {key: generation["real"][key] for key in sets}} if generation else {}
     for name, entry in control.items():
-        if "spearman" not in entry:
+        if "axes" not in entry or "response" not in entry:
             continue
         row = {
             "changes": share_right(entry, control),
             "matrix": matrix_difference(entry["response"], control["response_real"]),
-            "spearman": min((leaf["moved"]["mean"] or 0 for leaf in entry["spearman"].values()), default=None),
         }
         of_unseen = unseen.get("permuted") if name == "permuted" else unseen.get("guidance", {}).get(name)
         row["nine_band_db"] = of_unseen and of_unseen["nine_band_db"]
@@ -110,15 +109,13 @@ def effect_rows(report):
 def control_facts(report):
     """What the text around the tables of control says: a dict of strings."""
     control, guidance = report["control"], default_guidance(report)
-    truth, spearman = control["truth"], control[guidance]["spearman"]
+    truth = control["truth"]
     sizes = {name: size["mean"] or 0 for name, size in truth["effective_surfaces"].items()}
     few = [name for name, size in sizes.items() if size < truth["fewest_surfaces"]["mean"]]
     far = [n for n, away in truth["rating_offset"].items() if abs(away["mean"] or 0) > truth["largest_offset"]["mean"]]
-    moved = {axis: entry["moved_name"].removesuffix("_db").replace("_", " ") for axis, entry in spearman.items()}
     return {
         "guidance": guidance,
         "truth": _truth_facts(report["data"]),
-        "moved": ", ".join(f"{axis}: {name}" for axis, name in moved.items()),
         "fewest": f"{min(sizes.values()):.0f}",
         "extrapolated": ", ".join(few) or "none",
         "inside": ", ".join(far) or "none",

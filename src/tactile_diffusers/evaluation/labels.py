@@ -70,7 +70,6 @@ UNSEEN = {
 EFFECTS = {
     "changes": "changes as between real surfaces",
     "matrix": "response matrix, largest difference from real",
-    "spearman": "least Spearman over the sweeps",
     "nine_band_db": "unseen surfaces, dB",
     "ktd_excess": "KTD over real",
     "ftd": "FTD",

@@ -6,7 +6,6 @@ those of the real surfaces that stand for a condition: both sides then have the 
 
 import numpy as np
 import torch
-from scipy.stats import spearmanr
 
 from ...data import PreparedDataset
 from ...signal import RATING_AXES, level
@@ -219,7 +218,7 @@ def _baseline(context, slug, judge, truth):
 
 
 def compare_conditions(context, conditions, truth, independent=None):
-    """`{"axes": {axis: {value: leaves}}, "spearman": {axis: leaves}}` of conditions beside real surfaces.
+    """`{"axes": {axis: {value: leaves}}}` of conditions beside real surfaces.
 
     Args:
         context (`Context`): with the values of the sweep.
@@ -227,34 +226,11 @@ def compare_conditions(context, conditions, truth, independent=None):
         truth (`RatedTextures`): measures of real textures.
         independent (`tuple`, *optional*): the baseline from noise of its own, which d′ assumes.
     """
-    axes, spearman, base = {}, {}, conditions[None, None]
-    independent, values = independent or base, context.settings.control_values
-    for axis in RATING_AXES:
-        axes[axis] = {
-            str(value): _against_truth(conditions[axis, value], base, independent[0], truth, _request((axis, value)))
-            for value in values
-        }
-        spearman[axis] = _order(truth, axis, values, [conditions[axis, value][0] for value in values])
-    return {"axes": axes, "spearman": spearman}
-
-
-def _order(truth, axis, values, measures):
-    """Spearman correlations of a sweep's means with its ratings, and the measure that the axis moves most in truth."""
-    requests = [_request((axis, value)) for value in values]
-    # of the shape, the component along the difference that real textures show between the ends of the sweep
-    ends = [truth.mean("shape_db", request) for request in (requests[0], requests[-1])]
-    direction = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
-    tracks, effects, means = {}, {}, {}
-    for name in ("level_db", "shape_db", "log_friction"):
-        along = (lambda value: value @ direction) if name == "shape_db" else (lambda value: value)
-        tracks[name] = [along(measured[name]).mean() for measured in measures]
-        means[name] = [along(truth.mean(name, request)) for request in requests]
-        spread = along(truth.measures[name]).std() if name == "shape_db" else truth.spread(name, _NOTHING)
-        effects[name] = np.nan_to_num(np.ptp(means[name]) / spread)
-    moved = max(effects, key=effects.get)
-    found = {name: spearmanr(values, track).statistic for name, track in tracks.items()}
-    found["moved"] = np.sign(spearmanr(values, means[moved]).statistic) * found[moved]
-    return {name: number(value, len(values)) for name, value in found.items()} | {"moved_name": moved}
+    axes, base = {axis: {} for axis in RATING_AXES}, conditions[None, None]
+    for key in _conditions(context)[1:]:
+        entry = _against_truth(conditions[key], base, (independent or base)[0], truth, _request(key))
+        axes[key[0]][str(key[1])] = entry
+    return {"axes": axes}
 
 
 def _against_truth(condition, base, independent, truth, request):
