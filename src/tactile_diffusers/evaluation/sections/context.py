@@ -23,7 +23,7 @@ class Settings:
     steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 15, 25, 50)  # of the step sweep
     per_surface: int = 4  # non-overlapping segments, of the reference and of what is held out
     takes: int = 16  # textures generated per held-out surface
-    control_values: tuple = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)  # of one axis, the others not specified
+    control_values: tuple = (-2.0, -1.0, 1.0, 2.0)  # of one axis, the others not specified
     control_takes: int = 100  # textures per value
     response_takes: int = 24  # textures per value of the response curves
     truth_candidates: int = 20_000  # fresh virtual surfaces that are rated
@@ -44,7 +44,6 @@ FULL = Settings()
 QUICK = Settings(
     steps=(1, 3, 5, 10, 25),
     per_surface=2,
-    control_values=(-2.0, -1.0, 1.0, 2.0),
     control_takes=24,
     response_takes=8,
     truth_candidates=8000,
