@@ -91,6 +91,9 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
     assert is_leaf(step["seconds_per_segment"]) and is_leaf(step["efficiency_score"])
     assert list(reconstruction["baselines"]) == list(SLUGS) == list(report["generation"]["baselines"])
     assert reconstruction["steps_within_5_percent"]["mean"] > 0 < reconstruction["kilobits_per_second"]["mean"]
+    assert list(reconstruction["decoders"]) == ["lctg", "no_network"] and is_leaf(
+        reconstruction["network"]["all_layers"]["ktd"]
+    )
     excess = step["ktd"]["mean"] - reconstruction["real"]["ktd"]["mean"]
     assert step["ktd_excess"]["mean"] == pytest.approx(excess)
     silence = reconstruction["baselines"]["silence"]

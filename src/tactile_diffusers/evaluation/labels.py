@@ -16,6 +16,15 @@ NAMES = {
     "knn_blend": "blend of 5 nearest surfaces (from ratings)",
     "ridge": "ridge regression and noise (from ratings)",
 }
+#: Names of LCTG and of what stands in for it.
+DECODERS = {
+    "lctg": "**LCTG, all layers**",
+    "no_network": "no network: stored low end, white noise above, levels restored",
+    "nothing_imposed": "LCTG, levels not restored",
+    "lctg_base": "**LCTG, base layer alone**",
+    "no_network_base": "no network, base layer alone: white noise, levels restored",
+    "nothing_imposed_base": "LCTG, base layer alone, levels not restored",
+}
 #: Steps at which configurations are compared: the paper's best (section 3.3).
 COMPARED_STEPS = "10"
 #: Headings of metrics of reconstructions and of sets.
@@ -55,6 +64,17 @@ RECONSTRUCTION = _columns(
     "nine_band_db lsd_db gfc level_error_db out_of_band_db snr_db rmse_n power_bias_percent power_difference_percent "
     "ftd ktd ktd_excess"
 )
+DECODING = {
+    "nine_band_db": ("nine-band error, dB", 3),
+    **_columns("snr_db ktd ktd_excess"),
+    "milliseconds": ("ms per segment", 1),
+    "kilobits_per_second": "kbit/s",
+    "sigma": ("noise on the latents", 3),
+    "noisy_nine_band_db": ("with it: nine-band error, dB", 3),
+    "noisy_snr_db": "SNR, dB",
+    "noisy_ktd_excess": "KTD over real",
+}
+DIFFERENCES = {"ktd": "KTD", "nine_band_db": ("nine-band error, dB", 3), "snr_db": "SNR, dB"}
 BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
 STEPS = _columns("nine_band_db ktd snr_db rmse_n seconds_per_segment efficiency_score")
 ANCHORS = _columns(

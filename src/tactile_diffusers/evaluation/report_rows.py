@@ -1,7 +1,7 @@
 """Rows of the tables of a report: name -> {column: text, number or leaf}."""
 
 from . import labels
-from .labels import NAMES, compared_steps, default_guidance, default_steps
+from .labels import DECODERS, NAMES, compared_steps, default_guidance, default_steps
 from .tables import markdown_table, text
 
 #: What the paper reports (sections 3.1 to 3.4), on SENS3.
@@ -73,6 +73,38 @@ def reconstruction_rows(report):
         rows[f"{name}, {count} steps"] = anchor["steps"][count]
     rows |= {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
     return rows | {"a different surface": section["different_surface"]}
+
+
+def decoder_rows(report):
+    """LCTG beside itself without its network, and without restored levels; then each at equal rate."""
+    section, rows = report["reconstruction"], {}
+    for name, entry in section["decoders"].items():
+        noisy = section["equal_rate"].get(name, {})
+        rate = {key: noisy[key] for key in ("kilobits_per_second", "sigma") if noisy}
+        milliseconds = {"milliseconds": 1000 * entry["seconds_per_segment"]["mean"]}
+        rows[DECODERS[name]] = entry | milliseconds | rate | {f"noisy_{key}": leaf for key, leaf in noisy.items()}
+    return rows
+
+
+def difference_rows(report):
+    """LCTG minus no network, paired."""
+    return {layers.replace("_", " "): entry for layers, entry in report["reconstruction"]["network"].items()}
+
+
+def network_adds(report):
+    """What the network is better at and worse at than none, in a sentence for each choice of layers."""
+    sentences = []
+    for layers, entry in difference_rows(report).items():
+        found = {"better": [], "worse": [], "no different": []}
+        for key, heading in labels.DIFFERENCES.items():
+            bounds, sign = entry.get(key, {}).get("interval"), -1 if key == "snr_db" else 1
+            if bounds:
+                decided = "no different" if bounds[0] <= 0 <= bounds[1] else "better"
+                decided = "worse" if decided == "better" and sign * entry[key]["mean"] > 0 else decided
+                found[decided].append((heading if isinstance(heading, str) else heading[0]).removesuffix(", dB"))
+        parts = [f"{word} in {' and '.join(names)}" for word, names in found.items() if names]
+        sentences.append(f"From the {layers}, LCTG is {', '.join(parts) or 'not compared'}.".replace("the all", "all"))
+    return " ".join(sentences)
 
 
 def step_rows(report):

@@ -67,13 +67,18 @@ def generate(
     return Generated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def reconstruct(pipe, textures, sampling_rate, num_inference_steps, seed=0, batch=32, quiet=True):
-    """Reconstructions at the textures' own rate and length: (n, samples) float64."""
+def reconstruct(pipe, textures, sampling_rate, num_inference_steps, seed=0, batch=32, quiet=True, change=None):
+    """Reconstructions at the textures' own rate and length: (n, samples) float64.
+
+    `change`, if given, replaces the latents of each batch (n, latent_channels, frames) before they are decoded.
+    """
     parts, seeds = [], noise_seeds(seed, len(textures))
+    samples = max(1, round(textures.shape[-1] * pipe.feature_extractor.delivery_rate / sampling_rate))
     for start in tqdm(range(0, len(textures), batch), disable=quiet, desc=f"{num_inference_steps} steps", leave=False):
         rows = textures[start : start + batch]
-        generators = _generators(seeds[start : start + batch])
-        out = pipe.reconstruct(rows, sampling_rate, num_inference_steps, generator=generators)
+        encoded, generators = pipe.encode(rows, sampling_rate), _generators(seeds[start : start + batch])
+        latents = encoded.latents if change is None else change(encoded.latents)
+        out = pipe.decode(latents, encoded.level, None, num_inference_steps, generators, samples=samples)
         parts.append(resample(out.textures, out.sampling_rate, sampling_rate)[:, : rows.shape[-1]])
     return np.concatenate(parts)
 

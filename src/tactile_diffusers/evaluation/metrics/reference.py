@@ -58,9 +58,8 @@ class Reference:
 
     def paired_ktd(self, points, others, groups):
         """KTD of a set minus that of another of the same groups (n,), row by row: a leaf, its interval over groups."""
-        first, second = (self._kernel_distance(values, groups) for values in (points, others))
-        difference, interval = jackknife(lambda mask: first(mask) - second(mask), groups)
-        return number(difference, len(points), interval)
+        first, second = (self._kernel_distance(values, np.asarray(groups)) for values in (points, others))
+        return number() if first is None else estimate(lambda mask: first(mask) - second(mask), groups)
 
     def _frechet_distance(self, points, groups):
         """`frechet_tactile_distance` of a mask of the points; None where a group less leaves too few."""

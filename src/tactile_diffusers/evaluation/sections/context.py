@@ -174,10 +174,14 @@ def _default_guidance(pipe):
     return float(inspect.signature(type(pipe).__call__).parameters["guidance_scale"].default)
 
 
+def spaced_training(data):
+    """(n, samples) up to 200 training segments, evenly spaced, on which rates of latents are counted."""
+    textures = data.training.textures
+    return textures[np.unique(np.linspace(0, len(textures) - 1, _RATE_SEGMENTS).astype(int))]
+
+
 def pipeline_latent_rate(pipe, data):
     """Numbers per second of a pipeline's latents, and the bits that each carries, on training segments."""
-    config, textures = pipe.lctg.config, data.training.textures
-    spaced = np.unique(np.linspace(0, len(textures) - 1, _RATE_SEGMENTS).astype(int))
-    latents = encode(pipe, textures[spaced], data.rate)
+    config, latents = pipe.lctg.config, encode(pipe, spaced_training(data), data.rate)
     frames_per_second = pipe.feature_extractor.sampling_rate / config.latent_hop
     return config.latent_channels * frames_per_second, latent_rate(latents, config.latent_noise or HALF_PRECISION)

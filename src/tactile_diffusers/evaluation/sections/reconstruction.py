@@ -13,6 +13,7 @@ from ..metrics.statistics import excess, jackknife, leaf, number
 from ..report_figures import plot_overlays, plot_steps
 from ..sampling import reconstruct
 from .context import pipeline_latent_rate
+from .decoders import measure_decoders
 from .speed import decoding_seconds
 
 #: Names of the metrics of a pair, in the order of the report.
@@ -36,10 +37,12 @@ class Anchor:
 
 def run(context):
     """The section: `{"reconstruction": ...}`; writes steps.png and overlays.png."""
-    steps, counts, data = {}, context.settings.steps, context.data
+    steps, counts, data, known = {}, context.settings.steps, context.data, None
     shown = context.steps if context.steps in counts else counts[-1]
     for count in counts:
         steps[str(count)], textures = step_leaves(context, context.pipe, count)
+        if count == context.steps:
+            known = textures
         if count == shown:
             plot_overlays(data.real, textures, data.rate, data.edges, context.output / "overlays.png")
     names = (*METRICS, "ftd", "ktd", "ktd_excess", "seconds_per_segment", "efficiency_score")
@@ -51,6 +54,7 @@ def run(context):
         "steps_within_5_percent": number(fewest_steps(steps), len(data.real)),
         "kilobits_per_second": bit_rate(*context.latent_rate),
         "baselines": baselines,
+        **measure_decoders(context, lambda *made: pair_metrics(data, *made), known),
         "different_surface": pair_metrics(data, _different_surface(context)),
         "real": {**data.distances, "rms_n": leaf(rms(data.real), data.surfaces)},
     }
@@ -69,7 +73,7 @@ def step_leaves(context, pipe, count):
     data = context.data
     textures = reconstruct(pipe, data.real, data.rate, count, context.seed, quiet=context.quiet)
     entry = pair_metrics(data, textures)
-    seconds = decoding_seconds(pipe, count, context.settings.repeats)
+    seconds = decoding_seconds(pipe, count, context.settings.repeats, channels=pipe.lctg.config.latent_channels)
     entry["seconds_per_segment"] = leaf(seconds)
     score = None if entry["rmse_n"]["mean"] is None else entry["rmse_n"]["mean"] * np.median(seconds)
     entry["efficiency_score"] = number(score, len(textures))

@@ -33,11 +33,15 @@ def run(context):
     return {"speed": result}
 
 
-def decoding_seconds(pipe, steps, repeats, frames=None):
-    """Seconds that decoding one texture of `frames` latent frames (one segment by default) takes: (repeats,)."""
+def decoding_seconds(pipe, steps, repeats, frames=None, channels=0):
+    """Seconds that decoding one texture of `frames` latent frames (one segment by default) takes: (repeats,).
+
+    The latents are zero beyond the first `channels`.
+    """
     config = pipe.lctg.config
     frames = frames or config.segment_samples // config.latent_hop
     latents, level = torch.zeros(1, config.latent_channels, frames), torch.zeros(1)
+    latents[:, :channels] = 0.1
     return _timed(lambda: pipe.decode(latents, level, num_inference_steps=steps), repeats)
 
 
