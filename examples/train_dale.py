@@ -46,7 +46,10 @@ def parse_args(argv=None):
     parser = training_parser(__doc__, train_batch_size=64)
     add = parser.add_argument
     add("--pretrained_model_name_or_path", required=True, help="pipeline folder with the trained LCTG")
-    add("--model_config_name_or_path", help="JSON: dale and dale_scheduler arguments, modules kept_at_zero")
+    add(
+        "--model_config_name_or_path",
+        help="JSON: dale and dale_scheduler arguments (null: as the data say), kept_at_zero",
+    )
     add("--max_train_surfaces", type=at_least_one, help="use only this many training surfaces, evenly spread")
     add(
         "--ratings",
@@ -136,7 +139,10 @@ def main(argv=None):
         pipe.lctg.requires_grad_(False)
         dataset, held_out = read_datasets(args, pipe.feature_extractor.sampling_rate)
     latents = encode_dataset(pipe, dataset, args.quiet)
-    dale = build_dale(pipe.lctg, dataset, latents, **config.get("dale", {}))
+    settings = {name: value for name, value in config.get("dale", {}).items() if value is not None}
+    if pipe.feature_extractor.fixed_scale:
+        settings["level_std"] = 0.0  # the level is in the latents
+    dale = build_dale(pipe.lctg, dataset, latents, **settings)
     for name in config.get("kept_at_zero", ()):  # parts that a configuration of the paper does without
         for parameter in dale.get_submodule(name).requires_grad_(False).parameters():
             torch.nn.init.zeros_(parameter)

@@ -58,12 +58,13 @@ def generate(
         generators = _generators(seeds[rows])
         settings = {"guidance_scale": guidance_scale, "generator": generators, "output_type": "latent"}
         out = pipe(np.asarray(ratings)[rows], num_inference_steps=steps, **settings)
-        textures = np.empty((len(out.level), 0), np.float32)
+        textures, level = np.empty((len(out.level), 0), np.float32), out.level.float().cpu().numpy()
         if decode:
             decoded = pipe.decode(out.latents, out.level, out.friction_coefficient, steps, generators)
             textures = resample(decoded.textures, decoded.sampling_rate, sampling_rate)[:, :samples].astype(np.float32)
-        tensors = (out.level, out.friction_coefficient, out.latents)
-        parts.append((textures, *(tensor.float().cpu().numpy() for tensor in tensors)))
+            level = decoded.level  # which DALE may have left to the waveform
+        tensors = (out.friction_coefficient, out.latents)
+        parts.append((textures, level, *(tensor.float().cpu().numpy() for tensor in tensors)))
     return Generated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 

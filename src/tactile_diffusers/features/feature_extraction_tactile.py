@@ -9,6 +9,7 @@ from transformers.feature_extraction_sequence_utils import SequenceFeatureExtrac
 from transformers.feature_extraction_utils import BatchFeature, FeatureExtractionMixin  # noqa: F401 (diffusers' loader looks for the base class in this module)
 
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
+from ..signal.checks import check_number
 from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .low_band import sample_low_band
 
@@ -81,6 +82,8 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             and `denormalize` restores; 0 = none.
         detail_samples (`int`, *optional*, defaults to 16): samples of the waveform's low end in each latent frame, half
             of whose samples they divide (`features/low_band.py`); 0 = none.
+        fixed_scale (`float`, *optional*): N that are 1 for the decoder, the same for every texture: the waveform keeps
+            its level, and nothing restores it (as in the paper). `None` = each texture's own RMS, kept beside.
 
     Raises:
         ValueError: if sizes, rates, windows or gains do not fit each other.
@@ -104,6 +107,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         preemphasis_db: list[float] | None = None,
         level_bands: int = 18,
         detail_samples: int = 16,
+        fixed_scale: float | None = None,
         **kwargs,
     ):
         size = (level_bands + 1 if level_bands else 0) + num_filters + detail_samples
@@ -147,6 +151,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             raise ValueError("`preemphasis_frequencies` and `preemphasis_db` must be lists of the same length or None.")
         if frequencies is not None and not (np.diff(frequencies, prepend=0.0) > 0).all():
             raise ValueError(f"`preemphasis_frequencies` must be positive and ascend, got {list(frequencies)}.")
+        self.fixed_scale = None if fixed_scale is None else check_number("fixed_scale", fixed_scale, "N", above=0)
         self.delivery_rate = delivery_rate
         self.band = tuple(band)
         self.num_filters = num_filters
@@ -194,7 +199,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         levels = level(texture).astype(np.float32)
         waveform = self._emphasize(texture, +1)
         scale = rms(waveform)[:, None]
-        waveform = waveform / np.where(scale > SILENCE, scale, np.inf)
+        waveform = waveform / (self.fixed_scale or np.where(scale > SILENCE, scale, np.inf))
         multiple = self.hop_length * self.frame_multiple
         missing = -waveform.shape[-1] % multiple
         return np.pad(waveform, ((0, 0), (0, missing))).astype(np.float32), levels
@@ -269,6 +274,8 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
     def denormalize(self, waveform, levels, samples=None, band_levels=None, modulation_gain=None):
         """Undoes `normalize`: pre-emphasis removed, delivery rate, and exactly the RMS that `levels` asks for.
 
+        With a `fixed_scale`, the waveform's own RMS stays, whatever `levels` is.
+
         Args:
             waveform (`np.ndarray` or `torch.Tensor`): (batch, samples) at the working rate.
             levels (`np.ndarray` or `torch.Tensor`): (batch,), natural log of the RMS in N.
@@ -304,7 +311,10 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         with np.errstate(over="ignore", invalid="ignore"):  # the pipeline refuses infinities
             scale, wanted = rms(texture)[:, None], np.exp(levels)[:, None]
             audible = (scale > SILENCE) & (wanted > SILENCE)
-            return (texture / np.where(audible, scale, np.inf) * wanted).astype(np.float32)
+            texture = (
+                texture * self.fixed_scale if self.fixed_scale else texture / np.where(audible, scale, np.inf) * wanted
+            )
+            return texture.astype(np.float32)
 
     def _emphasize(self, waveform, sign):
         """Whitens (`sign` = +1) or colours back (-1) with zero phase.

@@ -13,6 +13,7 @@ from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
 from ..models.hooks import has_hooks
 from ..schedulers import VDDIMScheduler, draw_noise
+from ..signal import level as measured_level
 from ..signal.checks import check_number, check_whole_number
 from .components import check_classes, check_fit, check_scheduler, step_arguments
 from .guidance import Guidance
@@ -344,6 +345,8 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
                 f"Textures overflow at `level` of up to {level.max():.4g} (log RMS in N). Look for a large "
                 "`guidance_scale`, `latents` far from unit variance or a broken checkpoint."
             )
+        if self.feature_extractor.fixed_scale:  # nothing was restored: the level is what was decoded
+            level = torch.from_numpy(measured_level(textures)).to(level)
         level, friction_coefficient = level.float(), friction_coefficient.float()
         if output_type == "pt":
             textures = torch.from_numpy(textures).to(waveform.device)
