@@ -41,6 +41,11 @@ def parse_arguments(scripts, argv=None):
     add("--rows", type=existing_folder, default=scripts / ROWS, metavar="FOLDER", help="row files; default: ours")
     add_output_argument(parser, "trainings, results, report.md")
     add("--only", nargs="+", metavar="NAME", help="rows to train and measure; default: all")
+    add(
+        "--seeds", type=int, nargs="+", default=[None], metavar="N", help="trainings of each row; default: its own seed"
+    )
+    add("--equal_time", metavar="NAME", help="train each row again for as long as this one took; default: do not")
+    add("--shorten", type=count, default=1, metavar="N", help="a trial: every training N times shorter; default: 1")
     add("--threads", type=count, default=1, help="of training and measuring; default: 1")
     add("--split", choices=SPLITS[1:], default="validation", help="held-out surfaces; default: validation")
     add("--report_only", action="store_true", help="only report what is done; default: train and measure first")
@@ -67,25 +72,38 @@ def main(argv=None, scripts=Path(__file__).parents[1]):
 
     try:
         rows = read_rows(arguments.rows)
-        chosen = _chosen(rows, arguments.only)
-        plans = {row.name: stages(row, arguments.output / row.name, arguments.data) for row in rows}
-        if arguments.report_only:
-            chosen = []
-        for row in chosen:
-            check_stages(row, plans[row.name], scripts)
+        chosen = [] if arguments.report_only else _chosen(rows, arguments.only)
+        _chosen(rows, arguments.equal_time and [arguments.equal_time])
+        chosen = {row.path for row in chosen}
+        rows = [row.scaled(1 / arguments.shorten) if arguments.shorten > 1 else row for row in rows]
+        rows = [row if seed is None else row.seeded(seed) for row in rows for seed in arguments.seeds]
+        known, plans = {}, {}
+        for row in rows:
+            plans[row.name] = stages(row, arguments.output / row.name, arguments.data, known)
+            if row.path in chosen:
+                check_stages(row, plans[row.name], scripts)
     except (ValueError, OSError) as error:
         refuse("ablate.py", error)
         return 2
     torch.set_num_threads(arguments.threads)
     bench = Bench(arguments.data, arguments.split, arguments.quiet)
     failed = False
-    with _killed_as_interrupted():
-        for row in tqdm(chosen, desc="rows", disable=arguments.quiet):
+
+    def run_all(rows):
+        nonlocal failed
+        for row in tqdm([row for row in rows if row.path in chosen], desc="rows", disable=arguments.quiet):
             try:
                 _run(row, plans[row.name], scripts, arguments, bench)
             except (RuntimeError, ValueError, OSError) as error:
                 refuse("ablate.py", f"row {row.name}: {error}")
                 failed = True
+
+    with _killed_as_interrupted():
+        run_all(rows)
+        timed = _timed(rows, plans, arguments)
+        plans |= {row.name: stages(row, arguments.output / row.name, arguments.data, known) for row in timed}
+        run_all(timed)
+    rows += timed
     reported = _report(rows, plans, arguments)
     return int(failed or not reported)
 
@@ -96,6 +114,20 @@ def _chosen(rows, only):
     if unknown:
         raise ValueError(f"--only: there is no row {unknown[0]!r}. There are {', '.join(names)}.")
     return [row for row in rows if only is None or row.name in only]
+
+
+def _timed(rows, plans, arguments):
+    """The rows with as many steps as fit into the time of the row `--equal_time`, seed by seed, where both are done."""
+    found, results = [], {row.name: _stored(row.name, plans[row.name], arguments) for row in rows}
+    names = {row.seed: row.name for row in rows if row.path.stem == arguments.equal_time}
+    for row in rows:
+        own, other = results[row.name], results.get(names.get(row.seed))
+        if own and other and row.path.stem != arguments.equal_time:
+            paces = [pace for pace in ("step_seconds", "dale_step_seconds") if pace in own and pace in other]
+            factors = [other[pace] / own[pace] for pace in paces]
+            question = f"{row.question}, as long as `{arguments.equal_time}`"
+            found.append(row.scaled(*factors, equal_time=True, question=question))
+    return found
 
 
 class _killed_as_interrupted:
@@ -113,11 +145,11 @@ def _conditions(plan, arguments):
     return {"digest": plan[-1].digest, "split": arguments.split}
 
 
-def _stored(plan, arguments):
+def _stored(name, plan, arguments):
     """A row's result as it was written; `None` if there is none of this row as its file is now, or it is damaged."""
     from ablate_results import check_result
 
-    path = plan[-1].folder.parent / "result.json"
+    path = arguments.output / name / "result.json"
     try:
         with reading(path, "a result"):
             result = read_json(path, "JSON")
@@ -142,7 +174,7 @@ def _run(row, plan, scripts, arguments, bench):
     folder = arguments.output / row.name
     folder.mkdir(parents=True, exist_ok=True)
     with locked_folder(folder):  # other commands may be at other rows of the same output
-        if _stored(plan, arguments) is not None:
+        if _stored(row.name, plan, arguments) is not None:
             return
         train(row, plan, scripts, arguments.threads)
         measured = bench.measure(plan[-1].folder, generates=row.dale is not None)
@@ -156,19 +188,25 @@ def _report(rows, plans, arguments):
     Returns:
         `bool`: whether there was a row to report.
     """
-    from ablate_results import markdown, plot_rate_distortion, plot_rows
+    from ablate_results import averaged, markdown, plot_rate_distortion, plot_rows
 
-    stored = [(row, _stored(plans[row.name], arguments)) for row in rows]
+    stored = [(row, _stored(row.name, plans[row.name], arguments)) for row in rows]
     missing = [row.name for row, result in stored if result is None]
     if missing:
         print(f"ablate.py: no result yet of {', '.join(missing)} as in {arguments.rows}", file=sys.stderr)
-    results = {row.name: {"question": row.question, **result} for row, result in stored if result is not None}
+    results = {
+        row.name: {"question": row.question, "group": row.group, "seed": row.seed, **result}
+        for row, result in stored
+        if result is not None
+    }
     if not results:
         return False
     output, facts = arguments.output, {"data": arguments.data.name, "split": arguments.split}
+    facts["shortened"] = arguments.shorten
     write_text(output / "ablation.json", json.dumps({**facts, "rows": results}, indent=1) + "\n")
-    plot_rows(results, output / "rows.png")
-    plot_rate_distortion(results, output / "rate_distortion.png")
+    shown = averaged(results)
+    plot_rows(shown, output / "rows.png")
+    plot_rate_distortion(shown, output / "rate_distortion.png")
     text = markdown(results, **facts)
     write_text(output / "report.md", text)
     print(text)

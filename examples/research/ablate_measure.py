@@ -14,7 +14,7 @@ from tactile_diffusers.evaluation.sections.context import HALF_PRECISION
 from tactile_diffusers.evaluation.sections.generation import matching_rows
 from tactile_diffusers.evaluation.sections.reconstruction import pair_metrics
 from tactile_diffusers.evaluation.sections.speed import decoding_seconds
-from tactile_diffusers.signal import band_levels_db, nine_band_error_db, resample
+from tactile_diffusers.signal import band_levels_db, level, nine_band_error_db, resample
 
 #: Steps at which reconstructions are measured; the last also decodes the noisy latents.
 STEPS = (5, 10)
@@ -186,10 +186,14 @@ def generation(context):
 
     Returns:
         `dict`: "generation" with "ktd_excess" and "ftd_excess" over real of as many textures as there are real ones,
-        and "nine_band_db", the error of a surface's mean band levels, in the mean over surfaces.
+        "nine_band_db", the error of a surface's mean band levels, in the mean over surfaces, and "level_r", the
+        correlation of a surface's mean level with that of its recordings.
     """
     made, rows, surfaces = context.generated[1.0], matching_rows(context), context.requests[1]
     distances = context.data.reference.distances(context.data.reference.embed(made.textures[rows]), surfaces[rows])
     bands = surface_means(band_levels_db(made.textures, context.data.rate, context.data.edges), surfaces)
     error = np.abs(bands - surface_means(context.data.bands, context.data.surfaces)).mean()
-    return {"generation": {**_excess(context, distances), "nine_band_db": float(error)}}
+    levels = (level(made.textures), surfaces), (level(context.data.real), context.data.surfaces)
+    level_r = np.corrcoef(*(surface_means(values, groups) for values, groups in levels))[0, 1]
+    found = {"nine_band_db": float(error), "level_r": float(level_r)}
+    return {"generation": {**_excess(context, distances), **found}}

@@ -26,7 +26,16 @@ _FINALISTS = {
     "ktd_excess": ("generated KTD over real", 1),
     "ftd_excess": ("generated FTD over real", 1),
     "nine_band_db": ("nine-band error on unseen surfaces, dB", 2),
+    "level_r": ("r of level", 2),
     "dale_loss": ("last loss of DALE", 3),
+}
+_SEEDS = {
+    "nine_band_db": ("reconstructed: nine-band error, dB", 2),
+    "snr_db": ("SNR, dB", 2),
+    "ktd_excess": ("KTD over real", 1),
+    "generated_ktd_excess": ("generated: KTD over real", 1),
+    "generated_nine_band_db": ("nine-band error on unseen surfaces, dB", 2),
+    "generated_level_r": ("r of level", 2),
 }
 _RATE = {
     "rate_kbit_s": ("kbit/s", 2),
@@ -39,7 +48,34 @@ _RATE = {
 }
 
 
-def markdown(results, data, split, pictures=".", short=False):
+def averaged(results):
+    """The mean over seeds of each row: name of a group -> result; what is not a number is the first seed's."""
+    groups = {}
+    for name, result in results.items():
+        groups.setdefault(result.get("group", name), []).append(result)
+    return {name: _mean(members) for name, members in groups.items()}
+
+
+def _mean(values):
+    first = values[0]
+    if isinstance(first, dict):
+        return {key: _mean([value[key] for value in values]) for key in first}
+    if isinstance(first, list):
+        return [_mean(list(members)) for members in zip(*values, strict=True)]
+    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+    return sum(values) / len(values) if numbers and len(values) > 1 else first
+
+
+def _seed_rows(results):
+    """Each training by itself: name -> its reconstructions at 10 steps, and what it generates."""
+    rows = {}
+    for name, result in results.items():
+        generated = {f"generated_{key}": value for key, value in result.get("generation", {}).items()}
+        rows[f"`{name}`"] = result["steps"]["10"] | generated
+    return rows
+
+
+def markdown(results, data, split, pictures=".", short=False, shortened=1):
     """Tables and pictures of an ablation.
 
     Args:
@@ -47,13 +83,18 @@ def markdown(results, data, split, pictures=".", short=False):
         data, split (`str`): what the rows were measured on.
         pictures (`str`): folder of the pictures, and of report.md, as the text links to it.
         short (`bool`): without the tables of bands and of rate and distortion, which are in report.md.
+        shortened (`int`): how many times shorter than the rows say the trainings were.
     """
+    seeds, trained = sorted({result["seed"] for result in results.values() if result.get("seed") is not None}), results
+    results = averaged(results)
     titles = {name: f"{result['question']} (`{name}`)" for name, result in results.items()}
     finalists = {name: result for name, result in results.items() if "generation" in result}
     machines = sorted({f"{r['machine']['processor']}, {r['machine']['threads']} thread(s)" for r in results.values()})
     parts = [
         f"Trained on `{data}`, measured on its {split} surfaces ({'; '.join(machines)}), 10 steps unless said. Real "
-        "held-out segments stand for 0 in every distance over real.",
+        "held-out segments stand for 0 in every distance over real."
+        + (f" Means of {len(seeds)} trainings, seeds {', '.join(map(str, seeds))}." if seeds else "")
+        + (f" **A trial: trainings {shortened} times shorter than the rows say.**" if shortened > 1 else ""),
         markdown_table({titles[name]: _main(result) for name, result in results.items()}, labels=_MAIN),
         f"![nine-band error and KTD of every row]({pictures}/rows.png)",
     ]
@@ -65,6 +106,8 @@ def markdown(results, data, split, pictures=".", short=False):
     if finalists:
         table = {titles[name]: result["generation"] | result for name, result in finalists.items()}
         parts += ["The whole pipeline, from ratings, without guidance:", markdown_table(table, labels=_FINALISTS)]
+    if len(seeds) > 1:
+        parts += ["Each training:", markdown_table(_seed_rows(trained), labels=_SEEDS)]
     parts += [
         "Rate and distortion: latents that carry Gaussian noise, beside the texture low-passed to as many numbers "
         "and bits a second:",

@@ -1,7 +1,7 @@
 """Rows of an ablation: one JSON file each, which says what it asks and how it differs from the row it extends."""
 
 import inspect
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tactile_diffusers.io.reading import read_json
@@ -23,10 +23,12 @@ class Row:
         path (`Path`): its file; the row is called as the file is.
         question (`str`): what it asks, one line.
         lineage (`tuple[str, ...]`): names from the row that extends nothing down to this one.
-        model (`dict`): sections of `--model_config_name_or_path` of train_lctg.py.
+        model (`dict`): sections of `--model_config_name_or_path` of both scripts.
         arguments (`dict`): arguments of train_lctg.py in all phases.
         train (`list[dict]`): more of them, phase by phase.
         dale (`dict` or `None`): arguments of train_dale.py; `None` = the row only reconstructs.
+        seed (`int`, *optional*): of all its trainings; `None` = as its arguments say.
+        equal_time (`bool`): whether its steps are as many as fit into the time of another row.
     """
 
     path: Path
@@ -36,11 +38,33 @@ class Row:
     arguments: dict
     train: list
     dale: dict | None
+    seed: int | None = None
+    equal_time: bool = False
 
     @property
     def name(self):
-        """As tables and folders call it."""
-        return self.path.stem
+        """As folders call it."""
+        return self.group + ("" if self.seed is None else f"-seed-{self.seed}")
+
+    @property
+    def group(self):
+        """As tables call it: all of its seeds."""
+        return self.path.stem + ("-equal-time" if self.equal_time else "")
+
+    def seeded(self, seed):
+        """The row with this seed of all its trainings."""
+        dale = None if self.dale is None else {**self.dale, "seed": seed}
+        return replace(self, seed=seed, arguments={**self.arguments, "seed": seed}, dale=dale)
+
+    def scaled(self, factor, dale_factor=None, **changes):
+        """The row with so many times as many steps of LCTG and of DALE (by default the same), at least one."""
+
+        def longer(arguments, by):
+            return {**arguments, "max_train_steps": max(1, round(by * arguments["max_train_steps"]))}
+
+        train = [longer({**self.arguments, **phase}, factor) for phase in self.train]
+        dale = None if self.dale is None else longer(self.dale, factor if dale_factor is None else dale_factor)
+        return replace(self, train=train, dale=dale, **changes)
 
 
 def read_rows(folder):
@@ -121,12 +145,15 @@ def _check(path, merged):
 
 
 def _check_model(path, model):
-    from tactile_diffusers import LCTGModel, TactileFeatureExtractor, VDDIMScheduler
+    from tactile_diffusers import DALEModel, LCTGModel, TactileFeatureExtractor, VDDIMScheduler
 
     parts = {"feature_extractor": TactileFeatureExtractor, "lctg": LCTGModel, "scheduler": VDDIMScheduler}
+    parts |= {"dale": DALEModel, "dale_scheduler": VDDIMScheduler}
     if not isinstance(model, dict):
         raise ValueError(f"{path}: 'model' must be an object with the sections {', '.join(parts)}, got {model!r}.")
     for section, settings in model.items():
+        if section == "kept_at_zero":
+            continue
         if section not in parts or not isinstance(settings, dict):
             raise ValueError(
                 f"{path}: 'model' must hold objects named {', '.join(parts)}, got {section!r}: {settings!r}."

@@ -20,6 +20,8 @@ from tactile_diffusers.io.locks import locked_folder
 DEFAULTS = {"report_to": "none", "checkpointing_steps": 200, "validation_samples": 16}
 #: File in a stage's folder that says what is trained there.
 DIGEST = "ablation.sha256"
+#: Sections of a row's model that train_dale.py reads; train_lctg.py reads the others.
+OF_DALE = ("dale", "dale_scheduler", "kept_at_zero")
 #: Lines of a log that are shown when a training fails.
 LOG_LINES = 15
 #: One process on the CPU, whatever this machine's own accelerate settings are.
@@ -64,13 +66,15 @@ class Stage:
         return path.read_text(encoding="utf-8", errors="replace").strip() if path.is_file() else None
 
 
-def stages(row, folder, data):
+def stages(row, folder, data, known=None):
     """The trainings of a row, one after the other.
 
     Args:
         row (`Row`): what to train.
         folder (`Path`): of the row.
         data (`Path`): a prepared data set.
+        known (`dict`, *optional*): digest -> `Stage` of other rows, to which these are added: what learns the same from
+            the same is trained once.
 
     Returns:
         `list[Stage]`: phase-1, phase-2, ..., and dale if the row asks for it.
@@ -78,21 +82,25 @@ def stages(row, folder, data):
     planned = [("train_lctg.py", f"phase-{i}", {**row.arguments, **phase}) for i, phase in enumerate(row.train, 1)]
     if row.dale is not None:
         planned.append(("train_dale.py", "dale", row.dale))
-    made, digest = [], _digest([row.model, os.stat(data).st_size])
+    made, known = [], {} if known is None else known
+    digest = _digest([model_of(row, "train_lctg.py"), os.stat(data).st_size])
     for script, name, arguments in planned:
-        digest = _digest([digest, script, arguments])
+        model = model_of(row, script)
+        # LCTG's model is part of the first digest
+        digest = _digest([digest, script, arguments, *([model] if model and name == "dale" else [])])
+        configured = model and (not made or name == "dale")
         options = {
             "train_data_dir": str(data),
             "output_dir": str(folder / name),
             "pretrained_model_name_or_path": str(made[-1].folder) if made else None,
-            "model_config_name_or_path": None if made else str(model_file(folder)),
+            "model_config_name_or_path": str(model_file(folder, script)) if configured or not made else None,
             "resume_from_checkpoint": "latest",
             "validation_steps": arguments["max_train_steps"],
             "quiet": True,
             **DEFAULTS,
             **arguments,
         }
-        made.append(Stage(script, folder / name, options, digest))
+        made.append(known.setdefault(digest, Stage(script, folder / name, options, digest)))
     return made
 
 
@@ -100,9 +108,14 @@ def _digest(state):
     return hashlib.sha256(json.dumps(state, sort_keys=True).encode()).hexdigest()
 
 
-def model_file(folder):
+def model_of(row, script):
+    """The sections of a row's model that a script reads."""
+    return {name: part for name, part in row.model.items() if (name in OF_DALE) == (script == "train_dale.py")}
+
+
+def model_file(folder, script):
     """Where the model config of a row stands."""
-    return folder / "model.json"
+    return folder / ("dale.json" if script == "train_dale.py" else "model.json")
 
 
 def check_stages(row, planned, scripts):
@@ -166,7 +179,8 @@ def train(row, planned, scripts, threads):
         if stage.stored_digest != stage.digest:
             _empty(stage.folder)
         write_text(stage.folder / DIGEST, stage.digest + "\n")
-        write_text(model_file(stage.folder.parent), json.dumps(row.model, indent=2) + "\n")
+        text = json.dumps(model_of(row, stage.script), indent=2) + "\n"
+        write_text(model_file(stage.folder.parent, stage.script), text)
         code = _launch([str(scripts / stage.script), *_words(stage.options)], stage.log, threads)
         if code:
             lines = "\n".join(stage.log.read_text(encoding="utf-8", errors="replace").splitlines()[-LOG_LINES:])
@@ -207,22 +221,24 @@ def training_facts(planned):
 
     Returns:
         `dict`: "step_seconds" (median over LCTG's intervals between log entries), "training_seconds" of all stages,
-        "loss" (LCTG's last velocity loss), and, with a DALE, "dale_loss" likewise.
+        "loss" (LCTG's last velocity loss), and, with a DALE, "dale_step_seconds" and "dale_loss" likewise.
     """
     from tactile_diffusers.training.record import read_log
 
-    seconds, paces, losses = 0.0, [], {}
+    seconds, paces, losses = 0.0, {"step_seconds": [], "dale_step_seconds": []}, {}
     for stage in planned:
         entries = read_log(stage.folder)
         timed = [(0, 0.0)] + [(entry["step"], entry["seconds"]) for entry in entries if "seconds" in entry]
         seconds += timed[-1][1]
-        if stage.script == "train_lctg.py":
-            paces += [(b[1] - a[1]) / (b[0] - a[0]) for a, b in zip(timed, timed[1:], strict=False) if b[0] > a[0]]
+        of_dale = stage.script == "train_dale.py"
+        steps = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in zip(timed, timed[1:], strict=False) if b[0] > a[0]]
+        paces["dale_step_seconds" if of_dale else "step_seconds"] += steps
         velocity = [entry["train/velocity"] for entry in entries if "train/velocity" in entry]
-        if not (velocity and paces):
+        if not (velocity and paces["step_seconds"]):
             raise ValueError(
                 f"{stage.folder / 'log.jsonl'} is damaged: it holds no losses, or not how long they took. Delete the "
                 f"folder {stage.folder} to train it again."
             )
-        losses["loss" if stage.script == "train_lctg.py" else "dale_loss"] = velocity[-1]
-    return {"step_seconds": sorted(paces)[len(paces) // 2], "training_seconds": seconds, **losses}
+        losses["dale_loss" if of_dale else "loss"] = velocity[-1]
+    medians = {name: sorted(pace)[len(pace) // 2] for name, pace in paces.items() if pace}
+    return {**medians, "training_seconds": seconds, **losses}

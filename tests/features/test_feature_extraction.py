@@ -265,3 +265,25 @@ def test_bad_textures_are_refused(extractor, texture, sampling_rate, message):
 def test_bad_configs_are_refused(config, message):
     with pytest.raises(ValueError, match=message):
         TactileFeatureExtractor(**config)
+
+
+def test_a_fixed_scale_keeps_the_level_in_waveform_and_features(make_extractor, pink_noise):
+    extractor, textures = make_extractor(fixed_scale=0.02), pink_noise(16384, 10_000, count=2)
+    textures[1] *= 10
+    (quiet, loud), levels = extractor.normalize(textures, 10_000)
+    plain, plain_levels = make_extractor().normalize(textures, 10_000)
+    np.testing.assert_allclose(levels, plain_levels)
+    assert np.std(loud) / np.std(plain[1]) > 2 * np.std(quiet) / np.std(plain[0]) and np.std(plain) == pytest.approx(1)
+    features = extractor.features(np.stack([quiet, 10 * quiet]))
+    assert np.diff(features, axis=0).mean() == pytest.approx(2, abs=0.1)  # 20 dB, but for the floor
+    # whatever level is asked for, the textures come back as they were
+    made = extractor.denormalize(np.stack([quiet, loud]), np.zeros(2), samples=16384)
+    # the resampling both ways, as for other extractors
+    assert (np.abs(made - textures) < 0.02 * np.abs(textures).max(-1, keepdims=True)).all()
+    assert TactileFeatureExtractor.from_dict(extractor.to_dict()).fixed_scale == 0.02
+
+
+@pytest.mark.parametrize("scale", [0, -1.0, np.nan, "loud", True])
+def test_a_fixed_scale_is_a_positive_number(make_extractor, scale):
+    with pytest.raises(ValueError, match="`fixed_scale` must be a finite number above 0 in N"):
+        make_extractor(fixed_scale=scale)

@@ -10,6 +10,7 @@ import ablate_training
 import numpy as np
 import pytest
 import torch
+from ablate_results import averaged
 from ablate_rows import read_rows
 from ablate_training import DIGEST
 
@@ -72,7 +73,7 @@ def test_a_row_is_its_file_over_those_it_extends(tmp_path):
         ({"extends": "nothing"}, "'nothing', which is no row"),
         ({"extends": ["noise"]}, "'extends' must be the name of a row"),
         ({"extends": "noise"}, "round in a circle: noise < row < noise"),
-        ({"model": {"dale": {}}}, "feature_extractor, lctg, scheduler, got 'dale'"),
+        ({"model": {"decoder": {}}}, "feature_extractor, lctg, scheduler, dale, dale_scheduler, got 'decoder'"),
         ({"model": {"lctg": {"latents": 3}}}, "section 'lctg' has the unknown key 'latents'"),
         ({"arguments": {"output_dir": "x"}}, "must not set 'output_dir'"),
         ({"arguments": {"seed": [1]}}, "must give 'seed' one value"),
@@ -293,3 +294,101 @@ def test_a_training_that_was_cut_off_goes_on(run, launched, tmp_path):
     assert launched == ["train_lctg base/phase-2"] and kept.is_dir()
     assert "--resume_from_checkpoint=latest" in launched.words
     assert f"--pretrained_model_name_or_path={tmp_path / 'out/base/phase-1'}" in launched.words
+
+
+def test_each_seed_is_trained_and_rows_are_their_means(run, launched, tmp_path):
+    assert run("--seeds 3 4") == 0
+    assert launched == [
+        f"train_{script}"
+        for row, scripts in (("base", ("phase-1", "phase-2")), ("noise", ("phase-1", "phase-2", "dale")))
+        for seed in (3, 4)
+        for script in (f"{'dale' if name == 'dale' else 'lctg'} {row}-seed-{seed}/{name}" for name in scripts)
+    ]
+    assert "--seed=4" in launched.words
+    result = json.loads((tmp_path / "out/ablation.json").read_text())["rows"]["noise-seed-4"]
+    assert (result["group"], result["seed"]) == ("noise", 4)
+    text = (tmp_path / "out/report.md").read_text()
+    assert "Means of 2 trainings, seeds 3, 4." in text and "(`noise`)" in text and "| `noise-seed-3` |" in text
+
+
+def test_means_are_of_numbers():
+    results = {
+        f"row-seed-{seed}": {
+            "group": "row",
+            "seed": seed,
+            "steps": {"5": {"a": 1.0 * seed, "b": None}},
+            "points": [seed],
+        }
+        for seed in (1, 4)
+    }
+    assert averaged(results)["row"]["steps"] == {"5": {"a": 2.5, "b": None}}
+    assert averaged(results)["row"]["points"] == [2.5]
+    assert averaged({"row": {"loss": 2}}) == {"row": {"loss": 2}}
+
+
+def test_equal_time_gives_a_slow_row_fewer_steps(run, launched, tmp_path, monkeypatch):
+    original = ablate_training._launch
+
+    def launch(words, log, threads):  # the second row takes twice as long a step
+        code = original(words, log, threads)
+        path = log.with_suffix("") / "log.jsonl"
+        entries = [json.loads(line) for line in path.read_text().splitlines()]
+        slower = 2 if log.parent.name.startswith("noise") else 1
+        entries = [
+            {**entry, "seconds": slower * entry["seconds"]} if "seconds" in entry else entry for entry in entries
+        ]
+        path.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+        return code
+
+    monkeypatch.setattr(ablate_training, "_launch", launch)
+    assert run("--equal_time base") == 0
+    assert launched[-3:] == [f"train_lctg noise-equal-time/phase-{n}" for n in (1, 2)] + [
+        "train_dale noise-equal-time/dale"
+    ]
+    assert "--max_train_steps=2" in launched.words  # of DALE, in place of three: the base has none, LCTG's pace counts
+    assert (
+        "more noise on the latents, as long as `base` (`noise-equal-time`)" in (tmp_path / "out/report.md").read_text()
+    )
+    launched.clear()
+    assert run("--equal_time base") == 0 and not launched
+    assert run("--equal_time nothing") == 2
+
+
+def test_what_learns_the_same_is_trained_once(run, launched, tmp_path):
+    model = {"dale": {"patch_size": 2}, "kept_at_zero": ["rating_pool"]}
+    write_rows(tmp_path / "rows", heads={"question": "another DALE", "extends": "noise", "model": model})
+    assert run("--only noise heads") == 0
+    lctg = [f"train_lctg noise/phase-{n}" for n in (1, 2)]
+    assert launched == [*lctg, "train_dale noise/dale", "train_dale heads/dale"]
+    assert json.loads((tmp_path / "out/heads/dale.json").read_text()) == model
+    assert f"--model_config_name_or_path={tmp_path / 'out/heads/dale.json'}" in launched.words
+    assert "dale" not in json.loads((tmp_path / "out/noise/model.json").read_text())
+
+
+def test_a_trial_is_shorter_and_says_so(run, launched, tmp_path):
+    assert run("--only base --shorten 2") == 0
+    assert "--max_train_steps=1" in launched.words  # of two
+    assert "A trial: trainings 2 times shorter" in (tmp_path / "out/report.md").read_text()
+
+
+def test_the_papers_rows_are_the_papers_configuration_and_one_mend_each():
+    configs = SCRIPTS / "configs"
+    published, *mends = sorted(read_rows(configs / "paper"), key=lambda row: row.name != "as_published")
+    paper = {
+        **json.loads((configs / "lctg_paper.json").read_text()),
+        **json.loads((configs / "dale_paper.json").read_text()),
+    }
+    assert published.model == paper and [phase["subset"] for phase in published.train] == ["full", "filtered"]
+    extractor, lctg, dale = (paper[name] for name in ("feature_extractor", "lctg", "dale"))
+    assert extractor["fixed_scale"] > 0 == extractor["level_bands"] == extractor["detail_samples"]  # nothing restored
+    assert len(lctg["widths"]) == len(dale["widths"]) == 7 and "level_std" not in dale and lctg["latent_noise"] == 0
+    assert published.arguments["octave_exponent"] == published.arguments["preemphasis_clip_db"] == 0
+    assert published.dale["ratings"] == "single"
+    steps = [phase["max_train_steps"] for phase in published.train]
+    for row in mends:
+        assert [phase["max_train_steps"] for phase in row.train] == steps, row.name
+        assert row.dale["max_train_steps"] == published.dale["max_train_steps"]
+        if row.name != "all_mends":
+            assert row.lineage == ("as_published", row.name)
+    ours = next(row for row in mends if row.name == "all_mends")
+    assert ours.model == json.loads((configs / "lctg.json").read_text())

@@ -11,6 +11,7 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.signal import rms
 
 # without the auxiliary loss, which has a test of its own; two updates of its head instead of 600
 OPTIONS = {"gradient_accumulation_steps": 2, "conditioning_weight": 0, "rating_head_steps": 2}
@@ -105,15 +106,29 @@ def test_sixty_steps_reduce_the_loss(train, tmp_path, read_entries):
     assert last["validation/velocity_rated"] < 0.995 * first["validation/velocity_rated"]
 
 
-def test_the_papers_configuration_trains_and_has_a_fixed_gain(train, tiny_configs, tmp_path):
+def test_the_papers_configuration_trains_and_generates_its_gain(train, runs, tiny_configs, tmp_path):
+    """Through the latents: the waveform keeps the level, and nothing restores it."""
+    lctg = TactileTexturePipeline.from_pretrained(runs / "lctg")
+    lctg.feature_extractor.fixed_scale = 0.01
+    lctg.save_pretrained(tmp_path / "lctg")
     paper = json.loads((Path(__file__).parents[2] / "examples/configs/dale_paper.json").read_text())
     tiny = json.loads(tiny_configs["dale"].read_text())
     paper["dale"] |= tiny["dale"]
     (tmp_path / "paper.json").write_text(json.dumps(paper))
-    output = train(tmp_path / "dale", model_config_name_or_path=tmp_path / "paper.json", ratings="single")
+    options = {"pretrained_model_name_or_path": tmp_path / "lctg", "ratings": "single"}
+    output = train(tmp_path / "dale", model_config_name_or_path=tmp_path / "paper.json", **options)
     pipe = TactileTexturePipeline.from_pretrained(output)
     pipe.set_progress_bar_config(disable=True)
     assert not pipe.dale.rating_pool.weight.any() and pipe.dale_scheduler.config.multistep_order == 1
+    assert pipe.dale.config.level_std == 0 == pipe.dale.config.log_friction_std
     out = pipe([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], num_inference_steps=2, generator=torch.Generator().manual_seed(0))
-    assert out.level.tolist() == pytest.approx([pipe.dale.config.level_mean] * 2)
-    assert not np.array_equal(out.textures[0], out.textures[1])
+    assert out.level.tolist() == pytest.approx(np.log(rms(out.textures)).tolist(), abs=1e-4)  # float32
+    assert out.level[0] != pytest.approx(out.level[1], abs=1e-4)
+
+
+def test_null_in_the_config_is_what_the_data_say(train, tiny_configs, tmp_path):
+    config = json.loads(tiny_configs["dale"].read_text())
+    config["dale"]["log_friction_std"] = None
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    output = train(tmp_path / "dale", model_config_name_or_path=tmp_path / "config.json", max_train_steps=1)
+    assert TactileTexturePipeline.from_pretrained(output).dale.config.log_friction_std > 0
