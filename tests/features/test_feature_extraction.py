@@ -278,8 +278,8 @@ def test_a_fixed_scale_keeps_the_level_in_waveform_and_features(make_extractor, 
     assert np.diff(features, axis=0).mean() == pytest.approx(2, abs=0.1)  # 20 dB, but for the floor
     # whatever level is asked for, the textures come back as they were
     made = extractor.denormalize(np.stack([quiet, loud]), np.zeros(2), samples=16384)
-    # the resampling both ways, as for other extractors
-    assert (np.abs(made - textures) < 0.02 * np.abs(textures).max(-1, keepdims=True)).all()
+    inside = slice(1000, -1000)  # the ends are mirrored
+    assert (np.abs(made - textures)[:, inside] < 0.02 * np.abs(textures).max(-1, keepdims=True)).all()
     assert TactileFeatureExtractor.from_dict(extractor.to_dict()).fixed_scale == 0.02
 
 
