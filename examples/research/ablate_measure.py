@@ -7,7 +7,6 @@ from tactile_diffusers.evaluation.baselines import BaselineRequest, Decimated, l
 from tactile_diffusers.evaluation.envelopes import Grid, surface_means
 from tactile_diffusers.evaluation.held_out import check_fit, open_held_out
 from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key, snr_db
-from tactile_diffusers.evaluation.metrics.statistics import excess
 from tactile_diffusers.evaluation.sampling import noise_seeds, reconstruct
 from tactile_diffusers.evaluation.sections import Context, Settings
 from tactile_diffusers.evaluation.sections.context import HALF_PRECISION
@@ -87,16 +86,11 @@ def reconstruction(context):
         shown = ("nine_band_db", "snr_db", "power_difference_percent")
         steps[str(count)] = {
             **{name: leaves[name]["mean"] for name in shown},
-            **_excess(context, leaves),
+            **{name: leaves[name]["mean"] for name in ("ktd_excess", "ftd_excess")},
             "signed_db": {signed_band_key(band): leaves[signed_band_key(band)]["mean"] for band in SIGNED_BANDS_HZ},
             "seconds": float(np.median(decoding_seconds(context.pipe, count, context.settings.repeats))),
         }
     return {"parameters": context.pipe.lctg.num_parameters(), "steps": steps}
-
-
-def _excess(context, leaves):
-    """Distances over those of the real held-out segments."""
-    return {f"{name}_excess": excess(leaves[name], context.data.distances[name])["mean"] for name in ("ktd", "ftd")}
 
 
 def rate_distortion(context):
@@ -128,7 +122,7 @@ class _Curve:
         self.real = context.data.real[rows]
         made = context.pipe.encode(self.real, context.data.rate)
         self.latents, self.level = made.latents, made.level
-        self.real_ktd = self._ktd(self.real)
+        self.real_points = context.data.reference.embed(self.real)
 
     def point(self, sigma, channels=None):
         """Rate and quality at a noise of standard deviation `sigma`; channels from `channels` on are set to zero."""
@@ -173,12 +167,12 @@ class _Curve:
         return {
             "nine_band_db": float(nine_band_error_db(textures, self.real, data.rate, data.edges).mean()),
             "snr_db": float(snr_db(textures, self.real).mean()) if data.dataset.unit == "N" else None,
-            "ktd_excess": excess(self._ktd(textures), self.real_ktd)["mean"],
+            "ktd_excess": self._ktd_excess(textures),
         }
 
-    def _ktd(self, textures):
-        reference = self.context.data.reference
-        return reference.distances(reference.embed(textures), self.surfaces)["ktd"]
+    def _ktd_excess(self, textures):
+        reference, real = self.context.data.reference, (self.real_points, self.surfaces)
+        return reference.distances(reference.embed(textures), self.surfaces, real)["ktd_excess"]["mean"]
 
 
 def generation(context):
@@ -190,10 +184,12 @@ def generation(context):
         correlation of a surface's mean level with that of its recordings.
     """
     made, rows, surfaces = context.generated[1.0], matching_rows(context), context.requests[1]
-    distances = context.data.reference.distances(context.data.reference.embed(made.textures[rows]), surfaces[rows])
+    reference, real = context.data.reference, (context.data.points, context.data.surfaces)
+    distances = reference.distances(reference.embed(made.textures[rows]), surfaces[rows], real)
     bands = surface_means(band_levels_db(made.textures, context.data.rate, context.data.edges), surfaces)
     error = np.abs(bands - surface_means(context.data.bands, context.data.surfaces)).mean()
     levels = (level(made.textures), surfaces), (level(context.data.real), context.data.surfaces)
     level_r = np.corrcoef(*(surface_means(values, groups) for values, groups in levels))[0, 1]
     found = {"nine_band_db": float(error), "level_r": float(level_r)}
-    return {"generation": {**_excess(context, distances), **found}}
+    over_real = {name: distances[name]["mean"] for name in ("ktd_excess", "ftd_excess")}
+    return {"generation": {**over_real, **found}}

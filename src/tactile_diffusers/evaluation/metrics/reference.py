@@ -5,7 +5,7 @@ from scipy.spatial.distance import cdist
 
 from .distances import frechet_tactile_distance, within_similarity
 from .embedding import TactileEmbedding
-from .statistics import estimate, jackknife, number
+from .statistics import estimate, number
 
 
 class Reference:

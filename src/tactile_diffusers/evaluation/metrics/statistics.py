@@ -80,12 +80,6 @@ def number(mean=None, n=None, interval=None, least=None, largest=None, median=No
     return dict(zip(_KEYS, parts, strict=True))
 
 
-def excess(distance, real):
-    """Leaf of how much larger a distance is than that of real, held-out textures; None where either is unknown."""
-    known = None not in (distance["mean"], real["mean"])
-    return number(distance["mean"] - real["mean"] if known else None, distance["n"])
-
-
 def _plain(value):
     return None if value is None or not np.isfinite(value) else float(value)
 

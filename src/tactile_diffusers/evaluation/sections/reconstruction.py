@@ -9,7 +9,7 @@ from ...signal import nine_band_error_db, rms
 from ..baselines import SLUGS
 from ..metrics import errors
 from ..metrics.errors import SIGNED_BANDS_HZ, power_difference, signed_band_error_db, signed_band_key
-from ..metrics.statistics import excess, jackknife, leaf, number
+from ..metrics.statistics import jackknife, leaf, number
 from ..report_figures import plot_overlays, plot_steps
 from ..sampling import reconstruct
 from .context import pipeline_latent_rate
@@ -137,5 +137,4 @@ def pair_metrics(data, textures, points=None):
     leaves = {name: number() if column is None else leaf(column, surfaces) for name, column in values.items()}
     leaves |= power_percent(textures, real, surfaces)
     points = data.reference.embed(textures) if points is None else points
-    distances = data.reference.distances(points, surfaces)
-    return leaves | distances | {"ktd_excess": excess(distances["ktd"], data.distances["ktd"])}
+    return leaves | data.reference.distances(points, surfaces, (data.points, surfaces))
