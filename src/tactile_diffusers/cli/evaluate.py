@@ -34,10 +34,10 @@ def parse_arguments(argv=None):
     add_checkpoint_argument(parser)
     add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
     add_output_argument(parser, "report.json, report.md and pictures")
-    add("--quick", action="store_true", help="few textures, about ten minutes on one core; default: about an hour")
+    add("--quick", action="store_true", help="few textures, three minutes on two cores; default: 20 minutes")
     add("--split", choices=SPLITS[1:], default="test", help="held-out surfaces; default: test")
     add("--sections", nargs="+", choices=_SECTIONS, default=list(_SECTIONS), help="default: all")
-    add("--steps", type=count, nargs="+", metavar="N", help="LCTG steps of the sweep; default: 1 to 50, --quick: to 25")
+    add("--steps", type=count, nargs="+", metavar="N", help="LCTG steps of the sweep; default: 1 to 25, --quick: to 10")
     add("--per_surface", type=count, metavar="N", help="non-overlapping segments per surface; default: 4, --quick: 2")
     add("--guidance_scale", type=float, nargs="+", default=[], metavar="W",
         help="further scales, besides 1 (off) and the pipeline's default; default: none")  # fmt: skip

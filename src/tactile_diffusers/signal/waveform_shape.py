@@ -35,8 +35,11 @@ def waveform_shape(textures):
 
 
 def _moment(values, order):
-    """Standardised moment along the last axis."""
-    return np.mean(_normalised(values) ** order, axis=-1)
+    """Third or fourth standardised moment along the last axis."""
+    values = _normalised(values)
+    # products of squares: a power of floats takes twenty times as long
+    squares = np.square(values)
+    return np.mean(squares * (values if order == 3 else squares), axis=-1)
 
 
 def _normalised(values):

@@ -5,10 +5,9 @@ RMS, while another take of the same surface, which feels the same, has about -3 
 """
 
 import numpy as np
-from scipy import signal
 
 from ...signal import BAND_HZ, band_levels_db, level, power_spectral_density, rms
-from ...signal.spectra import POWER_FLOOR
+from ...signal.spectra import POWER_FLOOR, periodogram
 from .texture_checks import check_pair, check_textures
 
 #: From here on a texture should be empty: the upper edge of the band and 5 % for the slope of its filter, Hz.
@@ -88,10 +87,11 @@ def signed_band_error_db(texture, reference, sampling_rate, bands):
     for low, high in bands:
         if not 0 <= low < high <= sampling_rate / 2:
             raise ValueError(f"`bands` must lie inside [0, {sampling_rate / 2:g}] Hz, got ({low:g}, {high:g}).")
-    errors = [
-        band_levels_db(texture, sampling_rate, band) - band_levels_db(reference, sampling_rate, band) for band in bands
-    ]
-    return np.concatenate(errors, axis=-1)
+    edges = np.unique(bands)
+    powers = [10 ** (band_levels_db(signals, sampling_rate, edges) / 10) for signals in (texture, reference)]
+    inside = [(edges[:-1] >= low) & (edges[1:] <= high) for low, high in bands]
+    levels = [np.stack([10 * np.log10(power[..., own].sum(-1)) for own in inside], -1) for power in powers]
+    return levels[0] - levels[1]
 
 
 def signed_band_key(band):
@@ -105,7 +105,7 @@ def out_of_band_ratio_db(texture, sampling_rate, low=OUT_OF_BAND_HZ, high=np.inf
     `floor_db` is the least that is returned, also for silence; what lies beyond half the sampling rate is empty.
     """
     texture = check_textures("texture", texture).astype(np.float64)
-    frequencies, power = signal.periodogram(texture, fs=sampling_rate, window="hann", axis=-1)
+    frequencies, power = periodogram(texture, sampling_rate)
     outside = power[..., (frequencies >= low) & (frequencies < high)].sum(-1)
     ratio = outside / np.maximum(power.sum(-1), POWER_FLOOR)
     return 10 * np.log10(np.maximum(ratio, 10 ** (floor_db / 10)))

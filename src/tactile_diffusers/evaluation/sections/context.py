@@ -18,9 +18,9 @@ _RATE_SEGMENTS = 200
 
 @dataclass(frozen=True)
 class Settings:
-    """How much is measured; `FULL` takes about an hour on one core, `QUICK` about ten minutes."""
+    """How much is measured; on two cores and 60 held-out surfaces `FULL` takes 20 minutes, `QUICK` three."""
 
-    steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 15, 25, 50)  # of the step sweep
+    steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 25)  # of the step sweep
     per_surface: int = 4  # non-overlapping segments, of the reference and of what is held out
     takes: int = 16  # textures generated per held-out surface
     control_values: tuple = (-2.0, -1.0, 1.0, 2.0)  # of one axis, the others not specified
@@ -42,8 +42,9 @@ class Settings:
 
 FULL = Settings()
 QUICK = Settings(
-    steps=(1, 3, 5, 10, 25),
+    steps=(1, 5, 10),
     per_surface=2,
+    takes=6,
     control_takes=24,
     response_takes=8,
     truth_candidates=8000,
