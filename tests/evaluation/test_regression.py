@@ -25,9 +25,10 @@ def test_the_degree_is_that_of_what_is_planted(curve, degree):
     data = _data(*_planted(200, curve, seed=1))
     ratings, bands = _planted(400, curve, seed=0)
     twice = np.repeat(np.arange(400), 2)  # two textures a surface count as one
-    found = regression._fitted(data, bands[twice], ratings[twice], twice)
+    found = regression._fitted(data, np.full(200, 0.1), bands[twice], ratings[twice], twice)
     assert found["degree"]["mean"] == degree and found["surfaces"]["mean"] == 400
     # what is left is the noise: 0.5 dB times sqrt(2 / pi), and a few per cent for what 400 surfaces cannot settle
+    assert found["nine_band_over_model_db"]["mean"] == pytest.approx(found["nine_band_db"]["mean"] - 0.1)
     assert found["nine_band_db"]["mean"] == pytest.approx(0.5 * np.sqrt(2 / np.pi), rel=0.06)
 
 
@@ -35,5 +36,7 @@ def test_wrong_ratings_predict_nothing():
     ratings, bands = _planted(300, 1.5, seed=0)
     data = _data(*_planted(200, 1.5, seed=1))
     shuffled = np.random.default_rng(0).permutation(ratings)
-    right, wrong = (regression._fitted(data, bands, used, np.arange(300)) for used in (ratings, shuffled))
+    right, wrong = (
+        regression._fitted(data, np.full(200, 0.1), bands, used, np.arange(300)) for used in (ratings, shuffled)
+    )
     assert wrong["nine_band_db"]["mean"] > 2 * right["nine_band_db"]["mean"]

@@ -122,6 +122,10 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
             assert wrong["level_db_truth"] == entry["level_db_truth"]
     unseen = report["unseen_surfaces"]
     assert set(unseen["nine_band_db"]) == {"model", *SLUGS}
+    ours, fitted = unseen["nine_band_db"]["model"]["mean"], report["regression"]["same_data"]
+    ridge = unseen["nine_band_db"]["ridge"], unseen["nine_band_over_model_db"]["ridge"]
+    for whole, more in (ridge, (fitted["nine_band_db"], fitted["nine_band_over_model_db"])):
+        assert more["mean"] == pytest.approx(whole["mean"] - ours) and more["n"] == whole["n"]
     assert unseen["permuted"]["nine_band_db"] != unseen["nine_band_db"]["model"]
     counts = {"model", "permuted", "knn_blend", "ridge", "regression", "none", "null"}
     assert set(control["counts"]) == counts and is_leaf(control["counts"]["ridge"]["closer_p"])

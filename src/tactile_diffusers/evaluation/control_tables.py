@@ -102,7 +102,10 @@ def effect_rows(report):
     names = {"same_data": "the same surfaces", "many_surfaces": "fresh surfaces"}
     for key, entry in (report.get("regression") or {}).items():
         facts = f"of degree {entry['degree']['mean']:.0f} on {entry['surfaces']['mean']:.0f} of {names[key]}"
-        rows[f"regression {facts}"] = {"nine_band_db": entry["nine_band_db"]}
+        rows[f"regression {facts}"] = {
+            "nine_band_db": entry["nine_band_db"],
+            "nine_band_over_model_db": text(entry.get("nine_band_over_model_db"), interval=True),
+        }
     return rows
 
 

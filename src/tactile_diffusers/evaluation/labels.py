@@ -84,6 +84,7 @@ ANCHORS = _columns(
 SETS = _columns("ftd_excess ktd ktd_excess precision recall diversity nearest_correlation copied_share out_of_band_db")
 UNSEEN = {
     "nine_band_db": "error of the mean spectrum, dB",
+    "nine_band_over_model_db": "more than generated, the same surfaces, dB",
     "level_r": "r of level",
     "log_friction_r": "r of log friction",
 }
@@ -91,6 +92,7 @@ EFFECTS = {
     "changes": "changes as between real surfaces",
     "matrix": "response matrix, largest difference from real",
     "nine_band_db": "unseen surfaces, dB",
+    "nine_band_over_model_db": "more than generated, dB",
     "ktd_excess": "KTD over real",
     "ftd": "FTD",
     "diversity_of_rating": "diversity over that of real textures of such ratings",

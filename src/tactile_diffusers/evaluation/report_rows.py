@@ -142,7 +142,7 @@ def unseen_rows(report):
     section, rows = report["unseen_surfaces"], {}
     for slug in section["nine_band_db"]:
         name = "**generated from ratings**" if slug == "model" else NAMES[slug]
-        rows[name] = {metric: section[metric][slug] for metric in labels.UNSEEN}
+        rows[name] = {metric: section[metric][slug] for metric in labels.UNSEEN if metric in section}
     for scale, entry in section["guidance"].items():
         if scale != default_guidance(report):
             rows[f"**guidance {scale}**"] = entry

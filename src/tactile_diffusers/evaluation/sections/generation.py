@@ -128,15 +128,20 @@ def mean_spectra(data, textures, groups):
     return surface_means(data.bands, data.surfaces), surface_means(bands, groups)
 
 
+def unseen_errors(data, textures, groups):
+    """Error of each held-out surface's mean spectrum: mean over the nine bands, dB, (surfaces,)."""
+    real, generated = mean_spectra(data, textures, groups)
+    return np.abs(generated - real).mean(-1)
+
+
 def unseen_metrics(data, textures, groups, levels, frictions=None):
     """Leaves over held-out surfaces: error of the mean spectrum; correlation of mean level and mean log friction.
 
     `groups` (n,) is the surface of each texture, `levels` (n,) the natural log of their RMS.
     """
-    real, generated = mean_spectra(data, textures, groups)
     frictions = np.full(len(groups), np.nan) if frictions is None else frictions
     return {
-        "nine_band_db": leaf(np.abs(generated - real).mean(-1)),
+        "nine_band_db": leaf(unseen_errors(data, textures, groups)),
         "level_r": _correlation(data, levels, groups, data.dataset.levels[data.rows]),
         "log_friction_r": _correlation(data, np.log(frictions), groups, np.log(data.frictions)),
     }
@@ -152,15 +157,17 @@ def _correlation(data, values, groups, real):
 
 
 def _unseen_table(context, by_guidance):
-    """`{"nine_band_db": {slug or "model": leaf}, "level_r": ..., "log_friction_r": ..., "guidance": ...}`."""
+    """`{metric: {slug or "model": leaf}, "guidance": ..., "permuted": ...}`; "nine_band_over_model_db" is paired."""
     data, (ratings, surfaces) = context.data, context.requests
     generated = context.generated[context.default_guidance]
     entries = {"model": by_guidance[str(context.default_guidance)]}
     shown = {"model": mean_spectra(data, generated.textures, surfaces)}
+    over_model, ours = {"model": number()}, unseen_errors(data, generated.textures, surfaces)
     for slug, baseline in context.baselines.items():
         textures, groups, request = context.baseline_textures[slug], data.surfaces, data.request
         if not np.any(textures):
             entries[slug] = {name: number() for name in UNSEEN}  # silence has no spectrum
+            over_model[slug] = number()
             continue
         if baseline.knows != "recording":  # as many takes as the model has
             request, groups = BaselineRequest(ratings), surfaces
@@ -170,6 +177,7 @@ def _unseen_table(context, by_guidance):
             # a generator in the same state: the friction that belongs to these textures
             frictions = baseline.friction_coefficients(request, context.rng(f"{slug} unseen"))
         entries[slug] = unseen_metrics(data, textures, groups, level(textures), frictions)
+        over_model[slug] = leaf(unseen_errors(data, textures, groups) - ours)
         if slug in ("knn_blend", "ridge", "mean_spectrum"):
             shown[slug] = mean_spectra(data, textures, groups)
     plot_unseen(shown, context.output / "unseen.png")
@@ -178,4 +186,4 @@ def _unseen_table(context, by_guidance):
     names, place = np.unique(surfaces, return_inverse=True)
     wrong = context.rng("permuted").permutation(names)[place]
     permuted = unseen_metrics(data, generated.textures, wrong, generated.levels, generated.friction_coefficients)
-    return table | {"guidance": by_guidance, "permuted": permuted}
+    return table | {"nine_band_over_model_db": over_model, "guidance": by_guidance, "permuted": permuted}

@@ -13,6 +13,7 @@ from ...signal import RATING_AXES, band_levels_db
 from ..envelopes import surface_means
 from ..metrics.statistics import leaf, number
 from ..virtual_truth import can_be_continued, virtual_truth
+from .generation import unseen_errors
 
 DEGREES = (1, 2, 3)
 #: Added to the diagonal of the normal equations, in surfaces: holds a cubic of 50 surfaces in check, else nothing.
@@ -24,7 +25,9 @@ def run(context):
     """The section: `{"regression": {"same_data": ..., "many_surfaces": ...}}`; the latter of fresh surfaces."""
     data, training = context.data, context.data.baseline_training
     bands = band_levels_db(training.textures, data.rate, data.edges)
-    found = {"same_data": _fitted(data, bands, training.ratings, training.surface_ids)}
+    generated, surfaces = context.generated[context.default_guidance], context.requests[1]
+    ours = unseen_errors(data, generated.textures, surfaces)
+    found = {"same_data": _fitted(data, ours, bands, training.ratings, training.surface_ids)}
     count = context.settings.regression_surfaces
     if can_be_continued(data.dataset):
         fresh = virtual_truth(
@@ -39,20 +42,22 @@ def run(context):
             quiet=context.quiet,
         )
         ratings = fresh.ratings[fresh.surface_ids]
-        found["many_surfaces"] = _fitted(data, fresh.measures["bands"], ratings, fresh.surface_ids)
+        found["many_surfaces"] = _fitted(data, ours, fresh.measures["bands"], ratings, fresh.surface_ids)
     return {"regression": found}
 
 
-def _fitted(data, bands, ratings, surface_ids):
-    """Leaves of the degree with the least cross-validated error: its error on held-out surfaces, degree, surfaces."""
+def _fitted(data, ours, bands, ratings, surface_ids):
+    """Leaves of the best degree: error on held-out surfaces, also over `ours` (surfaces,), degree and surfaces."""
     rated = np.isfinite(ratings).all(1)
     ratings, bands, ids = ratings[rated], bands[rated], surface_ids[rated]
     points, targets = (surface_means(values, ids) for values in (ratings, bands))
     predict, degree = best_polynomial(points, targets, data.seed)
     requested, real = (surface_means(values, data.surfaces) for values in (data.ratings, data.bands))
     known = np.isfinite(requested).all(1)
+    errors = np.abs(predict(requested[known]) - real[known]).mean(-1)
     return {
-        "nine_band_db": leaf(np.abs(predict(requested[known]) - real[known]).mean(-1)),
+        "nine_band_db": leaf(errors),
+        "nine_band_over_model_db": leaf(errors - ours[known]),
         "degree": number(degree),
         "surfaces": number(len(points)),
     }
