@@ -63,7 +63,12 @@ def test_obedient_and_deaf_checkpoints_are_told_apart(folder, tmp_path, capsys):
 def test_reports_that_cannot_be_compared_are_refused(folder, tmp_path, capsys):
     other = _report()["data"] | {"segments": 12}
     ours, elsewhere, empty = folder("ours"), folder("elsewhere", data=other), folder("empty", control=None)
-    for folders, message in (((ours, elsewhere), "different held-out surfaces"), ((empty,), "no sections control")):
+    newer = folder("newer", data=_report()["data"] | {"embedding_version": 2})
+    for folders, message in (
+        ((ours, elsewhere), "different held-out surfaces"),
+        ((ours, newer), "of different embeddings, versions {1, 2}"),
+        ((empty,), "no sections control"),
+    ):
         named = " ".join(f"n{i}={path}" for i, path in enumerate(folders))
         assert compare.main(f"--report {named} --output {tmp_path / 'out'}".split()) == 2
         assert message in capsys.readouterr().err

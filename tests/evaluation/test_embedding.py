@@ -1,16 +1,18 @@
-"""The 53 features, and what the distances on them see."""
+"""The 72 features, and what the distances on them see."""
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from tactile_diffusers.evaluation import (
+    EMBEDDING_VERSION,
     FEATURE_NAMES,
     TactileEmbedding,
     frechet_tactile_distance,
     kernel_tactile_distance,
     tactile_features,
 )
-from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, WORKING_RATE, resample
+from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, WORKING_RATE, band_pass, resample, rms
 
 SECONDS = np.arange(SEGMENT_SAMPLES) / DEVICE_RATE
 
@@ -69,9 +71,53 @@ def _sine(frequency):
 )
 def test_features_of_sines(texture, expected):
     features = tactile_features(texture[None])
-    assert features.shape == (1, len(FEATURE_NAMES)) == (1, 53)
+    assert features.shape == (1, len(FEATURE_NAMES)) == (1, 72)
     for name, (value, tolerance) in expected.items():
         assert _feature(features, name) == pytest.approx(value, abs=tolerance), name
+
+
+def _noise(low, high, seed):
+    """Gaussian noise of a band, (1, samples), unit RMS."""
+    spectrum = np.fft.rfft(np.random.default_rng(seed).standard_normal((1, SEGMENT_SAMPLES)))
+    frequencies = np.fft.rfftfreq(SEGMENT_SAMPLES, 1 / DEVICE_RATE)
+    noise = np.fft.irfft(spectrum * ((frequencies >= low) & (frequencies < high)), SEGMENT_SAMPLES)
+    return noise / rms(noise)[:, None]
+
+
+def test_envelopes_that_move_together_correlate():
+    """Noise of 142-271 Hz (carrier 3) and 521-1000 Hz (5): correlated by a common gain, against it, or not at all."""
+    gain = 1 + 0.9 * np.sin(2 * np.pi * 5 * SECONDS)
+    low, high = _noise(142, 271, 1), _noise(521, 1000, 2)
+    found = tactile_features(np.concatenate([low + high, gain * (low + high), gain * low + (2 - gain) * high]))
+    apart, together, against = _feature(found, "correlation_3_5")
+    # the envelope of noise fluctuates too: the common gain is about 0.6 of its variance
+    assert abs(apart) < 0.15 and together > 0.4 and against < -0.4
+
+
+def test_polarity_is_the_sign_of_skews():
+    rising = signal.sawtooth(2 * np.pi * 40 * SECONDS)[None]  # slow up, fast down
+    saw = np.concatenate([rising, -rising, _noise(20, 1000, 3)])
+    up, down, neither = _feature(tactile_features(band_pass(saw, DEVICE_RATE)), "slope_skew")
+    assert up < -2 and down == pytest.approx(-up) and abs(neither) < 0.2
+    first, second = tactile_features(np.stack([_noise(20, 1000, 3)[0], -_noise(20, 1000, 3)[0]]))
+    odd = [FEATURE_NAMES.index(name) for name in ("skew", "slope_skew")]
+    np.testing.assert_allclose(np.delete(first, odd), np.delete(second, odd), atol=1e-9)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.03])
+def test_events_are_counted(jitter):
+    """Bursts of 4 ms on weak noise, ten a second: their rate, how regular they are and how high."""
+    moments = np.arange(0.1, 1.5, 0.1) + jitter * np.random.default_rng(4).standard_normal(14)
+    bursts = sum(np.exp(-0.5 * ((SECONDS - moment) / 0.004) ** 2) for moment in moments)
+    found = tactile_features(0.05 * _noise(100, 1000, 5) + bursts * _sine(300))
+    assert _feature(found, "event_rate") == pytest.approx(14 / 1.56, rel=0.12)
+    irregularity, intervals = _feature(found, "event_irregularity"), np.diff(np.sort(moments))
+    assert irregularity == pytest.approx(intervals.std() / intervals.mean(), abs=0.1)
+    assert _feature(found, "event_depth_db") > 15
+
+
+def test_version_is_named(embedding):
+    assert embedding.version == EMBEDDING_VERSION == 2
 
 
 def test_features_do_not_depend_on_order_chunks_or_dtype(held_out):
@@ -87,6 +133,7 @@ def test_lower_rates_give_the_same_features_within_the_band(held_out):
     # the resampling filter is flat to 80 dB up to 1 kHz; modulations of its ends: 0.05 dB
     np.testing.assert_allclose(slow[:, :18], fast[:, :18], atol=0.01)
     np.testing.assert_allclose(slow[:, 20:50], fast[:, 20:50], atol=0.05)
+    np.testing.assert_allclose(slow[:, 53:68], fast[:, 53:68], atol=0.01)
     assert (_feature(slow, "out_2000_5000_db") == -40).all()
 
 
@@ -94,7 +141,7 @@ def test_reference_has_zero_mean_unit_deviation_and_floors(embedding, embedded_r
     np.testing.assert_allclose(embedded_reference.mean(0), 0, atol=1e-9)
     assert (embedded_reference.std(0, ddof=1) <= 1 + 1e-9).all()
     decibels = np.array([name.endswith("_db") for name in FEATURE_NAMES])
-    assert decibels.sum() == 44
+    assert decibels.sum() == 45
     assert (embedding.scale[decibels] >= 1).all() and (embedding.scale[~decibels] >= 0.05).all()
     assert embedding.scale[FEATURE_NAMES.index("out_2000_5000_db")] == 1
 

@@ -29,6 +29,7 @@ TINY = replace(
     steps=(1, 10),
     per_surface=2,
     takes=2,
+    judge_takes=1,
     control_values=(-2.0, -1.0, 1.0, 2.0),
     control_takes=3,
     response_takes=2,
@@ -82,6 +83,12 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
     monkeypatch.setattr(speed, "decoding_seconds", lambda pipe, steps, repeats, frames: np.full(repeats, 0.01 * steps))
     report = _report(evaluable_pipe(), prepared, tmp_path)
     json.dumps(report, allow_nan=False)
+    assert report["data"]["embedding_version"] == 2
+    judged = report["second_judge"]["rows"]
+    assert {"other_take", "lctg", "no_network", "model", "nearest_surface", "knn_blend", "ridge"} <= set(judged)
+    for entry in (found for row in judged.values() for kinds in row.values() for found in kinds.values()):
+        assert 0 <= entry["all"]["mean"] <= 1 and is_leaf(entry["eventful"]) and len(entry["features"]) == 5
+    assert judged["other_take"]["signal"]["alone"]["over_chance"]["mean"] == 0
     for key in "checkpoint data seed machine versions reconstruction generation control unseen_surfaces speed".split():
         assert report[key] is not None, key
     assert report["anchors"] is None and report["training"]["optimiser_steps"] is None
@@ -140,7 +147,7 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
     assert len(found) > 500
     for path, leaf in found:
         assert leaf["interval"] is None or leaf["interval"][0] <= leaf["mean"] <= leaf["interval"][1], path
-    for name in "overlays steps unseen control curves response latent_shift spectra".split():
+    for name in "overlays steps second_judge unseen control curves response latent_shift spectra".split():
         assert (tmp_path / "out" / f"{name}.png").stat().st_size > 5000
     written = report_markdown(report) + report_markdown(report, "figures", level=3, short=True)
     assert "KTD over real" in written and "another take" in written and "nan" not in written.lower()
@@ -187,6 +194,14 @@ def test_done_sections_are_read_not_run_again(evaluable_pipe, prepared, tmp_path
         next(pipe.lctg.parameters()).add_(1.0)
     pipe.save_pretrained(tmp_path / "checkpoint")
     assert run(seed=1) == 4
+
+
+@pytest.mark.usefixtures("blank_pictures")
+def test_second_judge_judges_decoders_without_ratings(evaluable_pipe, prepared, tmp_path):
+    report = _report(evaluable_pipe(dale=False), prepared, tmp_path, ["second_judge"])
+    assert {"other_take", "lctg", "no_network"} <= set(report["second_judge"]["rows"])
+    assert not {"model", "ridge", "nearest_surface"} & set(report["second_judge"]["rows"])
+    assert "another real take (chance)" in report_markdown(report)
 
 
 @pytest.mark.usefixtures("blank_pictures")

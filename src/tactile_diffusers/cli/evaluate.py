@@ -20,7 +20,7 @@ from .program import (
     warn,
 )
 
-_SECTIONS = ("reconstruction", "generation", "control", "regression", "paper", "speed")
+_SECTIONS = ("reconstruction", "generation", "second_judge", "control", "regression", "paper", "speed")
 
 
 def parse_arguments(argv=None):

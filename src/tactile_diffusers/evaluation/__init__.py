@@ -10,7 +10,8 @@ _PLACES = {
     "metrics.copying": ("TrainingEnvelopes", "copied_share", "nearest_distance"),
     "metrics.distances": ("frechet_tactile_distance", "kernel_tactile_distance"),
     "metrics.diversity": ("diversity", "precision_recall"),
-    "metrics.embedding": ("FEATURE_NAMES", "TactileEmbedding", "tactile_features"),
+    "second_judge": ("SecondJudge", "tell_apart"),
+    "metrics.embedding": ("EMBEDDING_VERSION", "FEATURE_NAMES", "TactileEmbedding", "tactile_features"),
     "metrics.errors": (
         *("goodness_of_fit", "level_error_db", "log_spectral_distance_db", "out_of_band_ratio_db"),
         *("power_difference", "rmse", "signed_band_error_db", "snr_db"),

@@ -42,6 +42,8 @@ def comparison_markdown(reports):
     facts = {tuple(r["data"][key] for key in ("split", "surfaces", "segments")) for r in reports.values()}
     if len(facts) > 1:
         raise ValueError(f"The reports are of different held-out surfaces: {sorted(facts)}. Evaluate on the same data.")
+    if len(versions := {report["data"].get("embedding_version", 1) for report in reports.values()}) > 1:
+        raise ValueError(f"The reports have distances of different embeddings, versions {versions}: evaluate again.")
     split, surfaces, segments = facts.pop()
     data = "`, `".join(sorted({report["data"]["name"] for report in reports.values()}))
     machines = sorted({f"{r['machine']['processor']}, {r['machine']['threads']} thread(s)" for r in reports.values()})

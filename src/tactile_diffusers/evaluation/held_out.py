@@ -69,7 +69,7 @@ class HeldOutData:
 
     @cached_property
     def points(self):
-        """(n, 53) their embeddings."""
+        """(n, features) their embeddings."""
         return self.reference.embed(self.real)
 
     @cached_property

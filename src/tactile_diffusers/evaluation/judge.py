@@ -14,7 +14,7 @@ from ..signal import RATING_AXES
 from .metrics.statistics import jackknife
 
 #: Weight of log friction beside the features of the embedding, in standard deviations: one number that carries nearly
-#: all of slipperiness, beside 53 others. Cross-validated R² of slipperiness on virtual surfaces, weights 1, 3 and 6:
+#: all of slipperiness, beside the first 53. Cross-validated R² of slipperiness on virtual surfaces, weights 1, 3 and 6:
 #: 0.55, 0.56, 0.57; the other axes lose up to 0.005.
 FRICTION_WEIGHT = 3.0
 #: Widths of the Gaussian kernel, as multiples of the median distance between training textures; None = linear kernel.
@@ -32,7 +32,7 @@ class Judge:
 
     Args:
         inputs (`np.ndarray`): (n, features) of the training textures, centred.
-        centre (`np.ndarray`): (53,) mean embedding.
+        centre (`np.ndarray`): (features,) mean embedding.
         friction (`tuple[float, float]` or `None`): mean and standard deviation of log friction; `None` = not used.
         intercept (`np.ndarray`): (3,) mean ratings.
         coefficients (`np.ndarray`): (n, 3).

@@ -88,6 +88,24 @@ UNSEEN = {
     "level_r": "r of level",
     "log_friction_r": "r of log friction",
 }
+#: Rows of the second judge.
+JUDGED = {
+    **{"other_take": "another real take (chance)", "model": "**generated from ratings**"},
+    **{"nearest_surface": "real take of the training surface with the nearest ratings"},
+    **{slug: NAMES[slug] for slug in ("knn_blend", "ridge")},
+    **DECODERS,
+}
+TOLD_APART = {
+    "signal_alone": "alone",
+    "signal_alone_eventful": "eventful",
+    "signal_alone_over_chance": "over another take",
+    "signal_beside_surface": "beside the surface",
+    "signal_beside_surface_eventful": "eventful",
+    "signal_beside_surface_over_chance": "over another take",
+    "afferents_alone": "afferents alone",
+    "afferents_beside_surface": "afferents beside the surface",
+}
+GIVEAWAYS = {"alone": "alone", "beside_surface": "beside the surface"}
 EFFECTS = {
     "changes": "changes as between real surfaces",
     "matrix": "response matrix, largest difference from real",

@@ -16,6 +16,7 @@ from ..checkpoints import DISTILLED
 from ..io.files import write_text
 from ..io.reading import read_json
 from ..training.record import count_seen, phases, read_losses, read_record, surfaces_of, trained_on
+from .metrics.embedding import EMBEDDING_VERSION
 from .metrics.statistics import is_leaf
 from .report_figures import plot_beside
 from .result_files import machine_facts
@@ -26,7 +27,7 @@ from .virtual_truth import can_be_continued
 #: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
 METRICS_VERSION = 2
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
-MEASURED = ("reconstruction", "generation", "control", "unseen_surfaces", "speed", "paper", "regression")
+MEASURED = (*SECTIONS, "unseen_surfaces")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
 # only training DALE has this argument
 _DALE_ARGUMENT = "condition_dropout"
@@ -144,6 +145,7 @@ def _conditions(context, checkpoint):
     facts = os.stat(data.dataset.path)
     state = {
         "metrics_version": METRICS_VERSION,
+        "embedding_version": EMBEDDING_VERSION,
         "checkpoint": folder_digest(checkpoint),
         "data": [facts.st_size, facts.st_mtime_ns],
         "split": data.dataset.split,
@@ -189,6 +191,7 @@ def _data_facts(data):
         "training_surfaces": data.baseline_surfaces or len(set(train.surface_ids.tolist())),
         "reference_surfaces": len(set(train.surface_ids.tolist())),
         "reference_segments": len(data.training.textures),
+        "embedding_version": EMBEDDING_VERSION,
     }
 
 

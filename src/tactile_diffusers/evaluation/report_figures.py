@@ -206,6 +206,24 @@ def plot_spectra(densities, frequencies, output_path):
         panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
 
 
+def plot_told_apart(rows, output_path):
+    """Shares of right answers of the second judge in each row, with 95 % intervals, and chance."""
+    colours = {"signal": "tab:blue", "afferents": "tab:orange"}
+    with figure_panels(output_path, 1, 2, (11, 0.4 * len(rows) + 1.2)) as panels:
+        for panel, kind in zip(panels[0], ("alone", "beside_surface"), strict=True):
+            for shift, (features, colour) in zip((-0.12, 0.12), colours.items(), strict=True):
+                for place, entry in enumerate(rows.values()):
+                    leaf = entry[features][kind]["all"]
+                    label = features if place == 0 else None
+                    panel.plot(leaf_mean(leaf), place + shift, "o", color=colour, markersize=4, label=label)
+                    panel.plot(leaf["interval"] or [], [place + shift] * len(leaf["interval"] or []), color=colour)
+            panel.axvline(0.5, color="grey", linestyle="--")
+            panel.set(title=kind.replace("_", " the "), xlabel="share told from real takes", xlim=(0.3, 1.02))
+            panel.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
+            panel.invert_yaxis()
+        panels[0, 0].legend(fontsize=7)
+
+
 def plot_unseen(bands, output_path):
     """Mean spectra of unseen surfaces, real against generated, one dot a surface and band: name -> two (n, 9) dB."""
     with figure_panels(output_path, 1, len(bands), (3.6 * len(bands), 3.6)) as panels:

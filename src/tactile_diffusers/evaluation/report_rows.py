@@ -149,6 +149,34 @@ def unseen_rows(report):
     return rows
 
 
+def told_apart_rows(report):
+    """How often the second judge tells takes from real ones."""
+    return {
+        labels.JUDGED[name]: {
+            f"{features}_{kind}{suffix}": leaves[key]
+            for features, kinds in entry.items()
+            for kind, leaves in kinds.items()
+            for key, suffix in (("all", ""), ("eventful", "_eventful"), ("over_chance", "_over_chance"))
+        }
+        for name, entry in report["second_judge"]["rows"].items()
+    }
+
+
+def giveaway_rows(report):
+    """The features by which the second judge tells takes of the signal apart."""
+    return {
+        labels.JUDGED[name]: {
+            kind: ", ".join(_giveaway(feature) for feature in leaves["features"])
+            for kind, leaves in entry["signal"].items()
+        }
+        for name, entry in report["second_judge"]["rows"].items()
+    }
+
+
+def _giveaway(feature):
+    return f"{feature['name']} ({feature['difference']['mean']:+.1f}, ×{feature['spread_ratio']['mean']:.1f})"
+
+
 def speed_rows(report):
     """Real-time steps of a segment and of a block, and how long each part of the pipeline takes."""
     speed = report["speed"]

@@ -20,7 +20,7 @@ class Reference:
 
     Attributes:
         embedding (`TactileEmbedding`): fitted on the textures.
-        points (`np.ndarray`): (n, 53).
+        points (`np.ndarray`): (n, features).
     """
 
     def __init__(self, textures, sampling_rate, groups=None):
@@ -30,7 +30,7 @@ class Reference:
         self._within = within_similarity(self.points, self.embedding.width, groups)
 
     def embed(self, textures):
-        """(n, samples) N -> (n, 53)."""
+        """(n, samples) N -> (n, features)."""
         return self.embedding(textures, self.sampling_rate)
 
     def distances(self, points, groups, real=None):

@@ -23,6 +23,7 @@ class Settings:
     steps: tuple = (1, 2, 3, 4, 5, 6, 8, 10, 25)  # of the step sweep
     per_surface: int = 4  # non-overlapping segments, of the reference and of what is held out
     takes: int = 16  # textures generated per held-out surface
+    judge_takes: int = 3  # of a held-out surface in each part that the second judge gives them
     control_values: tuple = (-2.0, -1.0, 1.0, 2.0)  # of one axis, the others not specified
     control_takes: int = 100  # textures per value
     response_takes: int = 24  # textures per value of the response curves
@@ -45,6 +46,7 @@ QUICK = Settings(
     steps=(1, 5, 10),
     per_surface=2,
     takes=6,
+    judge_takes=1,
     control_takes=24,
     response_takes=8,
     truth_candidates=8000,
@@ -121,7 +123,7 @@ class Context:
 
     @cached_property
     def baseline_points(self):
-        """Their embeddings: slug -> (n, 53)."""
+        """Their embeddings: slug -> (n, features)."""
         return {slug: self.data.reference.embed(textures) for slug, textures in self.baseline_textures.items()}
 
     @cached_property

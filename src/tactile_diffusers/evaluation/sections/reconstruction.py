@@ -117,7 +117,7 @@ def pair_metrics(data, textures, points=None):
     """Leaves of every metric of textures (n, samples), one for each held-out segment, and as a set.
 
     Waveform metrics are left out where the unit is not newtons: the sign of such recordings need not be measured.
-    `points` (n, 53) are the textures' embeddings, if they are known.
+    `points` (n, features) are the textures' embeddings, if they are known.
     """
     real, rate, surfaces, band = data.real, data.rate, data.surfaces, data.dataset.band
     values = dict.fromkeys(METRICS)
