@@ -4,16 +4,16 @@ import numpy as np
 import torch
 
 from tactile_diffusers.evaluation.baselines import BaselineRequest, Decimated, latent_rate
-from tactile_diffusers.evaluation.envelopes import Grid, surface_means
+from tactile_diffusers.evaluation.envelopes import Grid
 from tactile_diffusers.evaluation.held_out import check_fit, open_held_out
 from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key, snr_db
 from tactile_diffusers.evaluation.sampling import noise_seeds, reconstruct
 from tactile_diffusers.evaluation.sections import Context, Settings
 from tactile_diffusers.evaluation.sections.context import HALF_PRECISION
-from tactile_diffusers.evaluation.sections.generation import matching_rows
+from tactile_diffusers.evaluation.sections.generation import matching_rows, unseen_metrics
 from tactile_diffusers.evaluation.sections.reconstruction import pair_metrics
 from tactile_diffusers.evaluation.sections.speed import decoding_seconds
-from tactile_diffusers.signal import band_levels_db, level, nine_band_error_db, resample
+from tactile_diffusers.signal import nine_band_error_db, resample
 
 #: Steps at which reconstructions are measured; the last also decodes the noisy latents.
 STEPS = (5, 10)
@@ -186,10 +186,7 @@ def generation(context):
     made, rows, surfaces = context.generated[1.0], matching_rows(context), context.requests[1]
     reference, real = context.data.reference, (context.data.points, context.data.surfaces)
     distances = reference.distances(reference.embed(made.textures[rows]), surfaces[rows], real)
-    bands = surface_means(band_levels_db(made.textures, context.data.rate, context.data.edges), surfaces)
-    error = np.abs(bands - surface_means(context.data.bands, context.data.surfaces)).mean()
-    levels = (level(made.textures), surfaces), (level(context.data.real), context.data.surfaces)
-    level_r = np.corrcoef(*(surface_means(values, groups) for values, groups in levels))[0, 1]
-    found = {"nine_band_db": float(error), "level_r": float(level_r)}
+    unseen = unseen_metrics(context.data, made.textures, surfaces, made.levels)
+    found = {name: unseen[name]["mean"] for name in ("nine_band_db", "level_r")}
     over_real = {name: distances[name]["mean"] for name in ("ktd_excess", "ftd_excess")}
     return {"generation": {**over_real, **found}}

@@ -13,7 +13,8 @@ from tactile_diffusers.signal import RATING_AXES
 
 def _report(response=1.0):
     """The least that is compared: changes of `response` times the real ones."""
-    entry = {"latent_shift_percent": number(30.0 * response), "shape_difference_db": number(2.0 * abs(1 - response))}
+    entry = {"shape_difference_db": number(2.0 * abs(1 - response))}
+    shift = {value: number(30.0 * response) for value in ("-2.0", "2.0")}
     for name in QUANTITIES:
         entry |= {name: number(2.0 * response), f"{name}_truth": number(2.0, 50)}
     axes = {axis: {value: entry for value in ("-2.0", "2.0")} for axis in RATING_AXES}
@@ -30,7 +31,10 @@ def _report(response=1.0):
         },
         "generation": {"1.0": {"ktd_excess": number(6.0), "ftd_excess": number(3.0)}},
         "unseen_surfaces": {"nine_band_db": {"model": number(2.3), "ridge": number(2.2)}},
-        "paper": {"spectra_db": dict.fromkeys(RATING_AXES, spectra)},
+        "paper": {
+            "spectra_db": dict.fromkeys(RATING_AXES, spectra),
+            "latent_shift_percent": dict.fromkeys(RATING_AXES, shift),
+        },
     }
 
 
@@ -49,7 +53,7 @@ def folder(tmp_path):
 def test_obedient_and_deaf_checkpoints_are_told_apart(folder, tmp_path, capsys):
     deaf = _report(0.1)
     few = _report()["data"] | {"training_surfaces": 10}
-    ours, other = folder("ours"), folder("other", control=deaf["control"], data=few)
+    ours, other = folder("ours"), folder("other", control=deaf["control"], paper=deaf["paper"], data=few)
     words = f"--report ours={ours} other={other} --output {tmp_path / 'out'}"
     assert compare.main(words.split()) == 0
     printed = capsys.readouterr().out

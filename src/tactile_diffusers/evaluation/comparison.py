@@ -6,6 +6,7 @@ from ..signal import RATING_AXES
 from .control_tables import matrix_difference, share_right
 from .labels import default_guidance
 from .report_figures import figure_panels, leaf_mean, share_limits
+from .report_rows import latent_shift
 from .tables import markdown_table
 
 _TICKS_HZ = (30, 100, 300, 1000)
@@ -79,12 +80,6 @@ def report_row(report):
     guidance = default_guidance(report)
     control, generation, unseen = report["control"], report["generation"][guidance], report["unseen_surfaces"]
     ours = control[guidance]
-    ends = [
-        entry["latent_shift_percent"]["mean"]
-        for values in ours["axes"].values()
-        for value, entry in values.items()
-        if abs(float(value)) == 2 and entry["latent_shift_percent"]["mean"] is not None
-    ]
     return {
         "surfaces": report["data"]["training_surfaces"],
         "alpha": _listed((report["data"].get("rater_alpha") or {}).values()) or None,
@@ -97,7 +92,7 @@ def report_row(report):
         "ktd_excess": generation["ktd_excess"],
         "ftd_excess": generation["ftd_excess"],
         "diversity_of_rating": generation.get("diversity_of_rating"),
-        "shift": f"{min(ends):.0f}–{max(ends):.0f}" if ends else None,
+        "shift": latent_shift(report) if report.get("paper") else None,
     }
 
 

@@ -140,7 +140,7 @@ ONE_RATING = {
     "shape_difference_ridge": "ridge",
     "log_friction": "log friction",
     "log_friction_truth": "real",
-    "latent_shift_percent": "latent shift, %",
+    "latent_shift_percent": "latent shift from nothing specified, %",
     "latent_shift_dprime": "latent shift, d′",
     "latent_shift_dprime_truth": "real",
 }
