@@ -4,6 +4,8 @@ FIELD.md section 3 has its sizes from another reference (860 textures of 50 surf
 of 48): bounds are wide, but all lie many intervals away from what real held-out textures get.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -15,8 +17,11 @@ from tactile_diffusers.evaluation.baselines import BaselineRequest, TrainingText
 from tactile_diffusers.evaluation.judge import Judge, response_matrix
 from tactile_diffusers.evaluation.metrics.copying import TrainingEnvelopes, copied_share
 from tactile_diffusers.evaluation.metrics.diversity import diversity, precision_recall
+from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, SCALE_FLOORS, tactile_features
+from tactile_diffusers.evaluation.metrics.rating_effects import reversal
 from tactile_diffusers.evaluation.metrics.reference import Reference
 from tactile_diffusers.evaluation.sampling import encode
+from tactile_diffusers.evaluation.second_judge import SecondJudge, tell_apart
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass, nine_band_error_db, rms
 from tactile_diffusers.virtual import VirtualSurface, steady_exploration
 
@@ -200,6 +205,58 @@ def test_all_takes_equal_are_seen(world):
     assert null == pytest.approx(1.0, abs=0.4) and equal == pytest.approx(0.0, abs=1e-9)
 
 
+def _pairs(textures):
+    """Features of the held-out takes, four of each surface: (48, 4, features)."""
+    features = tactile_features(textures, DEVICE_RATE)
+    return features.reshape(48, 4, features.shape[-1])
+
+
+def _phase_randomised(textures, rng):
+    spectra = np.fft.rfft(textures)
+    return np.fft.irfft(np.abs(spectra) * np.exp(2j * np.pi * rng.random(spectra.shape)), textures.shape[-1])
+
+
+@pytest.mark.parametrize(
+    ("name", "told_apart", "over_real", "features"),
+    [
+        ("envelopes", 0.9, 100, ("correlation_", "envelope_", "modulation_")),
+        ("polarity", 0.58, 2, ("slope_skew", "skew")),
+    ],
+)
+def test_what_levels_do_not_show_is_seen(world, frozen, name, told_apart, over_real, features):
+    """Stationary noise with the right level in every band; and textures upside down, where few surfaces have a sign."""
+    held_out = world["held_out"]
+    wrong = -held_out.textures if name == "polarity" else _phase_randomised(held_out.textures, np.random.default_rng(6))
+    other = np.roll(held_out.textures.reshape(48, 4, -1), 1, axis=1).reshape(wrong.shape)
+    errors = [nine_band_error_db(made, held_out.textures, DEVICE_RATE).mean() for made in (wrong, other)]
+    assert errors[0] < 1.0 < errors[1]  # levels are better than those of another take
+    real, fake, surfaces = _pairs(held_out.textures), _pairs(wrong), np.arange(48)
+    null, _ = tell_apart(real[:, :2], real[:, 2:], surfaces, SCALE_FLOORS)
+    found, contributions = tell_apart(real[:, :2], fake[:, 2:], surfaces, SCALE_FLOORS)
+    # shares of 48 surfaces, each of 4 pairs: a deviation of 0.5 / sqrt(48) = 0.07 at most
+    assert null.mean() == pytest.approx(0.5, abs=0.15) and found.mean() > told_apart
+    assert (found - null).mean() > 2 * (found - null).std() / np.sqrt(48)
+    assert all(FEATURE_NAMES[k].startswith(features) for k in np.argsort(-contributions.mean(0))[:2])
+    points, null_points, own = frozen.embed(wrong), frozen.embed(held_out.textures), held_out.surface_ids
+    excess = frozen.distances(points, own, (null_points, own))["ktd_excess"]
+    assert excess["interval"][0] > over_real
+    assert frozen.distances(null_points, own, (null_points, own))["ktd_excess"]["interval"] == [0, 0]
+
+
+def test_a_judge_of_its_own_test_surfaces_is_refused(world):
+    """Fitted on the pairs that it then judges, it tells real takes from real takes; on other surfaces it does not."""
+    real, surfaces = _pairs(world["held_out"].textures), np.arange(48)
+    null, _ = tell_apart(real[:, :2], real[:, 2:], surfaces, SCALE_FLOORS)
+    judge = SecondJudge.fit(real[:, :2], real[:, 2:], surfaces, SCALE_FLOORS)
+    for names in (surfaces, surfaces + 100):  # also under other names
+        with pytest.raises(ValueError, match="fitted on .* of these surfaces"):
+            judge.contributions(real[:, :2], names)
+    blind = replace(judge, seen=frozenset())
+    first, second = (blind.contributions(part, surfaces).sum(-1) for part in (real[:, :2], real[:, 2:]))
+    gamed = (second[:, :, None] > first[:, None]).mean()
+    assert gamed > 0.65 and null.mean() == pytest.approx(0.5, abs=0.15) and gamed > null.mean() + 0.1
+
+
 def test_ratings_judged_by_a_judge_of_the_same_surfaces_are_flattered(world, frozen):
     """The judge of ratings: its R² on surfaces that it was fitted on is not that on unseen ones, which is reported."""
     train, held_out = world["train"], world["held_out"]
@@ -209,6 +266,15 @@ def test_ratings_judged_by_a_judge_of_the_same_surfaces_are_flattered(world, fro
     honest = Judge.fit(*known, train.surface_ids).r2(*own)
     gamed = Judge.fit(*own, held_out.surface_ids).r2(*own)
     assert (gamed > honest).all() and gamed.mean() > honest.mean() + 0.05
+
+
+def test_a_response_that_turns_back_is_seen():
+    """Beyond ±2 the response of one model goes on, of one is held, and of one turns back by half."""
+    ratings = np.array([-6.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 6.0])
+    held = 3.0 * np.clip(ratings, -2, 2)
+    assert reversal(ratings, 3.0 * ratings) == reversal(ratings, held) == 0
+    turned = held - 6.0 * (ratings > 2)
+    assert reversal(ratings, turned) == pytest.approx(0.5) == reversal(ratings, -turned)
 
 
 def test_waveform_metrics_reward_silence(world):
