@@ -60,8 +60,7 @@ def curve_rows(report):
                     continue
                 curve = curves[axis]
                 row = {value: text(leaves[name], digits) for value, leaves in curve["values"].items()}
-                share = curve["reversal"][name]["mean"]
-                row["reversal"] = "–" if share is None else f"{100 * share:.0f} %"
+                row["reversal"] = text(curve["reversal"][name], interval=True)
                 rows[f"{axis}: {label}" + ("" if source == "model" else " (blend)")] = row
     return rows
 
