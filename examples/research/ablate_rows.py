@@ -57,10 +57,11 @@ class Row:
         return replace(self, seed=seed, arguments={**self.arguments, "seed": seed}, dale=dale)
 
     def scaled(self, factor, dale_factor=None, **changes):
-        """The row with so many times as many steps of LCTG and of DALE (by default the same), at least one."""
+        """The row with so many times as many steps, of warming up too, of LCTG and of DALE (by default the same)."""
 
         def longer(arguments, by):
-            return {**arguments, "max_train_steps": max(1, round(by * arguments["max_train_steps"]))}
+            steps = {name: arguments[name] for name in ("max_train_steps", "lr_warmup_steps") if name in arguments}
+            return {**arguments, **{name: max(1, round(by * count)) for name, count in steps.items()}}
 
         train = [longer({**self.arguments, **phase}, factor) for phase in self.train]
         dale = None if self.dale is None else longer(self.dale, factor if dale_factor is None else dale_factor)
