@@ -76,7 +76,7 @@ def three_surfaces():
 
 def test_slugs_are_the_contract():
     assert SLUGS == (
-        *("silence", "other_take", "phase_randomised", "mean_spectrum", "lpc20", "beta_envelope", "slope_envelope"),
+        *("silence", "other_take", "phase_randomised", "mean_spectrum", "lpc20", "beta_envelope"),
         *("nine_band_noise", "decimated", "knn_blend", "ridge"),
     )
     assert tuple(default_baselines(500, 2.0)) == SLUGS
@@ -102,7 +102,7 @@ def test_textures_are_finite_in_band_repeatable_and_know_only_what_they_may(slug
     np.testing.assert_array_equal(baseline.sample(blind, seeded()), made)
 
 
-@pytest.mark.parametrize("slug", ("phase_randomised", "lpc20", "beta_envelope", "slope_envelope", "nine_band_noise"))
+@pytest.mark.parametrize("slug", ("phase_randomised", "lpc20", "beta_envelope", "nine_band_noise"))
 def test_descriptions_keep_level_and_scale_and_do_not_look_at_other_rows(slug, training, request_):
     baseline = default_baselines(500, 2.0)[slug].fit(training)
     made = baseline.sample(request_, seeded())
@@ -110,8 +110,7 @@ def test_descriptions_keep_level_and_scale_and_do_not_look_at_other_rows(slug, t
     tolerance = 1.5 if slug == "nine_band_noise" else 0.05
     np.testing.assert_allclose(levels_db(made), levels_db(request_.textures), atol=tolerance)
     louder = replace(request_, textures=10 * request_.textures)
-    # 1e-4: the slope's fit stops a little elsewhere when its input is rounded otherwise
-    np.testing.assert_allclose(baseline.sample(louder, seeded()), 10 * made, atol=1e-4 * np.abs(made).max())
+    np.testing.assert_allclose(baseline.sample(louder, seeded()), 10 * made, atol=1e-6 * np.abs(made).max())
     first = BaselineRequest(request_.ratings[:4], request_.textures[:4])
     np.testing.assert_allclose(baseline.sample(first, seeded()), made[:4], atol=1e-12)
     silent = replace(request_, textures=np.zeros_like(request_.textures))
@@ -145,17 +144,6 @@ def test_beta_fit_finds_the_beta_that_made_the_noise(a, b):
     textures = GRID.noise(envelopes.beta_density(planted, GRID), seeded(), np.full(40, 0.01))
     # single textures scatter by 3 %, the mean of 40 by 0.5 %; windows of 0.2 s smear the ends a little
     np.testing.assert_allclose(envelopes.fit_beta(textures, GRID).mean(0), [a, b], rtol=0.02)
-
-
-@pytest.mark.parametrize("parameters", ((120.0, 1.0, 1.5), (60.0, 2.0, 1.0), (300.0, 0.7, 3.0)))
-def test_slope_fit_finds_the_band_pass_that_made_the_noise(parameters):
-    planted = np.tile(parameters, (40, 1))
-    textures = GRID.noise(envelopes.slope_density(planted, GRID), seeded(), np.full(40, 0.01))
-    found = envelopes.fit_slope(textures, GRID)
-    # the lowest bands hold eight bins, so single orders scatter by up to 25 %, the median of 40 by up to 5 %
-    np.testing.assert_allclose(np.median(found, 0), parameters, rtol=0.1)
-    difference = 10 * np.log10(envelopes.slope_density(found, GRID) / envelopes.slope_density(planted, GRID))
-    assert rms(difference - difference.mean(-1, keepdims=True)).mean() < 0.5
 
 
 def test_nine_band_noise_has_the_nine_levels(training, held_out):

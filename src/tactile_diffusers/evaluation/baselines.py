@@ -304,9 +304,6 @@ def default_baselines(numbers_per_second, bits_per_number):
         EnvelopeNoise("lpc20", envelopes.lpc_density),
         EnvelopeNoise("beta_envelope", lambda rows, grid: envelopes.beta_density(envelopes.fit_beta(rows, grid), grid)),
         EnvelopeNoise(
-            "slope_envelope", lambda rows, grid: envelopes.slope_density(envelopes.fit_slope(rows, grid), grid)
-        ),
-        EnvelopeNoise(
             "nine_band_noise",
             lambda rows, grid: envelopes.nine_band_density(envelopes.nine_band_levels_db(rows, grid), grid),
             scaled=False,

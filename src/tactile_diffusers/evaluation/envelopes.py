@@ -1,9 +1,8 @@
 """The fits behind the baselines: spectral envelopes, Gaussian noise under them, and the regression on ratings.
 
-The beta and the slope envelope are ours, after *Perceptually Lossless Tactile Texture Synthesis with Compact Spectral
-Envelope Models* (Balasubramanian and Vardar, arXiv 2605.23804), which names the two families; its formulas were not at
-hand, so nothing here claims to reproduce it. Differences: one envelope a texture, not a sequence over time, and the
-shapes and fits below.
+The beta envelope is ours, after *Perceptually Lossless Tactile Texture Synthesis with Compact Spectral Envelope Models*
+(Balasubramanian and Vardar, arXiv 2605.23804), which names the family; its formulas were not at hand, so nothing here
+claims to reproduce it. Differences: one envelope a texture, not a sequence over time, and the fit below.
 """
 
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pandas
-from scipy import fft, linalg, optimize, stats
+from scipy import fft, linalg, stats
 from scipy.interpolate import make_interp_spline
 
 from ..signal import BAND_HZ, WORKING_RATE, band_edges, band_levels_db, power_spectral_density, resample, rms
@@ -27,12 +26,6 @@ LPC_ORDER = 20
 #: White noise under the autocorrelation, as a share of its power (-60 dB): what a filter leaves empty makes the normal
 #: equations singular.
 LPC_RIDGE = 1e-6
-#: Logarithmic bands from which the slope envelope is fitted: wide enough to hold several bins each, down to 20 Hz.
-SLOPE_BANDS = 18
-#: Start and bounds of corner frequency in Hz and the two orders. From a steep high-pass the fit finds a shoulder if
-#: there is one; from a flat one it stays flat (both measured: virtual surfaces, five starts).
-_SLOPE_START = (30.0, 4.0, 1.0)
-_SLOPE_BOUNDS = ((5.0, 0.02, 0.02), (2000.0, 8.0, 8.0))
 _TINY = np.finfo(np.float64).tiny
 
 
@@ -137,41 +130,6 @@ def beta_density(parameters, grid):
 
 def _relative(frequencies, grid):
     return (frequencies - grid.band[0]) / (grid.band[1] - grid.band[0])
-
-
-def fit_slope(textures, grid):
-    """Asymmetric band-pass through each spectrum: (n, 3), corner frequency in Hz, high-pass and low-pass order.
-
-    Least squares of decibels over logarithmic bands, so that each octave weighs the same, the gain left free.
-    """
-    edges = band_edges(SLOPE_BANDS, grid.band)
-    levels = in_chunks(lambda rows: band_levels_db(rows, grid.sampling_rate, edges), textures)
-    density = levels - 10 * np.log10(np.diff(edges))
-    centres = np.sqrt(edges[:-1] * edges[1:])
-    bounds = tuple(np.log(bound) for bound in _SLOPE_BOUNDS)
-
-    def fit_row(row):
-        def residuals(logarithms):
-            difference = _slope_db(np.exp(logarithms), centres) - row
-            return difference - difference.mean()
-
-        fitted = optimize.least_squares(residuals, np.log(_SLOPE_START), bounds=bounds, ftol=1e-4)
-        return np.exp(fitted.x)
-
-    return np.stack([fit_row(row) for row in density])
-
-
-def slope_density(parameters, grid):
-    """Power spectra (n, bins) of band-passes (n, 3): `1 / ((1 + (fc/f)^(2 n_hp)) (1 + (f/fc)^(2 n_lp)))`."""
-    return 10 ** (_slope_db(parameters.T[..., None], grid.frequencies) / 10)
-
-
-def _slope_db(parameters, frequencies):
-    corner, high_pass, low_pass = parameters
-    octaves = np.log(frequencies / corner)
-    # log(1 + e^x) without overflow
-    loss = np.logaddexp(0, -2 * high_pass * octaves) + np.logaddexp(0, 2 * low_pass * octaves)
-    return -10 / np.log(10) * loss
 
 
 def lpc_density(textures, grid, order=LPC_ORDER):

@@ -10,7 +10,6 @@ NAMES = {
     "mean_spectrum": "noise of the mean spectrum",
     "lpc20": "autoregressive model (LPC 20)",
     "beta_envelope": "beta envelope (ours, after arXiv 2605.23804)",
-    "slope_envelope": "slope envelope (ours, after arXiv 2605.23804)",
     "nine_band_noise": "nine-band noise",
     "decimated": "low-passed to the latent's bits",
     "knn_blend": "blend of 5 nearest surfaces (from ratings)",

@@ -73,7 +73,7 @@ def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, second
 
 
 def plot_steps(result, output_path):
-    """Error, distance and cost against the number of steps, beside another take of the surface."""
+    """Error, distance and cost against the number of steps, beside another take of the surface and no network."""
     steps = {int(count): entry for count, entry in result["steps"].items()}
     quantities = {
         "nine_band_db": "nine-band error, dB",
@@ -85,9 +85,11 @@ def plot_steps(result, output_path):
     with figure_panels(output_path, 1, len(quantities), (3.4 * len(quantities), 3.2)) as panels:
         for panel, (name, label) in zip(panels[0], quantities.items(), strict=True):
             panel.plot(list(steps), [leaf_mean(entry[name]) for entry in steps.values()], label="LCTG", **_DOTS)
-            other = result["baselines"]["other_take"].get(name)
-            if other is not None and other["mean"] is not None:
-                panel.axhline(other["mean"], color="grey", linestyle="--", linewidth=1, label="another take")
+            others = {"another take": ("grey", result["baselines"]["other_take"])}
+            others["no network"] = ("C1", result["decoders"]["no_network"])
+            for other, (colour, entry) in others.items():
+                if entry.get(name, {}).get("mean") is not None:
+                    panel.axhline(entry[name]["mean"], color=colour, linestyle="--", linewidth=1, label=other)
             if name == "ktd":
                 panel.axhline(leaf_mean(result["real"]["ktd"]), color="green", linewidth=1, label="real, held out")
             panel.set_title(label)

@@ -20,12 +20,12 @@ PAPER = {
 def overview(report):
     """The paper's figures beside silence, another take, and the checkpoint: Markdown."""
     paper, ours = "paper, on SENS3", "this checkpoint"
-    columns, rows = [paper, "silence", "another take", ours], {}
+    columns, rows = [paper, "silence", "another take", "no network", ours], {}
     if report.get("reconstruction"):
         section = report["reconstruction"]
         counts = list(dict.fromkeys([default_steps(report), compared_steps(section["steps"])]))
-        columns = [*columns[:3], *(f"{ours}, {count} steps" for count in counts)]
-        ours = columns[3]
+        columns = [*columns[:4], *(f"{ours}, {count} steps" for count in counts)]
+        ours = columns[4]
         rows |= _overview_of_reconstruction(report, columns, counts)
         fewest = text(section["steps_within_5_percent"], 0)
         rows["fewest steps within 5 % of the best nine-band error"] = {paper: PAPER["best_steps"], ours: fewest}
@@ -52,7 +52,8 @@ def latent_shift(report):
 def _overview_of_reconstruction(report, columns, counts):
     section, rows = report["reconstruction"], {}
     base, real = section["baselines"], section["real"]["rms_n"]["mean"]
-    sources = (base["silence"], base["other_take"], *(section["steps"][count] for count in counts))
+    yardsticks = (base["silence"], base["other_take"], section["decoders"]["no_network"])
+    sources = (*yardsticks, *(section["steps"][count] for count in counts))
     in_newtons = f" (RMS of the segments {1e3 * real:.2f})" if report["data"]["unit"] == "N" else ""
     for key, (label, scale, digits) in {
         "rmse_n": (f"reconstruction RMSE, mN{in_newtons}", 1e3, 2),
@@ -72,6 +73,7 @@ def reconstruction_rows(report):
     shown = [count for count in ("2", "3", "5", "10", "25") if count in section["steps"]] or list(section["steps"])
     rows = {"real, held out": section["real"]}
     rows |= {f"**LCTG, {count} steps**": section["steps"][count] for count in shown}
+    rows |= {DECODERS[name]: entry for name, entry in section["decoders"].items() if name != "lctg"}
     for name, anchor in (report.get("anchors") or {}).items():
         count = compared_steps(anchor["steps"])
         rows[f"{name}, {count} steps"] = anchor["steps"][count]
@@ -113,7 +115,9 @@ def network_adds(report):
 
 def step_rows(report):
     """The sweep over LCTG's steps."""
-    return {f"{count} steps": entry for count, entry in report["reconstruction"]["steps"].items()}
+    section = report["reconstruction"]
+    rows = {f"{count} steps": entry for count, entry in section["steps"].items()}
+    return rows | {DECODERS["no_network"]: section["decoders"]["no_network"]}
 
 
 def anchor_rows(report):
