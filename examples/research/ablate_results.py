@@ -62,8 +62,8 @@ def _mean(values):
         return {key: _mean([value[key] for value in values]) for key in first}
     if isinstance(first, list):
         return [_mean(list(members)) for members in zip(*values, strict=True)]
-    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
-    return sum(values) / len(values) if numbers and len(values) > 1 else first
+    numbers = all(isinstance(value, int | float) for value in values) and any(value != first for value in values)
+    return sum(values) / len(values) if numbers else first
 
 
 def _seed_rows(results):
