@@ -74,7 +74,9 @@ def main(argv=None):
             refuse("generate_dataset.py", error)
         state.destroy_process_group()
         return 2
-    with _one_thread(state.device), _novelty_warned_once():
+    from ..evaluation.sampling import one_thread
+
+    with one_thread(state.device), _novelty_warned_once():
         _run(arguments, state, **job)
     unlock_folder(arguments.output)
     state.destroy_process_group()
@@ -237,20 +239,6 @@ def _batches(pipe, ratings, seeds, options, batch_size, bar):
             "seed": seeds[rows],
         }
         bar.update(len(generators))
-
-
-@contextmanager
-def _one_thread(device):
-    """One thread on a CPU: sums over threads are rounded otherwise, and processes use the cores better."""
-    import torch
-
-    threads = torch.get_num_threads()
-    if device.type == "cpu":
-        torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 @contextmanager

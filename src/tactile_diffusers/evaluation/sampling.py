@@ -1,6 +1,8 @@
 """Many textures from a pipeline, each with noise of its own, so that batches and order change nothing."""
 
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import wraps
 
 import numpy as np
 import torch
@@ -11,6 +13,29 @@ from .metrics.texture_checks import in_blocks
 
 # textures that are encoded at once
 _ENCODED = 64
+
+
+@contextmanager
+def one_thread(device):
+    """One thread on a CPU: sums over threads are rounded otherwise, and threads that wait for others cost tenfold."""
+    threads = torch.get_num_threads()
+    if device.type == "cpu":
+        torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _in_one_thread(function):
+    """The function, whose first argument is a pipeline, in `one_thread`."""
+
+    @wraps(function)
+    def inside(pipe, *arguments, **settings):
+        with one_thread(pipe.device):
+            return function(pipe, *arguments, **settings)
+
+    return inside
 
 
 @dataclass(frozen=True)
@@ -35,6 +60,7 @@ def noise_seeds(seed, takes):
     return np.random.SeedSequence(seed).generate_state(takes)
 
 
+@_in_one_thread
 def generate(
     pipe, ratings, seeds, sampling_rate, samples, steps=10, guidance_scale=1.0, decode=True, batch=32, quiet=True
 ):
@@ -68,6 +94,7 @@ def generate(
     return Generated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
+@_in_one_thread
 def reconstruct(pipe, textures, sampling_rate, num_inference_steps, seed=0, batch=32, quiet=True, change=None):
     """Reconstructions at the textures' own rate and length: (n, samples) float64.
 
@@ -88,6 +115,7 @@ def _generators(seeds):
     return [torch.Generator("cpu").manual_seed(int(seed)) for seed in seeds]
 
 
+@_in_one_thread
 def encode(pipe, textures, sampling_rate):
     """All layers of the latents of textures (n, samples): (n, latent_channels, frames) float32."""
     parts = in_blocks(textures, _ENCODED)
