@@ -41,14 +41,15 @@ def jackknife(statistic, groups):
     return value, np.stack(jackknife_interval(value, replicates))
 
 
-def estimate(statistic, *groups):
+def estimate(statistic, *groups, limits=(-np.inf, np.inf)):
     """Leaf of a statistic of one set or several, with the `jackknife` interval: a group is left out of all sets.
 
-    The statistic takes a mask of each set; `groups` (n,), (m,), ... are those of the sets' members.
+    The statistic takes a mask of each set; `groups` (n,), (m,), ... are those of the sets' members. The interval is cut
+    to `limits`.
     """
     ends = np.cumsum([len(names) for names in groups])[:-1]
     value, interval = jackknife(lambda mask: statistic(*np.split(mask, ends)), np.concatenate(groups))
-    return number(value, len(groups[0]), interval)
+    return number(value, len(groups[0]), np.clip(interval, *limits))
 
 
 def leaf(values=None, groups=None):

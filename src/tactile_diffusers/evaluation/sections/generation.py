@@ -91,7 +91,7 @@ def set_metrics(context, copying, textures, points, groups):
         if min(len(compared), len(data.points)) > NEIGHBOURS + max(np.unique(groups, return_counts=True)[1]):
             both = {"precision": lambda a, b: covered(compared[a], data.points[b], NEIGHBOURS)}
             both["recall"] = lambda a, b: covered(data.points[b], compared[a], NEIGHBOURS)
-            leaves |= {name: estimate(share, groups, data.surfaces) for name, share in both.items()}
+            leaves |= {name: estimate(share, groups, data.surfaces, limits=(0, 1)) for name, share in both.items()}
     return leaves | copying.leaves(textures, groups)
 
 
