@@ -15,7 +15,7 @@ PACKAGE = ROOT / "src" / "tactile_diffusers"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 #: Module -> the distribution that brings it, where the names differ.
-DISTRIBUTIONS = {"PIL": "pillow"}
+DISTRIBUTIONS = {"PIL": "pillow", "sklearn": "scikit-learn"}
 #: Extra -> what the package imports of it, and where (one call path each; the error names the extra).
 OPTIONAL = {
     "training": {"tensorboard": "training/launch.py"},

@@ -22,7 +22,7 @@ CONDITIONS = {"digest": "abc", "split": "test"}
 
 
 def _published_report(path):
-    digest = json.loads((EXAMPLES / "results/results/report.json").read_text())["checkpoint"]["sha256"]
+    digest = json.loads((EXAMPLES / "results/judges/report.json").read_text())["checkpoint"]["sha256"]
     (path.parent / "out").mkdir(exist_ok=True)
     return publish._report(path.parent, {digest}, path.parent / "out", [])
 
@@ -45,8 +45,9 @@ def _configs(path):
 
 def _ablation(path):
     """As the command goes on from it: damage is told, and the row is measured again."""
-    plan, arguments = [SimpleNamespace(digest="abc", folder=path.parent / "dale")], SimpleNamespace(split="test")
-    found = ablate._stored(plan, arguments)
+    plan = [SimpleNamespace(digest="abc", folder=path.parent / "dale")]
+    arguments = SimpleNamespace(split="test", output=path.parents[1])
+    found = ablate._stored(path.parent.name, plan, arguments)
     if found is None:
         raise ValueError(f"{path} is measured again")
     return found
@@ -66,14 +67,14 @@ READERS = {
 def files(tmp_path_factory):
     root = tmp_path_factory.mktemp("files")
     sources = {"row": "configs/ablation/base.json", "data card": "results/data/card.json"}
-    sources |= {"report to compare": "results/ratings/report.json", "report to publish": "results/results/report.json"}
+    sources |= {"report to compare": "results/judges/report.json", "report to publish": "results/judges/report.json"}
     found = {}
     for kind, (name, _) in READERS.items():
         (root / kind).mkdir()
         found[kind] = root / kind / name
         if kind in sources:
             found[kind].write_bytes((EXAMPLES / sources[kind]).read_bytes())
-    for picture in (EXAMPLES / "results/results").glob("*.png"):
+    for picture in (EXAMPLES / "results/judges").glob("*.png"):
         (root / "report to publish" / picture.name).write_bytes(b"png")
     row = next(iter(json.loads((EXAMPLES / "results/ablation/ablation.json").read_text())["rows"].values()))
     found["result"].write_text(json.dumps({**row, **CONDITIONS}))
@@ -123,13 +124,14 @@ def test_a_key_is_missing_or_odd(kind, files, damaged, refusal, odd_values):
 
 
 def test_a_kept_section_is_measured_again(tmp_path, foreign):
-    path, good = tmp_path / "speed.json", json.dumps({"conditions": {"a": 1}, "result": {"b": 2.0}}).encode()
+    path, stored = tmp_path / "speed.json", {"conditions": {"a": 1}, "result": {"b": 2.0}, "seconds": 1.0}
+    good = json.dumps(stored).encode()
     path.write_bytes(good)
-    assert _kept(path, {"a": 1}, lambda: {"b": 3.0}) == {"b": 2.0}
+    assert _kept(path, {"a": 1}, lambda: {"b": 3.0}) == ({"b": 2.0}, 1.0)
     cuts = [good[: len(good) * tenth // 10] for tenth in range(10)]
     for content in (*cuts, *foreign.values(), b'{"conditions": 7}', b'{"conditions": {"a": 1}}', b"\xff"):
         path.write_bytes(content)
-        assert _kept(path, {"a": 1}, lambda: {"b": 3.0}) == {"b": 3.0}
+        assert _kept(path, {"a": 1}, lambda: {"b": 3.0})[0] == {"b": 3.0}
         assert json.loads(path.read_text())["result"] == {"b": 3.0}
 
 

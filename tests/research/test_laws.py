@@ -7,7 +7,7 @@ import pytest
 from laws import LAWS, Check, Law, hands, measured, page
 from validate_virtual import HUMAN, main, markdown
 
-from tactile_diffusers.virtual import friction, laws, profile
+from tactile_diffusers.virtual import friction, laws, relief
 
 SLOW = {"levels", "compliant_grating", "exploration"}
 
@@ -24,7 +24,7 @@ def test_law_is_as_intended(name):
 @pytest.mark.parametrize(
     "name, where, constant, value",
     [
-        ("catches", profile, "RELEASE_LENGTH", 0.2),
+        ("catches", relief, "RELEASE_LENGTH", 0.2),
         ("noise_in_time", friction, "TEMPORAL_NOISE_N", 1.0e-3),
         ("stick_slip", friction, "PERIOD_JITTER", 0.1),
         ("stick_slip", friction, "BURST_SPREAD", 0.2),

@@ -131,7 +131,7 @@ def _kept(path, conditions, measure):
         stored = read_json(path, "JSON")
     except (FileNotFoundError, ValueError):
         stored = {}
-    if stored.get("conditions") == conditions and "result" in stored:
+    if stored.get("conditions") == conditions and {"result", "seconds"} <= stored.keys():
         return stored["result"], stored["seconds"]
     start = time.perf_counter()
     stored = {"conditions": conditions, "result": measure(), "seconds": round(time.perf_counter() - start, 1)}
