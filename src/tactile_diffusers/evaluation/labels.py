@@ -41,7 +41,7 @@ HEADINGS = {
     "ftd_excess": "FTD over real",
     "ktd": "KTD",
     "ktd_excess": "KTD over real",
-    "seconds_per_segment": ("s per segment", 4),
+    "seconds_per_segment": ("s per segment, one thread", 4),
     "efficiency_score": ("efficiency score (RMSE × s), N·s", 6),
     "optimiser_steps": "optimiser steps",
     "minutes": ("training, minutes", 0),
@@ -66,7 +66,7 @@ RECONSTRUCTION = _columns(
 DECODING = {
     "nine_band_db": ("nine-band error, dB", 3),
     **_columns("snr_db ktd ktd_excess"),
-    "milliseconds": ("ms per segment", 1),
+    "milliseconds": ("ms per segment, one thread", 1),
     "kilobits_per_second": "kbit/s",
     "sigma": ("noise on the latents", 3),
     "noisy_nine_band_db": ("with it: nine-band error, dB", 3),

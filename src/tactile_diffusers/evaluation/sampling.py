@@ -2,7 +2,6 @@
 
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
 
 import numpy as np
 import torch
@@ -27,17 +26,6 @@ def one_thread(device):
         torch.set_num_threads(threads)
 
 
-def _in_one_thread(function):
-    """The function, whose first argument is a pipeline, in `one_thread`."""
-
-    @wraps(function)
-    def inside(pipe, *arguments, **settings):
-        with one_thread(pipe.device):
-            return function(pipe, *arguments, **settings)
-
-    return inside
-
-
 @dataclass(frozen=True)
 class Generated:
     """Generated textures, one a row.
@@ -60,7 +48,6 @@ def noise_seeds(seed, takes):
     return np.random.SeedSequence(seed).generate_state(takes)
 
 
-@_in_one_thread
 def generate(
     pipe, ratings, seeds, sampling_rate, samples, steps=10, guidance_scale=1.0, decode=True, batch=32, quiet=True
 ):
@@ -94,7 +81,6 @@ def generate(
     return Generated(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-@_in_one_thread
 def reconstruct(pipe, textures, sampling_rate, num_inference_steps, seed=0, batch=32, quiet=True, change=None):
     """Reconstructions at the textures' own rate and length: (n, samples) float64.
 
@@ -115,7 +101,6 @@ def _generators(seeds):
     return [torch.Generator("cpu").manual_seed(int(seed)) for seed in seeds]
 
 
-@_in_one_thread
 def encode(pipe, textures, sampling_rate):
     """All layers of the latents of textures (n, samples): (n, latent_channels, frames) float32."""
     parts = in_blocks(textures, _ENCODED)
