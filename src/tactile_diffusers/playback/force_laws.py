@@ -6,13 +6,8 @@ against a stream.
 
 import numpy as np
 
-from ..signal import REFERENCE_FORCE
+from ..signal.constants import FORCE_EXPONENT, REFERENCE_FORCE, SLOWEST_SLIDING, SPEED_EXPONENT
 
-#: Exponents of a texture's amplitude on normal force and speed: medians over the 100 surfaces of HaTT (Culbertson
-#: et al. 2014, with a rigid stylus); virtual surfaces scatter around them (`virtual.recipe`).
-FORCE_EXPONENT, SPEED_EXPONENT = 0.03, 0.41
-#: Speed below which the power of speed, which is meant for sliding, is held, mm/s.
-SLOWEST_SLIDING = 10.0
 #: Speed below which friction turns smoothly with the direction, mm/s: where a resting finger is loaded, not sliding.
 TURNING_SPEED = 5.0
 

@@ -11,6 +11,11 @@ SEGMENT_SECONDS = SEGMENT_SAMPLES / DEVICE_RATE
 WORKING_RATE = 2500
 #: Normal force at which textures are recorded, N: the middle of the paper's limits (section 2.1).
 REFERENCE_FORCE = 0.5
+#: Exponents of a texture's amplitude on normal force and speed: medians over the 100 surfaces of HaTT (Culbertson
+#: et al. 2014, with a rigid stylus; no such set of bare fingers is known to us).
+FORCE_EXPONENT, SPEED_EXPONENT = 0.03, 0.41
+#: Below this speed (mm/s) powers of speed, which are meant for sliding, are held.
+SLOWEST_SLIDING = 10.0
 #: No fingertip presses with more, N.
 LARGEST_FORCE_N = 100.0
 #: Perceptual axes in the order of every rating vector; positive = rougher, bumpier, more slippery.

@@ -5,7 +5,7 @@ Forces are in N, speeds in mm/s, numbers or arrays. "Recipe" marks a size of our
 
 import numpy as np
 
-from ..signal import REFERENCE_FORCE
+from ..signal.constants import REFERENCE_FORCE, SLOWEST_SLIDING
 from .recipe import REFERENCE_SPEED_MM_S
 
 #: Common gain that brings band-passed segments to the RMS that the paper's RMSE and SNR imply: mean 0.0090 N over many
@@ -31,8 +31,6 @@ HIGHEST_STICK_SLIP_HZ = 2000.0
 STICKS_WHEN_MOIST, STICKS_WHEN_PRESSED, STICKS_WHEN_FAST = 1.0, 0.5, -0.5
 #: Static over sliding friction when the finger begins to move, and the travel (mm) after which it has gone (recipe).
 FIRST_SLIP, FIRST_SLIP_TRAVEL = 0.2, 1.0
-#: Below this speed (mm/s) powers of speed, which are meant for sliding, are held.
-SLOWEST_SLIDING = 10.0
 
 
 def relative_speed(speed):

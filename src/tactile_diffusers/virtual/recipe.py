@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..signal import constants
+
 #: Raised whenever the same seed gives other data. 3: correlated percepts, impulses, polarity, measured exponents of
-#: load and speed, onset (FIELD.md section 6 holds the measurements that recipe 2 contradicted).
+#: load and speed, onset (`examples/results/laws/hands.md` has the measurements).
 RECIPE_VERSION = 3
 #: Speed at which every parameter holds; the normal force is `REFERENCE_FORCE`.
 REFERENCE_SPEED_MM_S = 80.0
@@ -63,10 +65,9 @@ COMPLIANCE = (0.4, 1.0)
 #: (the sign of a deformation term beside adhesion; its size, a recipe, gives r(log friction, level) = 0.5 as HaTT has).
 RELIEF_FRICTION = 0.025
 #: Exponents of the texture's amplitude on normal force and speed: median, standard deviation and least and greatest
-#: over surfaces (measured on the 100 surfaces of HaTT, Culbertson et al. 2014, with a rigid stylus: 5-95 % of them are
-#: -0.08 to 0.19 and 0.14 to 0.82). No such set exists for bare fingers.
-LOAD_EXPONENT = (0.03, 0.08, -0.15, 0.30)
-SPEED_EXPONENT = (0.41, 0.21, 0.0, 1.0)
+#: over surfaces (the medians are `signal.constants`'; 5-95 % of HaTT's surfaces are -0.08 to 0.19 and 0.14 to 0.82).
+LOAD_EXPONENT = (constants.FORCE_EXPONENT, 0.08, -0.15, 0.30)
+SPEED_EXPONENT = (constants.SPEED_EXPONENT, 0.21, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
