@@ -28,7 +28,7 @@ class EndlessProfile:
 
     It is read like a [`TextureProfile`]. Windows are as long as a segment (133 mm with the bundled checkpoint) and
     overlap by a quarter. All are takes of one surface (see `WindowGenerator`). A window depends on the seed and its
-    place alone: a finger that comes back meets the same texture, to rounding.
+    place alone: a finger that comes back meets the same texture, to rounding. Events of stick-slip are played in place.
 
     A window may be missing when the finger reaches it. By default `read` never waits: another window stands in until
     the finger has left (`substituted` counts). With `wait=True` it generates the window first, for files and tests

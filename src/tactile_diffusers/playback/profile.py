@@ -1,25 +1,34 @@
 """A texture over position, at several resolutions: what a finger reads at whatever speed it moves.
 
 What repeats every w mm is felt at the frequency v / w by a finger of speed v. That is exact for what is fixed in space,
-and wrong for what is not (stick-slip, the finger's own resonances).
+and wrong for what is not: the events of stick-slip are therefore taken apart (`events`), the finger's own resonances
+are not.
 """
 
 import numpy as np
+from scipy import ndimage
 from scipy.fft import next_fast_len
 
 from ..signal import BAND_HZ
 from ..signal.checks import check_number
+from .events import separate_events
 
 #: Resolutions of the profile per octave of spatial frequency; reading interpolates between two of them.
 PER_OCTAVE = 4
 #: Octaves on either side of what the texture holds that are filled: speeds from a quarter to four times its own.
 FILLED_OCTAVES = 2
-#: Octaves at either end of the texture's spectrum whose slope the filling continues.
-SLOPE_OCTAVES = 1.5
-#: Width of the edges of a resolution.
-EDGE_OCTAVES = 0.25
-#: The edges of the felt band lie half of that outside, as a factor, so that the band itself is unchanged.
-_BEYOND = 2 ** (EDGE_OCTAVES / 2)
+#: Octaves at the lower and the upper end of the texture's spectrum whose slope the filling continues: many at the lower
+#: one, where there are few lines to estimate it from, few at the upper one, where the spectrum bends.
+SLOPE_OCTAVES = (2.5, 1.0)
+#: Deviation of the smoothing of the texture's envelope, which the filling follows, s at the reference speed: envelopes
+#: of a texture's bands move together (McDermott & Simoncelli 2011).
+ENVELOPE_SECONDS = 0.005
+#: Steepness of the edges of a resolution: those of a recording's band-pass (`signal.band_pass`, order 4, both ways).
+EDGE_POWER = 8
+#: Largest factor by which a recording's fading edges are raised: at the very edge of its band.
+_LARGEST_RAISE = 2.0
+#: Up to this multiple of its cutoff a resolution is kept; beyond it has faded by 48 dB.
+_TAIL = 2.0
 #: Samples of a resolution that are there twice, for the interpolation: one before its beginning, two after its end.
 _MARGIN = 3
 #: Samples per shortest period that a resolution keeps at least: a cubic through four of them is then 55 dB exact.
@@ -33,12 +42,15 @@ TAPER_SHARE = 0.05
 class TextureProfile:
     """A periodic profile over position, low-passed at a ladder of spatial frequencies.
 
-    Reading it at a speed limits what is felt to the band of textures, 20-1000 Hz: fast fingers read coarser
-    resolutions (no aliasing), and what a slow or a fast finger would feel below the band is left out.
+    Reading it at a speed limits what is felt to the band of textures, 20-1000 Hz, by the filter of recordings
+    (`signal.band_pass`): fast fingers read coarser resolutions (no aliasing), and what a slow or a fast finger would
+    feel below the band is left out. The texture's own edges, which this filter has faded, are raised before: they lie
+    at other frequencies when the finger moves at another speed.
 
     A texture of 20-1000 Hz at 80 mm/s holds 0.25 to 12.5 cycles/mm: at 40 mm/s nothing above 500 Hz, at 160 mm/s
     nothing below 40 Hz (`coverage`). What is missing is filled with noise, fixed in space like the rest, that continues
-    the slope of the texture's spectrum for two octaves on either side; `fill=False` leaves it out.
+    the slope of the texture's spectrum for two octaves on either side and follows its envelope; `fill=False` leaves it
+    out.
 
     Args:
         texture (`np.ndarray`): (samples,), N, zero mean, as recorded at `reference_speed`.
@@ -50,19 +62,24 @@ class TextureProfile:
             fade out, and it is read in between alone (`EndlessProfile`).
         noise (`np.ndarray`, *optional*): (samples,), white noise for the filling, in place of `seed`; without `repeats`
             only.
+        separate (`bool`, *optional*, defaults to `True`): whether events are taken apart, from a texture that repeats.
 
     Attributes:
         length (`float`): mm after which the profile repeats: the texture's own, less a tenth in which its end fades
             into its beginning. 120 of 133 mm (16384 samples at 81.3 mm/s) with the bundled checkpoint.
         pitch (`float`): mm between samples of the finest resolution.
         cutoffs (`np.ndarray`): (levels,) cycles/mm, falling: the largest spatial frequency of each resolution.
+        events (`TextureProfile`): events of stick-slip over mm of travel (`separate_events`), which a stream adds to
+            what is read here; `None` if the texture has none.
 
     Raises:
         ValueError: if `texture` is not finite and one-dimensional or is too short for the lowest frequency of the
             band, or a rate or speed is not positive.
     """
 
-    def __init__(self, texture, sampling_rate, reference_speed, fill=True, seed=0, repeats=True, noise=None):
+    def __init__(
+        self, texture, sampling_rate, reference_speed, fill=True, seed=0, repeats=True, noise=None, separate=True
+    ):  # fmt: skip
         texture = np.asarray(texture, dtype=np.float64)
         sampling_rate = check_number("sampling_rate", sampling_rate, "Hz", above=0)
         reference_speed = check_number("reference_speed", reference_speed, "mm/s", above=0)
@@ -73,6 +90,10 @@ class TextureProfile:
                 f"{BAND_HZ[0]:g} Hz), got {texture.shape}."
             )
         self.reference_speed, self.pitch = reference_speed, reference_speed / sampling_rate
+        parts, self.events = separate_events(texture, sampling_rate) if repeats and separate else None, None
+        if parts is not None:
+            self.events = TextureProfile(parts[0], sampling_rate, reference_speed, fill, seed, separate=False)
+            texture = parts[1]
         if repeats:
             overlap = round(LOOP_SHARE * len(texture))
             texture = loop(texture, overlap + (len(texture) - overlap) % 2)  # an even number of samples
@@ -84,11 +105,12 @@ class TextureProfile:
         self._spectrum, self._frequencies = np.fft.rfft(texture), np.fft.rfftfreq(len(texture), self.pitch)
         self._spectrum[0] = 0
         lowest, highest = (edge / reference_speed for edge in BAND_HZ)
+        self._spectrum *= _raise(self._frequencies, lowest, highest)
         if fill:
             noise = np.fft.rfft(noise[: len(texture)]) / np.sqrt(len(texture))
             self._spectrum = _filled(self._spectrum, self._frequencies, (lowest, highest), noise)
             lowest, highest = lowest / 2**FILLED_OCTAVES, min(highest * 2**FILLED_OCTAVES, self._frequencies[-1])
-        # the finest resolution lies one above, so that what the texture holds up to its end stays as it is
+        # the finest resolution, one above, holds all
         count = int(np.ceil(PER_OCTAVE * np.log2(highest / lowest))) + 3
         self.cutoffs = highest * 2.0 ** ((1 - np.arange(count)) / PER_OCTAVE)
         # resolutions one after the other, finest first, the last one empty
@@ -102,9 +124,10 @@ class TextureProfile:
     def _resolution(self, length, cutoff):
         """What lies below a cutoff, in so many samples; and one of its end before it, two of its beginning after it."""
         samples = 2 * (len(self._frequencies) - 1)
-        # beyond the edge there is nothing
-        kept = np.searchsorted(self._frequencies[: length // 2 + 1], cutoff * _BEYOND)
-        spectrum = self._spectrum[:kept] * _soft_edge(self._frequencies[:kept], cutoff)
+        kept = np.searchsorted(self._frequencies[: length // 2 + 1], cutoff * _TAIL)
+        spectrum = self._spectrum[:kept].copy()
+        if cutoff < self.cutoffs[0]:
+            spectrum /= 1 + (self._frequencies[:kept] / cutoff) ** EDGE_POWER
         profile = np.fft.irfft(spectrum, n=length) * (length / samples)
         return np.concatenate([profile[-1:], profile, profile[:2]])
 
@@ -133,7 +156,7 @@ class TextureProfile:
         place[place >= 1] = 0  # of -1e-17, rounding leaves 1
         # what lies below the highest frequency that is felt, less what lies below the lowest; each is read between two
         # resolutions. All four at once: a block is short, and calls cost more than arithmetic
-        rung = self._rungs(np.stack([BAND_HZ[1] * _BEYOND / speed, BAND_HZ[0] / _BEYOND / speed]))
+        rung = self._rungs(np.stack([BAND_HZ[1] / speed, BAND_HZ[0] / speed]))
         lower = rung.astype(int)
         share = rung - lower
         levels = np.stack([lower, np.minimum(lower + 1, len(self.cutoffs))])
@@ -173,16 +196,17 @@ def _tapered(texture):
     return texture
 
 
-def _soft_edge(frequencies, cutoff):
-    """1 below the cutoff, 0 above, half a cosine over `EDGE_OCTAVES` around it: short ringing over position."""
-    octaves = np.log2(np.maximum(frequencies, 1e-9) / cutoff)
-    return 0.5 - 0.5 * np.sin(np.pi * np.clip(octaves / EDGE_OCTAVES, -0.5, 0.5))
+def _raise(frequencies, lowest, highest):
+    """Factor that takes the fading edges of a recording's band-pass away: 1 within, 2 at its edges and beyond."""
+    from_middle = (frequencies**2 - lowest * highest) / np.maximum(frequencies * (highest - lowest), 1e-12)
+    return np.minimum(1 + from_middle**EDGE_POWER, _LARGEST_RAISE)
 
 
 def _filled(spectrum, frequencies, held, noise):
     """A spectrum whose power beyond what is `held` (cycles/mm) continues the slope at either end.
 
-    `noise`: of the same length, complex normal numbers of unit variance that give it its phases.
+    `noise`: of the same length, complex normal numbers of unit variance that give it its phases. It is modulated by the
+    envelope of what is held.
     """
     low, high = held
     power, octave = np.abs(spectrum) ** 2, np.log2(np.maximum(frequencies, frequencies[1]))
@@ -190,13 +214,19 @@ def _filled(spectrum, frequencies, held, noise):
     if not power[within].any():
         return spectrum
     filled = spectrum * within
-    for edge, inner, beyond in (
-        (low, low * 2**SLOPE_OCTAVES, (frequencies < low) & (frequencies > low / 2 ** (FILLED_OCTAVES + 1))),
-        (high, high / 2**SLOPE_OCTAVES, frequencies > high),
-    ):
-        # a quarter of an octave at the very edge is where the recording's own filter fades
-        near = sorted((edge * (inner / edge) ** (0.25 / SLOPE_OCTAVES), inner))
+    noise = _modulated(noise, filled, ENVELOPE_SECONDS * BAND_HZ[0] / low * 2 * frequencies[-1])
+    below = (frequencies < low) & (frequencies > low / 2 ** (FILLED_OCTAVES + 1))
+    for octaves, beyond in zip(SLOPE_OCTAVES, (below, frequencies > high), strict=True):
+        near = (low, low * 2**octaves) if beyond is below else (high / 2**octaves, high)
         chosen = (frequencies >= near[0]) & (frequencies <= near[1]) & (power > 0)
         slope, offset = np.polyfit(octave[chosen], np.log(power[chosen]) + np.euler_gamma, 1)
         filled += beyond * noise * np.exp(0.5 * (slope * octave + offset))
     return filled
+
+
+def _modulated(noise, spectrum, smoothing):
+    """Noise (its spectrum) that follows the envelope of a texture (spectrum), smoothed over so many samples."""
+    samples = 2 * (len(spectrum) - 1)
+    analytic = np.fft.ifft(np.concatenate([2 * spectrum[:-1], np.zeros(samples - len(spectrum) + 1)]))
+    envelope = ndimage.gaussian_filter1d(np.abs(analytic), smoothing, mode="wrap")
+    return np.fft.rfft(np.fft.irfft(noise) * envelope / np.sqrt(np.mean(envelope**2)))

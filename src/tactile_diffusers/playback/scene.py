@@ -42,7 +42,7 @@ class TextureScene:
         seed (`int`, *optional*, defaults to 0): another one gives other takes of the same surfaces.
         num_inference_steps (`int`, *optional*): as in the pipeline; `None` = 5, or what LCTG was distilled to.
         guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): as in the pipeline; 1.0 = off.
-        cache_size (`int`, *optional*, defaults to 8): profiles kept, 1.4 MB for each segment.
+        cache_size (`int`, *optional*, defaults to 8): profiles kept, 1.4 MB for each segment, twice that with events.
         rating_scale (`str`, *optional*, defaults to `"z"`): of `surfaces`, as in the pipeline.
 
     Attributes:

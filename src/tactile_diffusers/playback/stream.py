@@ -6,6 +6,7 @@ import numpy as np
 
 from ..signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE
 from ..signal.checks import check_number, check_whole_number
+from .events import EventPlayer
 from .finger import CUTOFF_HZ, FingerPath
 from .force_laws import FORCE_EXPONENT, SPEED_EXPONENT, direction_length, load_gain, speed_gain
 
@@ -27,6 +28,9 @@ class TextureStream:
     every frequency follows the speed. Direction turns smoothly through 5 mm/s. On a plane (`dimensions=2`) the surface
     is alike in all directions: it consists of the profile along three axes 60 degrees apart, weighted by how the finger
     moves; a stroke between two axes reads both, 13 % more slowly.
+
+    Events of stick-slip (`TextureProfile.events`) are not fixed in space. They go forwards however the finger turns, at
+    a rate of the speed times the contact's stiffness over (Fn / 0.5 N)^(2/3), and with laws of level of their own.
 
     Reports of the finger (`report`), another profile (`replace`) and blocks (`read`) may come from different threads.
     Read as many samples as time passes, whether reports come or not. Reports may come unevenly, their times count. A
@@ -61,8 +65,8 @@ class TextureStream:
         self.force_exponent = check_number("force_exponent", force_exponent, "powers of normal force")
         self.speed_exponent = check_number("speed_exponent", speed_exponent, "powers of speed")
         self._lock = threading.Lock()
-        # profile and friction coefficient, those that take over, and how many samples they have done so
-        self._surface, self._next, self._faded = _checked(profile, friction_coefficient), None, 0
+        # profile, friction coefficient and player of events, those that take over, and for how many samples
+        self._surface, self._next, self._faded = self._checked(profile, friction_coefficient), None, 0
         self._fade_samples = round(FADE_SECONDS * sampling_rate)
         # the last force and friction, and what still fades of older ones
         self._last, self._fading = np.zeros(dimensions + 1), np.zeros((0, dimensions + 1))
@@ -89,7 +93,7 @@ class TextureStream:
 
     def replace(self, profile, friction_coefficient):
         """Puts another surface under the finger: it takes over within 20 ms from the next block on."""
-        surface = _checked(profile, friction_coefficient)
+        surface = self._checked(profile, friction_coefficient)
         with self._lock:
             if self._next is not None and self._faded > self._fade_samples / 2:
                 self._surface = self._next  # of two surfaces that still fade into each other the stronger one goes on
@@ -179,11 +183,20 @@ class TextureStream:
         self._last = force[-1].copy()
         return force
 
+    def _checked(self, profile, friction_coefficient):
+        if not callable(getattr(profile, "read", None)):
+            raise ValueError(f"`profile` must be a TextureProfile or an EndlessProfile, got {type(profile).__name__}.")
+        coefficient = check_number("friction_coefficient", friction_coefficient, "N per N of normal force", at_least=0)
+        events = getattr(profile, "events", None)
+        return profile, coefficient, None if events is None else EventPlayer(events, self.sampling_rate)
+
     def _friction(self, surface, place, velocity, speed, normal_force):
         """Magnitude of friction, in all and without its mean: (2, samples), N."""
-        profile, friction_coefficient = surface
+        profile, friction_coefficient, events = surface
         texture = _read(profile, place, velocity) * load_gain(normal_force, self.force_exponent)
         texture *= speed_gain(speed, profile.reference_speed, self.speed_exponent)
+        if events is not None:
+            texture += events.advance(speed, normal_force)
         return np.stack([friction_coefficient * normal_force + texture, texture])
 
 
@@ -196,9 +209,3 @@ def _read(profile, place, velocity):
     parts = zip(weight.T, (place @ _AXES.T).T, along.T, strict=True)
     # three places of the profile, as far from each other as can be, that do not resemble each other
     return sum(w * profile.read(x + m * profile.length / 3, v) for m, (w, x, v) in enumerate(parts))
-
-
-def _checked(profile, friction_coefficient):
-    if not callable(getattr(profile, "read", None)):
-        raise ValueError(f"`profile` must be a TextureProfile or an EndlessProfile, got {type(profile).__name__}.")
-    return profile, check_number("friction_coefficient", friction_coefficient, "N per N of normal force", at_least=0)

@@ -50,7 +50,7 @@ class WindowGenerator:
         seconds = frames * pipe.lctg.config.latent_hop / pipe.feature_extractor.sampling_rate
         self.window_length = seconds * self.reference_speed
         self.spacing = self.window_length * (1 - self._overlap / frames)
-        self.level = self.friction_coefficient = self._spectrum = None
+        self.level = self.friction_coefficient = self._scalars = None
         self._takes = {}
 
     def generate(self, indices):
@@ -77,7 +77,7 @@ class WindowGenerator:
 
     def _generate_takes(self, indices):
         """Latents of DALE, all with the scalars of take 0; `False` if interrupted."""
-        missing = sorted({*indices, *([0] if self._spectrum is None else [])} - self._takes.keys())
+        missing = sorted({*indices, *([0] if self._scalars is None else [])} - self._takes.keys())
         if missing:
             out = self.pipe(
                 self.ratings,
@@ -88,15 +88,16 @@ class WindowGenerator:
             )
             if self.pipe.interrupt:
                 return False
-            levels, base = self.pipe.lctg.level_channels, self.pipe.lctg.base_channels
-            if self._spectrum is None:
+            dale, base = self.pipe.dale, self.pipe.lctg.base_channels
+            states = dale.pack(out.latents[:, :base], out.level, out.friction_coefficient)
+            fields, scalars = dale.split_scalars(states)
+            if self._scalars is None:
                 first = missing.index(0)
-                self._spectrum = out.latents[first, :levels].mean(-1, keepdim=True)
+                self._scalars = scalars[first]
                 self.level = float(out.level[first])
                 self.friction_coefficient = float(out.friction_coefficient[first])
-            for index, latents in zip(missing, out.latents[:, :base], strict=True):
-                shape = latents[:levels] - latents[:levels].mean(-1, keepdim=True)
-                self._takes[index] = torch.cat([shape + self._spectrum, latents[levels:]])
+            takes = dale.unpack(dale.append_scalars(fields, self._scalars.expand_as(scalars)))[0]
+            self._takes |= dict(zip(missing, takes, strict=True))
         unused = [index for index in self._takes if index not in indices]
         for index in unused[: max(0, len(self._takes) - LARGEST_TAKES)]:
             del self._takes[index]

@@ -16,6 +16,15 @@ REFERENCE_FORCE = 0.5
 FORCE_EXPONENT, SPEED_EXPONENT = 0.03, 0.41
 #: Below this speed (mm/s) powers of speed, which are meant for sliding, are held.
 SLOWEST_SLIDING = 10.0
+#: Tangential stiffness of a sliding finger, N/mm, at the reference speed, and its rise per mm/s of speed (arXiv
+#: 2505.11162: 4.04 N/m per mm/s; its intercept is not known to us, 0.75 is the middle of the virtual surfaces' range).
+CONTACT_STIFFNESS, STIFFNESS_PER_SPEED = 0.75, 4.04e-3
+#: Exponent of friction on normal force where stick-slip is, on smooth surfaces: the area of a Hertzian contact. So fall
+#: friction coefficients of fingers on smooth surfaces with load, by about -1/3.
+ADHESION_EXPONENT = 2 / 3
+#: Exponents of how readily a contact sticks on normal force and speed: pressing keeps it sticking, and fast sliding is
+#: steady (Rabinowicz 1958); the sizes are the virtual surfaces', an assumption.
+STICKING_FORCE_EXPONENT, STICKING_SPEED_EXPONENT = 0.2, -0.2
 #: No fingertip presses with more, N.
 LARGEST_FORCE_N = 100.0
 #: Perceptual axes in the order of every rating vector; positive = rougher, bumpier, more slippery.
