@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.distance import cdist
 
-from tactile_diffusers.evaluation.metrics import copying
 from tactile_diffusers.evaluation.metrics import diversity as diversity_metrics
-from tactile_diffusers.evaluation.metrics.copying import TrainingEnvelopes, copied_share, nearest_distance
-from tactile_diffusers.evaluation.metrics.diversity import diversity, precision_recall, rating_diversity, take_spread_db
+from tactile_diffusers.evaluation.metrics.copying import TrainingEnvelopes, copied_share
+from tactile_diffusers.evaluation.metrics.diversity import covered, diversity, rating_diversity, take_spread_db
 from tactile_diffusers.evaluation.metrics.texture_checks import in_blocks
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db
 
@@ -101,24 +99,11 @@ def test_share_is_that_above_a_quantile_of_the_other_surfaces():
         copied_share([np.nan], [0], real, groups)
 
 
-def test_nearest_distance_is_the_smallest_distance(monkeypatch):
-    rng = np.random.default_rng(1)
-    points, reference = rng.normal(size=(70, 53)), rng.normal(size=(300, 53))
-    expected = cdist(points, reference).min(-1)
-    monkeypatch.setattr(copying, "in_blocks", lambda rows: in_blocks(rows, 9))
-    np.testing.assert_allclose(nearest_distance(points[::-1], reference)[::-1], expected, rtol=1e-12)
-    assert (nearest_distance(reference[5:9], reference) == 0).all()
-    with pytest.raises(ValueError, match="`points` and `reference` must have the same features, got 53 and 52"):
-        nearest_distance(points, reference[:, 1:])
-    with pytest.raises(ValueError, match="`reference` must be finite"):
-        nearest_distance(points, np.full_like(points, np.inf))
-
-
 def test_precision_and_recall_are_their_definition(monkeypatch):
     rng = np.random.default_rng(3)
     generated, real = rng.normal(size=(30, 4)) + 0.8, rng.normal(size=(40, 4))
 
-    def covered(points, members, k):
+    def by_hand(points, members, k):
         hits = 0
         for point in points:
             for member in members:
@@ -128,17 +113,16 @@ def test_precision_and_recall_are_their_definition(monkeypatch):
                     break
         return hits / len(points)
 
-    expected = (covered(generated, real, 3), covered(real, generated, 3))
-    assert 0.2 < min(expected) and max(expected) < 1
-    assert precision_recall(generated, real, k=3) == expected
+    expected = by_hand(generated, real, 3)
+    assert 0.2 < expected < 1 and covered(generated, real, k=3) == expected
     monkeypatch.setattr(diversity_metrics, "in_blocks", lambda rows: in_blocks(rows, 7))
-    assert precision_recall(generated[::-1], real[::-1], k=3) == expected
-    assert precision_recall(generated.astype(np.float32), real, k=3) == pytest.approx(expected, abs=0.04)  # one member
-    for k in (0, 30):
-        with pytest.raises(ValueError, match=f"`k` must be at least 1 and below.*30 and 40, got {k}"):
-            precision_recall(generated, real, k=k)
+    assert covered(generated[::-1], real[::-1], k=3) == expected
+    assert covered(generated.astype(np.float32), real, k=3) == pytest.approx(expected, abs=0.04)  # one member
+    for k in (0, 40):
+        with pytest.raises(ValueError, match=f"`k` must be at least 1 and below.*40, got {k}"):
+            covered(generated, real, k=k)
     with pytest.raises(ValueError, match="same features"):
-        precision_recall(generated[:, 1:], real)
+        covered(generated[:, 1:], real)
 
 
 def test_take_spread_of_known_takes():

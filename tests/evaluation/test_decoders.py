@@ -8,7 +8,6 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.evaluation.metrics.distances import kernel_tactile_distance
-from tactile_diffusers.evaluation.report_rows import network_adds
 from tactile_diffusers.evaluation.sections import QUICK, make_context
 from tactile_diffusers.evaluation.sections.decoders import measure_decoders
 from tactile_diffusers.evaluation.sections.reconstruction import pair_metrics
@@ -62,7 +61,9 @@ def test_nothing_imposed_is_what_the_network_decodes(layered, texture):
         torch.randn(2, 1, 2048, generator=torch.Generator().manual_seed(0)),
     )
     bare = with_stand_in(layered, NothingImposed)
-    layered.feature_extractor.denormalize = lambda waveform, *rest: waveform.numpy()  # before anything is restored
+    layered.feature_extractor.denormalize = lambda waveform, *rest, **restored: (
+        waveform.numpy()
+    )  # before anything is restored
     ours, others = (pipe.decode(encoded.latents, encoded.level, None, 2, noise=noise) for pipe in (layered, bare))
     assert np.array_equal(ours.textures, others.textures)
     assert bare.lctg.band_levels(encoded.latents) is None is not layered.lctg.band_levels(encoded.latents)
@@ -125,16 +126,3 @@ def test_paired_distance_is_the_difference_of_two(layered, prepared, tmp_path):
     ]
     assert paired["mean"] == pytest.approx(distances[0] - distances[1])
     assert data.reference.paired_ktd(data.points, data.points, data.surfaces)["mean"] == 0
-
-
-def test_the_text_says_what_the_network_adds():
-    def leaf(low, high):
-        return {"mean": (low + high) / 2, "interval": [low, high]}
-
-    entry = {"ktd": leaf(-9, -5), "nine_band_db": leaf(0.004, 0.006), "snr_db": leaf(-0.1, 0.1)}
-    worse = {"ktd": leaf(1, 2), "nine_band_db": leaf(-1, 1), "snr_db": leaf(1, 2)}
-    said = network_adds({"reconstruction": {"network": {"all_layers": worse, "base_layer": entry}}})
-    assert said == (
-        "From all layers, LCTG is better in SNR, worse in KTD, no different in nine-band error. "
-        "From the base layer, LCTG is better in KTD, worse in nine-band error, no different in SNR."
-    )

@@ -12,11 +12,17 @@ import torch
 from scipy import signal
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
-from tactile_diffusers.evaluation import goodness_of_fit, out_of_band_ratio_db, signed_band_error_db, snr_db
+from tactile_diffusers.evaluation import (
+    goodness_of_fit,
+    out_of_band_ratio_db,
+    second_judge,
+    signed_band_error_db,
+    snr_db,
+)
 from tactile_diffusers.evaluation.baselines import BaselineRequest, TrainingTextures, default_baselines
-from tactile_diffusers.evaluation.judge import Judge, response_matrix
+from tactile_diffusers.evaluation.judge import Judge, explained, response_matrix
 from tactile_diffusers.evaluation.metrics.copying import TrainingEnvelopes, copied_share
-from tactile_diffusers.evaluation.metrics.diversity import diversity, precision_recall
+from tactile_diffusers.evaluation.metrics.diversity import covered, diversity
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.rating_effects import reversal
 from tactile_diffusers.evaluation.metrics.reference import Reference
@@ -104,7 +110,7 @@ def test_one_surface_repeated_is_seen(world, frozen):
     held_out = world["held_out"]
     takes, _ = _takes(VirtualSurface(seed=5, index=60), 96, np.random.default_rng(3))
     points, real_points = frozen.embed(np.array(takes)), frozen.embed(held_out.textures)
-    precision, recall = precision_recall(points, real_points)
+    precision, recall = covered(points, real_points), covered(real_points, points)
     assert precision > 0.8 and recall < 0.1
     assert _ktd(frozen, np.array(takes), np.arange(96))["mean"] > 80
     real_bands, bands = band_levels_db(held_out.textures, DEVICE_RATE), band_levels_db(np.array(takes), DEVICE_RATE)
@@ -220,11 +226,11 @@ def _phase_randomised(textures, rng):
     ("name", "told_apart", "over_real", "features"),
     [
         ("envelopes", 0.9, 100, ("correlation_", "envelope_", "modulation_")),
-        ("polarity", 0.58, 2, ("slope_skew", "skew")),
+        ("polarity", 0.65, 2, ("slope_skew", "skew")),
     ],
 )
 def test_what_levels_do_not_show_is_seen(world, frozen, name, told_apart, over_real, features):
-    """Stationary noise with the right level in every band; and textures upside down, where few surfaces have a sign."""
+    """Stationary noise with the right level in every band; and textures upside down."""
     held_out = world["held_out"]
     wrong = -held_out.textures if name == "polarity" else _phase_randomised(held_out.textures, np.random.default_rng(6))
     other = np.roll(held_out.textures.reshape(48, 4, -1), 1, axis=1).reshape(wrong.shape)
@@ -236,17 +242,19 @@ def test_what_levels_do_not_show_is_seen(world, frozen, name, told_apart, over_r
     # shares of 48 surfaces, each of 4 pairs: a deviation of 0.5 / sqrt(48) = 0.07 at most
     assert null.mean() == pytest.approx(0.5, abs=0.15) and found.mean() > told_apart
     assert (found - null).mean() > 2 * (found - null).std() / np.sqrt(48)
-    assert all(FEATURE_NAMES[k].startswith(features) for k in np.argsort(-contributions.mean(0))[:2])
+    given_away = [k for k in np.argsort(-contributions.mean(0))[:2] if contributions.mean(0)[k] > 0]
+    assert given_away and all(FEATURE_NAMES[k].startswith(features) for k in given_away)
     points, null_points, own = frozen.embed(wrong), frozen.embed(held_out.textures), held_out.surface_ids
     excess = frozen.distances(points, own, (null_points, own))["ktd_excess"]
     assert excess["interval"][0] > over_real
     assert frozen.distances(null_points, own, (null_points, own))["ktd_excess"]["interval"] == [0, 0]
 
 
-def test_a_judge_of_its_own_test_surfaces_is_refused(world):
+def test_a_judge_of_its_own_test_surfaces_is_refused(world, monkeypatch):
     """Fitted on the pairs that it then judges, it tells real takes from real takes; on other surfaces it does not."""
     real, surfaces = _pairs(world["held_out"].textures), np.arange(48)
     null, _ = tell_apart(real[:, :2], real[:, 2:], surfaces, SCALE_FLOORS)
+    monkeypatch.setattr(second_judge, "C", 10.0)  # the penalty would keep it from that: all but lifted
     judge = SecondJudge.fit(real[:, :2], real[:, 2:], surfaces, SCALE_FLOORS)
     for names in (surfaces, surfaces + 100):  # also under other names
         with pytest.raises(ValueError, match="fitted on .* of these surfaces"):
@@ -263,8 +271,8 @@ def test_ratings_judged_by_a_judge_of_the_same_surfaces_are_flattered(world, fro
     points = frozen.embed(held_out.textures)
     own = (points, np.log(held_out.friction_coefficients), held_out.ratings)
     known = (frozen.points, np.log(train.friction_coefficients), train.ratings)
-    honest = Judge.fit(*known, train.surface_ids).r2(*own)
-    gamed = Judge.fit(*own, held_out.surface_ids).r2(*own)
+    honest = explained(Judge.fit(*known, train.surface_ids).predict(*own[:2]), own[2])
+    gamed = explained(Judge.fit(*own, held_out.surface_ids).predict(*own[:2]), own[2])
     assert (gamed > honest).all() and gamed.mean() > honest.mean() + 0.05
 
 

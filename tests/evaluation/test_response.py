@@ -56,11 +56,6 @@ def bundled():
     return pipe
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="The bundled checkpoint turns back beyond ±2: roughness +2 gives -34 dB, +2.5 -38 dB; slipperiness -2 a "
-    "friction coefficient of 1.8, -3 of 0.95. The next training has to satisfy this test: remove the mark then.",
-)
 @pytest.mark.parametrize("axis", RATING_AXES)
 def test_the_bundled_checkpoint_goes_on_or_holds_beyond_2(bundled, axis):
     """Level, and of slipperiness friction; no decoding, which they do not need."""

@@ -2,6 +2,7 @@
 
 import ast
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tactile_diffusers.evaluation import FEATURE_NAMES, SecondJudge, tactile_fea
 from tactile_diffusers.evaluation.metrics.afferents import AFFERENT_FLOORS, AFFERENT_NAMES, TUNING, afferent_features
 from tactile_diffusers.evaluation.metrics.embedding import SCALE_FLOORS
 from tactile_diffusers.evaluation.second_judge import FOLDS
+from tactile_diffusers.evaluation.sections.second_judge import _Takes
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_pass
 
 SURFACES, TAKES, FEATURES = 60, 3, 12
@@ -88,15 +90,16 @@ def test_a_judge_refuses_what_it_was_fitted_on(takes):
         judge.contributions(takes(1)[29:30], np.array(["new"]))
 
 
-def test_a_leak_would_be_seen_at_chance(takes):
+def test_a_leak_would_be_seen_at_chance(monkeypatch):
     """Fitted on its own test surfaces, a judge of many features tells even real takes apart: the row of chance shows
-    it."""
+    it. The penalty keeps it from that, so it is all but lifted here."""
+    monkeypatch.setattr("tactile_diffusers.evaluation.second_judge.C", 10.0)
     rng = np.random.default_rng(5)
     real, other = rng.standard_normal((2, 30, TAKES, 80))
     names, least = np.arange(30), np.full(80, 0.05)
     judge = SecondJudge.fit(real, other, names, least)
     a, b = ((takes * judge.coefficients[:80]).sum(-1) for takes in (real, other))
-    assert (b[:, :, None] > a[:, None]).mean() > 0.8
+    assert (b[:, :, None] > a[:, None]).mean() > 0.7
     assert tell_apart(real, other, names, least)[0].mean() < 0.65
 
 
@@ -126,6 +129,44 @@ def test_nothing_in_training_imports_it():
             named = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             named += [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
             assert not any({"evaluation", "second_judge", "afferents"} & set(name.split(".")) for name in named), path
+
+
+@pytest.mark.parametrize("knows", [False, True])
+def test_polarity_alone_gives_takes_away(knows):
+    """Sawtooth waves in noise rise slowly and fall fast; upside down they have the same spectrum and envelopes.
+
+    Half of the surfaces rise fast instead: a judge that does not know the surface cannot tell which is which.
+    """
+    rng, names = np.random.default_rng(8), np.arange(40)
+    rates = rng.uniform(40, 90, (40, 1, 1)) * rng.uniform(0.95, 1.05, (40, 6, 1))
+    lean = np.where(names % 2, 0.1, 0.9)[:, None, None] if knows else 0.9
+    waves = signal.sawtooth(2 * np.pi * rates * SECONDS + rng.uniform(0, 6, (40, 6, 1)), lean)
+    textures = band_pass(waves + rng.standard_normal(waves.shape), DEVICE_RATE).reshape(240, -1)
+    real, flipped = (tactile_features(t, DEVICE_RATE).reshape(40, 6, -1) for t in (textures, -textures))
+    references = real[:, 4:] if knows else None
+    null, _ = tell_apart(real[:, :2], real[:, 2:4], names, SCALE_FLOORS, references)
+    found, contributions = tell_apart(real[:, :2], flipped[:, 2:4], names, SCALE_FLOORS, references)
+    # 40 surfaces of 4 pairs: a standard deviation of 0.06 at chance
+    assert null.mean() == pytest.approx(0.5, abs=0.15) and found.mean() > 0.9
+    assert FEATURE_NAMES[contributions.mean(0).argmax()] in ("skew", "slope_skew")
+
+
+def test_surfaces_that_share_a_take_or_are_silent_are_left_out():
+    """A judge refuses takes that it was fitted on; a recording that stands twice in the data must not stop a report."""
+    textures = np.random.default_rng(9).standard_normal((30, 100)).astype(np.float32)
+    textures[3] = textures[7] = textures[12]  # surfaces 1, 2 and 4: three takes each
+    textures[15] = 0.0  # surface 5
+    textures[19] = textures[18]  # surface 6: twice its own, which no fold parts
+    ids = np.repeat(np.arange(10), 3)
+    dataset = SimpleNamespace(surface_ids=ids, textures=lambda rows: textures[rows])
+    data = SimpleNamespace(dataset=dataset, unseen_rows=lambda count: np.arange(30))
+    context = SimpleNamespace(
+        data=data, seed=0, settings=SimpleNamespace(judge_takes=1), rng=lambda purpose: np.random.default_rng(0)
+    )
+    takes = _Takes(context)
+    assert takes.left_out == 4 and takes.surfaces.tolist() == [0, 3, 6, 7, 8, 9]
+    assert [order.shape for order in takes.rounds] == [(6, 3)] * 3
+    assert [sorted(ids[rows]) for rows in takes.rows] == [[surface] * 3 for surface in takes.surfaces]
 
 
 def _feature(values, name):

@@ -57,10 +57,8 @@ def test_truth_is_the_closed_form(gaussian, request_):
     assert (np.abs(gaussian.mean("both", request_) - expected) < 4 * error).all()
     assert (error < 0.2).all()  # or the line above would show nothing
     np.testing.assert_allclose(gaussian.mean("line", request_), gaussian.mean("both", request_)[0])
-    # about 200 surfaces count: standard errors of a mean rating and of a standard deviation are below 0.06 and 5 %
+    # about 200 surfaces count: standard errors of a mean rating are below 0.06
     np.testing.assert_allclose(gaussian.mean_rating(request_), mean, atol=0.2)
-    spread = np.sqrt(4 * variance[0] + variance[1] + 0.5**2)
-    assert gaussian.spread("line", request_) == pytest.approx(spread, rel=0.2)
 
 
 @pytest.mark.parametrize("surface_ids", [[0, 1, 2], [0, 0, 0, 0, 1, 2, 2]])
@@ -196,7 +194,7 @@ def test_source_and_recipe_decide(prepared, tmp_path, monkeypatch):
     recorded = truth_of(copy, [POPULATION], describe, surfaces=2, per_surface=1)
     surfaces = len(np.unique(PreparedDataset(copy, "all").surface_ids))
     assert len(recorded.ratings) == len(recorded.surface_ids) == surfaces
-    with pytest.raises(ValueError, match="`dataset` must hold virtual surfaces, got 'a study'"):
+    with pytest.raises(ValueError, match="must hold virtual surfaces of recipe .* got 'a study'"):
         virtual_truth(PreparedDataset(copy), [POPULATION], describe)
     monkeypatch.setattr(virtual, "RECIPE_VERSION", 0)
     assert len(truth_of(prepared, [POPULATION], describe, surfaces=2, per_surface=1).ratings) == surfaces
@@ -213,5 +211,5 @@ def test_other_recipes_rates_and_nonsense_are_refused(prepared, monkeypatch):
         virtual_truth(PreparedDataset(prepared, sampling_rate=2500), [POPULATION], describe)
     made = virtual.RECIPE_VERSION
     monkeypatch.setattr(virtual, "RECIPE_VERSION", made + 1)
-    with pytest.raises(ValueError, match=f"is of recipe {made}, the code is of {made + 1}"):
+    with pytest.raises(ValueError, match=f"of recipe {made + 1}, got .*, recipe {made}:"):
         virtual_truth(data, [POPULATION], describe)

@@ -51,12 +51,14 @@ def read_report(path):
 def main(argv=None):
     """Runs the command."""
     arguments = parse_arguments(argv)
-    from ..evaluation.comparison import comparison_markdown, plot_axis_spectra
+    from ..evaluation.comparison import comparison_markdown, spectra_of
+    from ..evaluation.report_figures import plot_axis_spectra
     from ..io.files import write_text
 
     reports = {name: read_report(path) for name, path in arguments.report.items()}
     text = comparison_markdown(reports)
     arguments.output.mkdir(parents=True, exist_ok=True)
-    plot_axis_spectra(reports, arguments.output / "axes.png")
+    if len(spectra := spectra_of(reports)) > 1:
+        plot_axis_spectra(spectra, arguments.output / "axes.png")
     write_text(arguments.output / "report.md", text)
     print(text)

@@ -7,9 +7,9 @@ _PLACES = {
     "judge": ("Judge", "response_matrix"),
     "truth": ("RatedTextures",),
     "virtual_truth": ("truth_of",),
-    "metrics.copying": ("TrainingEnvelopes", "copied_share", "nearest_distance"),
+    "metrics.copying": ("TrainingEnvelopes", "copied_share"),
     "metrics.distances": ("frechet_tactile_distance", "kernel_tactile_distance"),
-    "metrics.diversity": ("diversity", "precision_recall"),
+    "metrics.diversity": ("covered", "diversity"),
     "second_judge": ("SecondJudge", "tell_apart"),
     "metrics.embedding": ("EMBEDDING_VERSION", "FEATURE_NAMES", "TactileEmbedding", "tactile_features"),
     "metrics.errors": (

@@ -1,18 +1,20 @@
 """Baselines that every model is compared with: silence, noise, a neighbour, or a few numbers.
 
-Each is fitted on textures of the training surfaces and then makes one texture for each row of a request. `knows` says
-what it uses: "nothing", the "ratings", or the "recording" itself (so it competes with a decoder). The results depend
-only on the generator that is passed in.
+Each is fitted on textures of the training surfaces and makes one texture for each row of a request. `knows` says what
+it uses: "nothing", the "ratings", or the "recording" itself (so it competes with a decoder). Results depend only on the
+generator.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
+from sklearn.utils import check_consistent_length
 
 from ..signal import BAND_HZ, rms
 from ..signal.checks import check_number
 from . import envelopes
+from .metrics.distances import covariance_root
 from .metrics.texture_checks import check_textures
 
 #: Ratings closer than this count as equally close: the mean over raters is not more precise.
@@ -55,9 +57,8 @@ class Baseline:
     def fit(self, training):
         """Learns from `training` (`TrainingTextures`) and returns itself.
 
-        Raises:
-            ValueError: if an array has the wrong shape or bad numbers, the textures are too short for the band, or no
-                surface is rated on every axis where the baseline works from ratings.
+        A ValueError if an array has the wrong shape or bad numbers, the textures are too short for the band, or no
+        surface is rated on every axis where the baseline works from ratings.
         """
         training = _checked_training(training)
         self.grid = envelopes.Grid(training.textures.shape[-1], training.sampling_rate, tuple(training.band))
@@ -68,9 +69,7 @@ class Baseline:
     def sample(self, request, rng):
         """One texture for each row of `request`: (n, samples) float64, N, of the training textures' rate and length.
 
-        Raises:
-            ValueError: if the baseline is not fitted, an array of the request has the wrong shape or bad numbers, or
-                the recordings that this baseline needs are missing.
+        A ValueError if the baseline is not fitted, or the request lacks recordings that it needs or has bad numbers.
         """
         return self._sample(self._checked_request(request), rng)
 
@@ -145,12 +144,9 @@ class MeanSpectrum(Baseline):
 
 
 class EnvelopeNoise(Baseline):
-    """Gaussian noise under a density fitted to the recording.
+    """Gaussian noise under a density fitted to the recording: (textures (n, samples), grid) -> power spectra (n, bins).
 
-    Args:
-        slug (`str`): of the baseline.
-        density (`Callable`): (textures (n, samples), grid) -> power spectra (n, bins).
-        scaled (`bool`): whether the noise has the recording's RMS, or that of the density.
+    `scaled`: whether the noise has the recording's RMS, or that of the density.
     """
 
     knows = "recording"
@@ -166,13 +162,9 @@ class EnvelopeNoise(Baseline):
 class Decimated(Baseline):
     """The recording low-passed and quantised to as many bits a second as a latent carries.
 
-    It keeps the lowest coefficients of the cosine transform from the band's lower edge up. Each is whitened by the
-    training textures' mean spectrum and gets Gaussian noise at the signal-to-noise ratio s for which such a channel
-    carries `1/2 log2(1 + s)` bits; the texture's level counts as known.
-
-    Args:
-        numbers_per_second (`float`): real numbers a second; 500 reach 250 Hz up.
-        bits_per_number (`float`): bits each; infinity = no noise. See `latent_rate`.
+    It keeps the lowest `numbers_per_second` coefficients of the cosine transform from the band's lower edge up,
+    whitened by the mean spectrum of training, with Gaussian noise through which each carries `bits_per_number`, `1/2
+    log2(1 + s)` at a signal-to-noise ratio s (infinity = no noise). The texture's level counts as known.
     """
 
     slug, knows = "decimated", "recording"
@@ -202,14 +194,10 @@ class Decimated(Baseline):
 
 
 def latent_rate(latents, sigma):
-    """Bits that each number of a latent carries through Gaussian noise: mean over channels of 1/2 log2(1 + var/sigma²).
+    """Bits that each number of latents (n, channels, frames) carries through Gaussian noise of standard deviation
+    `sigma`.
 
-    Args:
-        latents (`np.ndarray`): (n, channels, frames), without the noise.
-        sigma (`float`): standard deviation of the noise that the decoder was trained with, in the latents' unit.
-
-    Returns:
-        `float`: bits per number; an upper bound where numbers are correlated.
+    The mean over channels of 1/2 log2(1 + var/sigma²): an upper bound where numbers are correlated.
     """
     latents = check_textures("latents", latents, rank=3).astype(np.float64)
     sigma = check_number("sigma", sigma, above=0)
@@ -217,11 +205,11 @@ def latent_rate(latents, sigma):
 
 
 class KnnBlend(Baseline):
-    """Blend of the training surfaces whose ratings are nearest, after Hassan, Abdulali and Jeon (2019).
+    """Blend of the training surfaces whose ratings are nearest, after Hassan, Abdulali and Jeon (2019,
+    10.1109/TIE.2019.2914572).
 
-    They interpolate models of neighbouring textures in a perceptual space (10.1109/TIE.2019.2914572). Here the
-    surfaces' spectra, level included, are averaged in dB with weights of one over the distance in the specified axes.
-    Where no axis is specified, `neighbours` surfaces are drawn at random for each texture and weigh the same.
+    Their spectra, level included, are averaged in dB with weights of one over the distance in the specified axes. Where
+    no axis is specified, `neighbours` surfaces are drawn at random for each texture and weigh the same.
     """
 
     slug, knows = "knn_blend", "ratings"
@@ -261,9 +249,9 @@ class KnnBlend(Baseline):
 class Ridge(Baseline):
     """Ridge regression from ratings to the nine band levels and the log friction coefficient, then noise.
 
-    Fitted over surfaces (means of their segments), with a `penalty` in surfaces whose ratings lie one z-score from the
-    mean. The scatter of segments about their surface's mean is added as one draw from the Gaussian with its covariance.
-    Ratings that are not specified are drawn from the training surfaces' Gaussian given the specified ones.
+    Fitted over surfaces, with a `penalty` in surfaces whose ratings lie one z-score from the mean. The scatter of
+    segments is added as one draw from the Gaussian with its covariance; ratings that are not specified are drawn from
+    the training surfaces' Gaussian given the others.
     """
 
     slug, knows = "ridge", "ratings"
@@ -280,7 +268,7 @@ class Ridge(Baseline):
         self._fits = [envelopes.ridge_fit(ratings, target, self.penalty) for target in means.T]
         scatter = np.nan_to_num(targets - means[np.unique(ids, return_inverse=True)[1]])
         freedom = max(1, len(targets) - len(means))
-        self._scatter_root = envelopes.covariance_root(scatter.T @ scatter / freedom)
+        self._scatter_root = covariance_root(scatter.T @ scatter / freedom)
 
     def _sample(self, request, rng):
         levels = self._targets(request.ratings, rng)[:, :9]
@@ -293,7 +281,7 @@ class Ridge(Baseline):
     def _targets(self, ratings, rng):
         """Band levels in dB re 1 N^2 and log friction, one draw a row: (n, 10)."""
         ratings = envelopes.draw_missing(ratings, *self._gaussian, rng.standard_normal(ratings.shape))
-        targets = np.stack([intercept + ratings @ slopes for intercept, slopes in self._fits], -1)
+        targets = np.stack([predict(ratings) for predict in self._fits], -1)
         return targets + rng.standard_normal(targets.shape) @ self._scatter_root
 
 
@@ -302,7 +290,6 @@ def default_baselines(numbers_per_second, bits_per_number):
     baselines = (
         *(Silence(), OtherTake(), PhaseRandomised(), MeanSpectrum()),
         EnvelopeNoise("lpc20", envelopes.lpc_density),
-        EnvelopeNoise("beta_envelope", lambda rows, grid: envelopes.beta_density(envelopes.fit_beta(rows, grid), grid)),
         EnvelopeNoise(
             "nine_band_noise",
             lambda rows, grid: envelopes.nine_band_density(envelopes.nine_band_levels_db(rows, grid), grid),
@@ -332,9 +319,7 @@ def _checked_training(training):
     textures = check_textures("training.textures", training.textures, rank=2)
     ratings = _checked_ratings("training.ratings", training.ratings)
     friction, ids = np.asarray(training.friction_coefficients, dtype=np.float64), np.asarray(training.surface_ids)
-    for name, column in (("ratings", ratings), ("friction_coefficients", friction), ("surface_ids", ids)):
-        if len(column) != len(textures):
-            raise ValueError(f"`training.{name}` must have one row for each of the {len(textures)} textures.")
+    check_consistent_length(textures, ratings, friction, ids)
     if not (np.isnan(friction) | ((friction > 0) & np.isfinite(friction))).all():
         raise ValueError("`training.friction_coefficients` must be above 0, or NaN where they are unknown.")
     return replace(training, textures=textures, ratings=ratings, friction_coefficients=friction, surface_ids=ids)

@@ -5,11 +5,10 @@ import numpy as np
 from ..signal import RATING_AXES
 from .control_tables import matrix_difference, share_right
 from .labels import default_guidance
-from .report_figures import figure_panels, leaf_mean, share_limits
+from .report_figures import band_centre
 from .report_rows import latent_shift
 from .tables import markdown_table
 
-_TICKS_HZ = (30, 100, 300, 1000)
 #: Headings and digits of the table.
 _LABELS = {
     "surfaces": ("training surfaces", 0),
@@ -28,13 +27,9 @@ _LABELS = {
 
 
 def comparison_markdown(reports):
-    """A table of all reports and a link to the picture.
+    """A table of reports, name -> report.json, and a link to the picture.
 
-    Args:
-        reports (`dict[str, dict]`): name -> report.json.
-
-    Raises:
-        ValueError: if a report lacks the sections control or generation, or they are of different held-out surfaces.
+    A ValueError if one lacks the sections control or generation, or they are of different held-out surfaces.
     """
     for name, report in reports.items():
         if not (report.get("control") and report.get("generation")):
@@ -54,22 +49,18 @@ def comparison_markdown(reports):
         "Diagonals and alpha: roughness, bumpiness, slipperiness."
     )
     parts = [note, markdown_table({name: report_row(report) for name, report in reports.items()}, labels=_LABELS)]
-    if len(_with_spectra(reports)) > 1:
+    if len(spectra_of(reports)) > 1:
         parts.append("![spectra over one axis at a time](axes.png)")
     return "\n\n".join(parts) + "\n"
 
 
 def check_report(report):
-    """Refuses a report of which no table or picture can be made.
-
-    Raises:
-        ValueError, KeyError, TypeError, AttributeError: saying what is missing or of another kind.
-    """
+    """Raises a ValueError, KeyError, TypeError or AttributeError if no table or picture can be made of a report."""
     comparison_markdown({"one": report})
-    for axes in _with_spectra({"one": report}).values():
+    for axes in spectra_of({"one": report}).values():
         for axis in RATING_AXES:
             for value, bands in axes[axis].items():
-                numbers = [float(value), *map(_centre, bands)]
+                numbers = [float(value), *map(band_centre, bands)]
                 numbers += [leaf["mean"] for leaf in bands.values() if leaf["mean"] is not None]
                 if not np.isfinite(numbers).all():
                     raise ValueError(f"the spectra over {axis} hold what is no number")
@@ -104,34 +95,6 @@ def _listed(values):
     return ", ".join("–" if value is None else f"{value:.2f}" for value in values)
 
 
-def _with_spectra(reports):
-    """Spectra over one axis at a time of the reports that have the section paper."""
+def spectra_of(reports):
+    """Spectra over one axis at a time of the reports that have the section paper: name -> axis -> rating -> leaves."""
     return {name: report["paper"]["spectra_db"] for name, report in reports.items() if report.get("paper")}
-
-
-def plot_axis_spectra(reports, output_path):
-    """Nine-band spectra over one axis at a time, a row of panels for each of two or more reports with section paper."""
-    import matplotlib
-
-    shown, colours = _with_spectra(reports), matplotlib.colormaps["coolwarm"]
-    if len(shown) < 2:
-        return
-    with figure_panels(output_path, len(shown), len(RATING_AXES), (12, 3.2 * len(shown))) as panels:
-        for row, (name, axes) in zip(panels, shown.items(), strict=True):
-            for panel, axis in zip(row, RATING_AXES, strict=True):
-                values = sorted(axes[axis], key=float)
-                low, high = float(values[0]), float(values[-1])
-                for value in values:
-                    bands, colour = axes[axis][value], colours((float(value) - low) / (high - low))
-                    means = list(map(leaf_mean, bands.values()))
-                    panel.semilogx(list(map(_centre, bands)), means, color=colour, label=f"{float(value):+.1f}")
-                panel.set(title=f"{name}: {axis}", xlabel="Hz", ylabel="dB re 1 N²")
-                panel.set_xticks(_TICKS_HZ, labels=[str(tick) for tick in _TICKS_HZ])
-                panel.minorticks_off()
-        share_limits(panels.ravel())  # with one scale, a checkpoint that hardly responds is seen
-        panels[0, 0].legend(fontsize=6, ncols=2, title="rating, z", title_fontsize=7)
-
-
-def _centre(band):
-    low, high = (float(edge) for edge in band.removesuffix(" Hz").split("-"))
-    return (low * high) ** 0.5

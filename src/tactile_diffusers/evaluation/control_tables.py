@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..signal import RATING_AXES
-from .changes import QUANTITIES, VALUES, comparisons, counted
+from .changes import QUANTITIES, comparisons, counted
 from .labels import default_guidance
 from .tables import text
 
@@ -16,13 +16,6 @@ _CANDIDATES = {
     "regression": "best polynomial of the rating",
     "permuted": "generated, ratings permuted",
     "none": "no change at all",
-}
-#: Measures of the response curves, and digits.
-_CURVES = {
-    "level_db": ("level, dB re 1 N", 1),
-    "centroid_hz": ("centroid, Hz", 0),
-    "log_friction": ("log friction", 2),
-    "estimate": ("judge's estimate", 2),
 }
 
 
@@ -45,30 +38,19 @@ def change_rows(report):
         if entry := report["control"]["counts"].get(slug):
             rows[name] = row = {key: _of(entry[key]) for key in ("changes", *QUANTITIES)}
             if "closer" in entry and slug != "model":
-                row |= {"closer": _of(entry["closer"]), "closer_p": entry["closer_p"], "right_p": entry["right_p"]}
+                row["closer"], row["right_more"] = _of(entry["closer"]), text(entry.get("right_more"), interval=True)
                 row["alone"] = f"{text(entry['only_ours']['mean'], 0)} / {text(entry['only_other']['mean'], 0)}"
     return rows
 
 
 def curve_rows(report):
-    """The response to one rating over the whole accepted range: a row for each axis and measure."""
-    rows = {}
-    for axis in RATING_AXES:
-        for name, (label, digits) in _CURVES.items():
-            for source, curves in report["control"]["curves"].items():
-                if name == "centroid_hz" and source != "model":
-                    continue
-                curve = curves[axis]
-                row = {value: text(leaves[name], digits) for value, leaves in curve["values"].items()}
-                row["reversal"] = text(curve["reversal"][name], interval=True)
-                rows[f"{axis}: {label}" + ("" if source == "model" else " (blend)")] = row
-    return rows
-
-
-def curve_columns(report):
-    """Headings of `curve_rows`."""
-    values = report["control"]["curves"]["model"][RATING_AXES[0]]["values"]
-    return {value: f"{float(value):+g}" for value in values} | {"reversal": "turns back beyond ±2"}
+    """How far the response to one rating turns back beyond ±2: a row for each axis, of the model and of the blend."""
+    curves = report["control"]["curves"]
+    return {
+        f"{axis}, {_CANDIDATES[source]}": by_axis[axis]["reversal"]
+        for axis in RATING_AXES
+        for source, by_axis in curves.items()
+    }
 
 
 def matrix_difference(response, real):
@@ -79,24 +61,19 @@ def matrix_difference(response, real):
 
 
 def effect_rows(report):
-    """Figures for each guidance scale, under permuted ratings, of real textures and of regressions.
+    """Figures for each guidance scale, under permuted ratings and of regressions.
 
-    What another section measures is left out where it was not run.
+    What another section measures is left out where it was not run; how real the textures are is another table.
     """
-    control, unseen, generation = (report[key] or {} for key in ("control", "unseen_surfaces", "generation"))
-    sets = ("ftd", "diversity", "copied_share", "precision", "recall")
-    rows = {"real, held out": {key: generation["real"][key] for key in sets}} if generation else {}
+    control, unseen = (report[key] or {} for key in ("control", "unseen_surfaces"))
+    rows = {}
     for name, entry in control.items():
         if "axes" not in entry or "response" not in entry:
             continue
-        row = {
-            "changes": share_right(entry, control),
-            "matrix": matrix_difference(entry["response"], control["response_real"]),
-        }
+        row = {"changes": share_right(entry, control)}
+        row["matrix"] = matrix_difference(entry["response"], control["response_real"])
         of_unseen = unseen.get("permuted") if name == "permuted" else unseen.get("guidance", {}).get(name)
         row["nine_band_db"] = of_unseen and of_unseen["nine_band_db"]
-        of_sets = generation.get(name, {})
-        row |= {key: of_sets.get(key) for key in (*sets, "ktd_excess", "diversity_of_rating")}
         rows["**ratings permuted**" if name == "permuted" else f"guidance {name}"] = row
     names = {"same_data": "the same surfaces", "many_surfaces": "fresh surfaces"}
     for key, entry in (report.get("regression") or {}).items():
@@ -110,13 +87,11 @@ def effect_rows(report):
 
 def control_facts(report):
     """What the text around the tables of control says: a dict of strings."""
-    control, guidance = report["control"], default_guidance(report)
-    truth = control["truth"]
+    control, truth = report["control"], report["control"]["truth"]
     sizes = {name: size["mean"] or 0 for name, size in truth["effective_surfaces"].items()}
     few = [name for name, size in sizes.items() if size < truth["fewest_surfaces"]["mean"]]
     far = [n for n, away in truth["rating_offset"].items() if abs(away["mean"] or 0) > truth["largest_offset"]["mean"]]
     return {
-        "guidance": guidance,
         "truth": _truth_facts(report["data"]),
         "fewest": f"{min(sizes.values()):.0f}",
         "extrapolated": ", ".join(few) or "none",
@@ -135,24 +110,11 @@ def _truth_facts(data):
     return f"all recorded ones{recipe}, those of training too, which favours what is fitted to them"
 
 
-def one_rating_rows(report):
-    """Level, spectrum, friction and latents with one rating set, beside real surfaces."""
-    control, rows = report["control"], {}
-    for axis, values in control[default_guidance(report)]["axes"].items():
-        for value in (value for value in values if value in VALUES):
-            rows[f"{axis} {float(value):+g}"] = values[value] | {
-                f"shape_difference_{slug}": baseline["axes"][axis][value]["shape_difference_db"]
-                for slug, baseline in control["baselines"].items()
-            }
-    return rows
-
-
 def response_rows(report):
     """Slopes of estimated on requested ratings, a row for each source and estimated axis."""
     control, ours = report["control"], report["control"][default_guidance(report)]
     sources = {"real": control["response_real"], "generated": ours["response"]}
     sources |= {slug: entry["response"] for slug, entry in control["baselines"].items()}
-    sources |= {"estimator, real": control["estimator_real"], "estimator, generated": ours["estimator"]}
     return {
         f"{source}: estimated {axis}": {f"requested {name}": leaf for name, leaf in zip(RATING_AXES, row, strict=True)}
         for source, matrix in sources.items()

@@ -1,9 +1,4 @@
-"""The fits behind the baselines: spectral envelopes, Gaussian noise under them, and the regression on ratings.
-
-The beta envelope is ours, after *Perceptually Lossless Tactile Texture Synthesis with Compact Spectral Envelope Models*
-(Balasubramanian and Vardar, arXiv 2605.23804), which names the family; its formulas were not at hand, so nothing here
-claims to reproduce it. Differences: one envelope a texture, not a sequence over time, and the fit below.
-"""
+"""The fits behind the baselines: spectral envelopes, Gaussian noise under them, and the regression on ratings."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,17 +6,16 @@ from itertools import pairwise
 
 import numpy as np
 import pandas
-from scipy import fft, linalg, stats
+from scipy import fft, linalg
 from scipy.interpolate import make_interp_spline
+from sklearn import linear_model
 
 from ..signal import BAND_HZ, WORKING_RATE, band_edges, band_levels_db, power_spectral_density, resample, rms
 from ..signal.spectra import POWER_FLOOR
+from .metrics.distances import covariance_root
 from .metrics.errors import OUT_OF_BAND_HZ
 from .metrics.texture_checks import in_blocks
 
-#: The beta density is infinite at its ends where a parameter is below 1, as is common with 1/f friction: relative
-#: frequencies stay this far inside.
-BETA_MARGIN = 1e-3
 LPC_ORDER = 20
 #: White noise under the autocorrelation, as a share of its power (-60 dB): what a filter leaves empty makes the normal
 #: equations singular.
@@ -31,13 +25,8 @@ _TINY = np.finfo(np.float64).tiny
 
 @dataclass(frozen=True)
 class Grid:
-    """The frequency bins of a texture that lie inside its band, and noise made of them, periodic and empty outside of
-    it.
-
-    Args:
-        samples (`int`): of a texture.
-        sampling_rate (`float`): Hz.
-        band (`tuple[float, float]`): Hz.
+    """The frequency bins of a texture of some samples inside its band, Hz, and noise made of them, periodic and empty
+    elsewhere.
     """
 
     samples: int
@@ -104,34 +93,6 @@ def nine_band_levels_db(textures, grid):
     return in_chunks(lambda rows: band_levels_db(rows, grid.sampling_rate, edges), textures)
 
 
-def fit_beta(textures, grid):
-    """Beta distribution with the mean and variance of each amplitude spectrum over linear frequency: (n, 2), a and b.
-
-    With u = (f - low) / (high - low), mean m and variance v of u under the amplitude spectrum: kappa = m (1 - m) / v -
-    1, a = m kappa, b = (1 - m) kappa. Silence gives about (1, 1).
-    """
-    frequencies, decibels = spectrum_db(textures, grid)
-    amplitude = 10 ** (decibels / 20)
-    share = amplitude / amplitude.sum(-1, keepdims=True)
-    u = _relative(frequencies, grid)
-    mean = share @ u
-    variance = np.maximum((share * (u - mean[:, None]) ** 2).sum(-1), 1e-9)  # a single line has none
-    kappa = mean * (1 - mean) / variance - 1
-    return np.maximum(np.stack([mean * kappa, (1 - mean) * kappa], -1), 1e-3)
-
-
-def beta_density(parameters, grid):
-    """Power spectra (n, bins), relative, whose amplitude is a beta density of linear frequency; parameters (n, 2)."""
-    u = np.clip(_relative(grid.frequencies, grid), BETA_MARGIN, 1 - BETA_MARGIN)
-    logarithm = stats.beta.logpdf(u, parameters[:, :1], parameters[:, 1:])
-    # sharp densities overflow: relative to their largest value, which `Grid.noise` ignores
-    return np.exp(2 * (logarithm - logarithm.max(-1, keepdims=True)))
-
-
-def _relative(frequencies, grid):
-    return (frequencies - grid.band[0]) / (grid.band[1] - grid.band[0])
-
-
 def lpc_density(textures, grid, order=LPC_ORDER):
     """Power spectra (n, bins) of autoregressive models: `1 / |1 - sum_k a_k exp(-2 pi i k f / rate)|^2`.
 
@@ -170,14 +131,11 @@ def nine_band_density(levels_db, grid, iterations=20):
 
 
 def ridge_fit(inputs, targets, penalty):
-    """Ridge regression of targets (surfaces,), NaN left out, on inputs (surfaces, 3): intercept and slopes (3,)."""
+    """Ridge regression of targets (surfaces,), NaN left out, on inputs (surfaces, 3): a function of inputs."""
     known = np.isfinite(targets)
     if not known.any():
-        return np.nan, np.zeros(inputs.shape[-1])
-    centre, mean = inputs[known].mean(0), targets[known].mean()
-    x, y = inputs[known] - centre, targets[known] - mean
-    slopes = np.linalg.solve(x.T @ x + penalty * np.eye(x.shape[-1]), x.T @ y)
-    return mean - centre @ slopes, slopes
+        return lambda inputs: np.full(len(inputs), np.nan)
+    return linear_model.Ridge(penalty).fit(inputs[known], targets[known]).predict
 
 
 def draw_missing(values, mean, covariance, normal):
@@ -192,12 +150,6 @@ def draw_missing(values, mean, covariance, normal):
         drawn = offsets[np.ix_(rows, known)] @ gain.T + normal[np.ix_(rows, missing)] @ covariance_root(left)
         offsets[np.ix_(rows, missing)] = drawn
     return mean + offsets
-
-
-def covariance_root(covariance):
-    """Symmetric square root (d, d), also of a singular covariance: normal numbers times it have that covariance."""
-    values, vectors = np.linalg.eigh(covariance)
-    return (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
 
 
 def surface_means(values, surface_ids):

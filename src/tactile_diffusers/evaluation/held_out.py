@@ -21,12 +21,9 @@ def random_generator(seed, purpose):
 class HeldOutData:
     """Held-out segments and the reference; make it with `open_held_out`. Arrays are computed when first used.
 
-    Attributes:
-        dataset, train (`PreparedDataset`): the held-out and the training split.
-        rows, other_rows (`np.ndarray`): (n,) held-out segments, and for each another take of its surface.
-        per_surface (`int`): non-overlapping segments of each training surface in the reference.
-        seed (`int`): of every choice.
-        baseline_surfaces (`int`, *optional*): training surfaces that the baselines learn from; all by default.
+    `dataset` and `train` are the held-out and the training split; `rows`, `other_rows` (n,) held-out segments, and for
+    each another take of its surface; `per_surface` the non-overlapping segments of each training surface in the
+    reference; the baselines learn from `baseline_surfaces` training surfaces, all by default.
     """
 
     dataset: PreparedDataset
@@ -36,6 +33,10 @@ class HeldOutData:
     per_surface: int
     seed: int
     baseline_surfaces: int | None = None
+
+    def unseen_rows(self, per_surface):
+        """Up to so many segments of each held-out surface that share no sample, and none with training."""
+        return _unseen_rows(self.dataset, self.train, per_surface, self.seed)
 
     @property
     def rate(self):
@@ -127,15 +128,16 @@ class HeldOutData:
 def open_held_out(data, split, per_surface, seed=0, baseline_surfaces=None):
     """`HeldOutData` of a prepared data set; `split` is "validation", "test" or, where the data have it, "hard".
 
-    Raises:
-        ValueError: if the split is unknown or "train", shares surfaces with training, or has fewer than two surfaces
-            with two segments each that share no sample.
+    Where "hard" holds out explorers or raters alone, training has the surfaces too, but not the recordings. A
+    ValueError if the split is not held out, shares surfaces otherwise, or has fewer than two with two segments each
+    that share no sample.
     """
     if split not in SPLITS[1:]:
         raise ValueError(f"`split` must be held out, one of {SPLITS[1:]}, got {split!r}.")
     dataset, train = PreparedDataset(data, split), PreparedDataset(data, "train")
-    check_unseen(dataset, train)
-    rows, other_rows = _two_halves(dataset, per_surface, seed)
+    if split != "hard" or dataset.attributes["hold_out"]["surfaces"]:
+        check_unseen(dataset, train)
+    rows, other_rows = _two_halves(dataset, _unseen_rows(dataset, train, 2 * per_surface, seed), seed)
     if len(np.unique(dataset.surface_ids[rows])) < 2:
         raise ValueError(
             f"`data` must have two surfaces or more with two segments each that share no sample in the split "
@@ -145,9 +147,13 @@ def open_held_out(data, split, per_surface, seed=0, baseline_surfaces=None):
     return HeldOutData(dataset, train, rows, other_rows, per_surface, seed, baseline_surfaces)
 
 
-def _two_halves(dataset, per_surface, seed):
+def _unseen_rows(dataset, train, per_surface, seed):
+    rows = dataset.non_overlapping(per_surface, seed)
+    return rows[~np.isin(dataset.recording_ids[rows], train.recording_ids)]
+
+
+def _two_halves(dataset, rows, seed):
     """Indices of segments, and of another take for each: two arrays (n,). No two of them share a sample."""
-    rows = dataset.non_overlapping(2 * per_surface, seed)
     rows = random_generator(seed, "halves").permutation(rows)
     first, second = [], []
     for surface in np.unique(dataset.surface_ids[rows]):

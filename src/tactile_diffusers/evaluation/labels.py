@@ -9,7 +9,6 @@ NAMES = {
     "phase_randomised": "phase-randomised copy",
     "mean_spectrum": "noise of the mean spectrum",
     "lpc20": "autoregressive model (LPC 20)",
-    "beta_envelope": "beta envelope (ours, after arXiv 2605.23804)",
     "nine_band_noise": "nine-band noise",
     "decimated": "low-passed to the latent's bits",
     "knn_blend": "blend of 5 nearest surfaces (from ratings)",
@@ -30,16 +29,10 @@ COMPARED_STEPS = "10"
 HEADINGS = {
     "nine_band_db": "nine-band error, dB",
     "lsd_db": "LSD, dB",
-    "gfc": "GFC",
-    "level_error_db": "level error, dB",
     "out_of_band_db": "above 1.05 kHz, dB",
     "snr_db": "SNR, dB",
     "rmse_n": ("RMSE, N", 5),
-    "power_bias_percent": "difference of the mean power, %",
-    "power_difference_percent": "mean power difference, % of the mean power",
-    "ftd": "FTD",
     "ftd_excess": "FTD over real",
-    "ktd": "KTD",
     "ktd_excess": "KTD over real",
     "seconds_per_segment": ("s per segment, one thread", 4),
     "efficiency_score": ("efficiency score (RMSE × s), N·s", 6),
@@ -49,8 +42,8 @@ HEADINGS = {
     "kilobits_per_second": "latents, kbit/s",
     "precision": "precision",
     "recall": "recall",
-    "diversity": "diversity",
-    "nearest_correlation": "nearest training segment, correlation of envelopes",
+    "diversity": "diversity over takes of one surface",
+    "diversity_of_rating": "over real textures of such ratings",
     "copied_share": "copied (0.05 = none)",
 }
 
@@ -59,13 +52,10 @@ def _columns(names):
     return {name: HEADINGS[name] for name in names.split()}
 
 
-RECONSTRUCTION = _columns(
-    "nine_band_db lsd_db gfc level_error_db out_of_band_db snr_db rmse_n power_bias_percent power_difference_percent "
-    "ftd ktd ktd_excess"
-)
+RECONSTRUCTION = _columns("nine_band_db lsd_db out_of_band_db snr_db rmse_n ktd_excess")
 DECODING = {
     "nine_band_db": ("nine-band error, dB", 3),
-    **_columns("snr_db ktd ktd_excess"),
+    **_columns("snr_db ktd_excess"),
     "milliseconds": ("ms per segment, one thread", 1),
     "kilobits_per_second": "kbit/s",
     "sigma": ("noise on the latents", 3),
@@ -75,17 +65,22 @@ DECODING = {
 }
 DIFFERENCES = {"ktd": "KTD", "nine_band_db": ("nine-band error, dB", 3), "snr_db": "SNR, dB"}
 BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
-STEPS = _columns("nine_band_db ktd snr_db rmse_n seconds_per_segment efficiency_score")
+STEPS = _columns("nine_band_db ktd_excess snr_db seconds_per_segment efficiency_score")
 ANCHORS = _columns(
-    "optimiser_steps minutes parameters kilobits_per_second nine_band_db ktd_excess snr_db power_bias_percent "
-    "seconds_per_segment"
+    "optimiser_steps minutes parameters kilobits_per_second nine_band_db ktd_excess snr_db seconds_per_segment"
 )
-SETS = _columns("ftd_excess ktd ktd_excess precision recall diversity nearest_correlation copied_share out_of_band_db")
+SETS = _columns("ftd_excess ktd_excess precision recall diversity diversity_of_rating copied_share out_of_band_db")
 UNSEEN = {
     "nine_band_db": "error of the mean spectrum, dB",
     "nine_band_over_model_db": "more than generated, the same surfaces, dB",
     "level_r": "r of level",
     "log_friction_r": "r of log friction",
+}
+#: What textures do over time: its spread over textures, and its correlation over surfaces.
+VARIATION = {
+    f"{name}_{kind}": f"{label}{name.replace('_', ' ')}"
+    for kind, label in (("spread", "spread of "), ("r", "r of "))
+    for name in ("envelope_variation", "kurtosis", "crest", "skew", "slope_skew", "event_rate")
 }
 #: Rows of the second judge.
 JUDGED = {
@@ -97,26 +92,18 @@ JUDGED = {
 TOLD_APART = {
     "signal_alone": "alone",
     "signal_alone_eventful": "eventful",
-    "signal_alone_over_chance": "over another take",
     "signal_beside_surface": "beside the surface",
     "signal_beside_surface_eventful": "eventful",
-    "signal_beside_surface_over_chance": "over another take",
     "afferents_alone": "afferents alone",
     "afferents_beside_surface": "afferents beside the surface",
 }
+NETWORK = {key: heading for key, heading in TOLD_APART.items() if not key.endswith("_eventful")}
 GIVEAWAYS = {"alone": "alone", "beside_surface": "beside the surface"}
 EFFECTS = {
     "changes": "changes as between real surfaces",
     "matrix": "response matrix, largest difference from real",
     "nine_band_db": "unseen surfaces, dB",
     "nine_band_over_model_db": "more than generated, dB",
-    "ktd_excess": "KTD over real",
-    "ftd": "FTD",
-    "diversity_of_rating": "diversity over that of real textures of such ratings",
-    "diversity": "over that of takes of one surface",
-    "precision": "precision",
-    "recall": "recall",
-    "copied_share": "copied (0.05 = none)",
 }
 CHANGES = {
     "changes": "right",
@@ -124,24 +111,14 @@ CHANGES = {
     "shape_db": "of shape",
     "log_friction_change": "of friction",
     "closer": "generated is closer in",
-    "closer_p": ("p", 3),
     "alone": "right alone: generated / this",
-    "right_p": ("p", 3),
+    "right_more": "share right, generated minus this",
 }
-ONE_RATING = {
-    "rating_truth": "rating of the real",
-    "level_db": "level, dB re 1 N",
-    "level_db_truth": "real",
-    "shape_db": "shape change, dB",
-    "shape_db_truth": "real",
-    "shape_difference_db": "shape against real, dB",
-    "shape_difference_knn_blend": "blend",
-    "shape_difference_ridge": "ridge",
+CURVES = {
+    "level_db": "level",
+    "centroid_hz": "centroid",
     "log_friction": "log friction",
-    "log_friction_truth": "real",
-    "latent_shift_percent": "latent shift from nothing specified, %",
-    "latent_shift_dprime": "latent shift, d′",
-    "latent_shift_dprime_truth": "real",
+    "estimate": "judge's estimate",
 }
 SPEED = {
     "duration_s": ("lasts, s", 4),

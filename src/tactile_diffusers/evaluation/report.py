@@ -17,8 +17,6 @@ from ..io.files import write_text
 from ..io.reading import read_json
 from ..training.record import count_seen, phases, read_losses, read_record, surfaces_of, trained_on
 from .metrics.embedding import EMBEDDING_VERSION
-from .metrics.statistics import is_leaf
-from .report_figures import plot_beside
 from .result_files import machine_facts
 from .sampling import one_thread
 from .sections import SECTIONS, WITHOUT_RATINGS
@@ -26,7 +24,7 @@ from .sections.reconstruction import measure_anchor
 from .virtual_truth import can_be_continued
 
 #: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
-METRICS_VERSION = 2
+METRICS_VERSION = 4
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
 MEASURED = (*SECTIONS, "unseen_surfaces")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")
@@ -35,19 +33,12 @@ _DALE_ARGUMENT = "condition_dropout"
 
 
 def run_sections(context, names, checkpoint, training=()):
-    """Runs sections one after the other; those already done under the same conditions are read instead.
+    """Runs sections (`names` of `SECTIONS`) one after the other; those done under the same conditions are read instead.
 
-    Each result is a file `sections/<name>.json` in the output folder, so that an interrupted run continues.
-
-    Args:
-        context (`Context`): what is evaluated.
-        names (`list[str]`): of `SECTIONS`.
-        checkpoint (`str` or `Path`): its folder.
-        training (`Sequence[Path]`): folders of the phases of its LCTG's training; by default what lies in `checkpoint`.
-
-    Returns:
-        `dict`: the report. Sections that are not in `names`, or have nothing to measure, are None; "anchors" holds the
-        leaves and training facts of each of the context's anchors, or is None; "seconds" how long each section took.
+    Each result is a file `sections/<name>.json` in the output folder, so that an interrupted run continues. `training`
+    are folders of the phases of the checkpoint's LCTG, by default the checkpoint's own. Returns the report, a dict:
+    sections that are not in `names`, or have nothing to measure, are None; "anchors" holds the leaves and training
+    facts of each anchor, or is None; "seconds" how long each section took.
     """
     conditions, folder = _conditions(context, checkpoint), context.output / "sections"
     folder.mkdir(parents=True, exist_ok=True)
@@ -73,8 +64,6 @@ def run_sections(context, names, checkpoint, training=()):
     if context.anchors:
         with one_thread(context.pipe.device):
             report["anchors"] = _anchors(context, conditions, folder)
-        if report["reconstruction"]:
-            plot_beside(report["reconstruction"], report["anchors"], context.output / "beside.png")
     return report
 
 
@@ -107,15 +96,11 @@ def _training(pipe, folders):
 
 
 def training_facts(folders):
-    """Cost of one training of LCTG, summed over its phases.
+    """Cost of one training of LCTG, summed over its phases: "phases" (names of folders), "optimiser_steps" and
+    "seconds".
 
-    Args:
-        folders (`Sequence[str` or `Path`]): output folders of its phases, in order. A single folder is followed back
-            through what it was trained from; phases that trained DALE are left out.
-
-    Returns:
-        `dict`: "phases" (names of folders), "optimiser_steps" and "seconds" (wall time); None where a phase is not
-        known.
+    A single folder is followed back through what it was trained from; phases that trained DALE are left out. None where
+    a phase is not known.
     """
     folders = [Path(folder) for folder in folders]
     of_training = phases(folders[0]) if len(folders) == 1 else [(folder, read_record(folder)) for folder in folders]
@@ -192,6 +177,7 @@ def _data_facts(data):
         "recipe": dataset.attributes.get("recipe_version"),
         "fresh_surfaces": can_be_continued(dataset),
         "split": dataset.split,
+        "held_out": _held_out(dataset),
         "unit": dataset.unit,
         "sampling_rate": dataset.sampling_rate,
         "band": list(dataset.band),
@@ -203,6 +189,12 @@ def _data_facts(data):
         "reference_segments": len(data.training.textures),
         "embedding_version": EMBEDDING_VERSION,
     }
+
+
+def _held_out(dataset):
+    """What training does not see of the hard split, such as "explorers explorer-1"; `None` of other splits."""
+    patterns = (dataset.attributes["hold_out"] or {}).items() if dataset.split == "hard" else ()
+    return "; ".join(f"{kind} {', '.join(names)}" for kind, names in patterns if names) or None
 
 
 def _alpha(reliability):
@@ -221,12 +213,3 @@ def _versions():
         except PackageNotFoundError:
             found[package] = None
     return found
-
-
-def leaves(entry, path=()):
-    """All leaves below an entry of a report: pairs of path and leaf."""
-    if is_leaf(entry):
-        yield path, entry
-    elif isinstance(entry, dict | list):
-        for key, value in entry.items() if isinstance(entry, dict) else enumerate(entry):
-            yield from leaves(value, (*path, key))

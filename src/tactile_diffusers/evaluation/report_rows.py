@@ -15,18 +15,28 @@ PAPER = {
     "rmse_protocol_mn": "5.57",
     "latent_shift_percent": "0–2",
 }
+#: Metric -> label, factor and digits.
+_OVERVIEW = {
+    "rmse_n": ("reconstruction RMSE, mN", 1e3, 2),
+    "snr_db": ("reconstruction SNR, dB", 1, 2),
+    "power_difference_n2": ("mean power difference, N²", 1, 6),
+    "power_difference_percent": ("the same, % of the mean power", 1, 2),
+}
 
 
 def overview(report):
-    """The paper's figures beside silence, another take, and the checkpoint: Markdown."""
-    paper, ours = "paper, on SENS3", "this checkpoint"
-    columns, rows = [paper, "silence", "another take", "no network", ours], {}
-    if report.get("reconstruction"):
-        section = report["reconstruction"]
-        counts = list(dict.fromkeys([default_steps(report), compared_steps(section["steps"])]))
-        columns = [*columns[:4], *(f"{ours}, {count} steps" for count in counts)]
-        ours = columns[4]
-        rows |= _overview_of_reconstruction(report, columns, counts)
+    """The paper's figures beside silence, another take, no network and the checkpoint: Markdown."""
+    paper, ours, rows = "paper, on SENS3", "this checkpoint", {}
+    if section := report.get("reconstruction"):
+        counts = dict.fromkeys([default_steps(report), compared_steps(section["steps"])])
+        sources = {"silence": section["baselines"]["silence"], "another take": section["baselines"]["other_take"]}
+        sources |= {"no network": section["decoders"]["no_network"]}
+        sources |= {f"{ours}, {count} steps": section["steps"][count] for count in counts}
+        ours = f"{ours}, {next(iter(counts))} steps"
+        for key, (label, scale, digits) in _OVERVIEW.items():
+            means = {name: source[key]["mean"] for name, source in sources.items()}
+            shown = {name: text(None if mean is None else scale * mean, digits) for name, mean in means.items()}
+            rows[label] = {paper: PAPER[key]} | shown
         fewest = text(section["steps_within_5_percent"], 0)
         rows["fewest steps within 5 % of the best nine-band error"] = {paper: PAPER["best_steps"], ours: fewest}
     if report.get("speed"):
@@ -39,7 +49,7 @@ def overview(report):
         rows["full-pipeline RMSE (random ratings), mN"] = {paper: PAPER["rmse_protocol_mn"], ours: shown}
     if report.get("paper"):
         rows["latent shift at ±2, %"] = {paper: PAPER["latent_shift_percent"], ours: latent_shift(report)}
-    return markdown_table(rows, labels={column: column for column in columns})
+    return markdown_table(rows)
 
 
 def latent_shift(report):
@@ -49,36 +59,16 @@ def latent_shift(report):
     return f"{min(shifts):.0f}–{max(shifts):.0f}"
 
 
-def _overview_of_reconstruction(report, columns, counts):
-    section, rows = report["reconstruction"], {}
-    base, real = section["baselines"], section["real"]["rms_n"]["mean"]
-    yardsticks = (base["silence"], base["other_take"], section["decoders"]["no_network"])
-    sources = (*yardsticks, *(section["steps"][count] for count in counts))
-    in_newtons = f" (RMS of the segments {1e3 * real:.2f})" if report["data"]["unit"] == "N" else ""
-    for key, (label, scale, digits) in {
-        "rmse_n": (f"reconstruction RMSE, mN{in_newtons}", 1e3, 2),
-        "snr_db": ("reconstruction SNR, dB", 1, 2),
-        "power_difference_n2": ("mean power difference, N²", 1, 6),
-        "power_difference_percent": ("the same, % of the mean power", 1, 2),
-    }.items():
-        means = [source[key]["mean"] for source in sources]
-        shown = [text(None if mean is None else scale * mean, digits) for mean in means]
-        rows[label] = dict(zip(columns, [PAPER[key], *shown], strict=True))
-    return rows
-
-
 def reconstruction_rows(report):
-    """LCTG at some numbers of steps beside real segments, anchors and baselines."""
+    """LCTG beside itself without its network, anchors and baselines."""
     section = report["reconstruction"]
-    shown = [count for count in ("2", "3", "5", "10", "25") if count in section["steps"]] or list(section["steps"])
-    rows = {"real, held out": section["real"]}
-    rows |= {f"**LCTG, {count} steps**": section["steps"][count] for count in shown}
-    rows |= {DECODERS[name]: entry for name, entry in section["decoders"].items() if name != "lctg"}
+    shown = dict.fromkeys([default_steps(report), compared_steps(section["steps"])])
+    rows = {f"**LCTG, {count} steps**": section["steps"][count] for count in shown}
+    rows[DECODERS["no_network"]] = section["decoders"]["no_network"]
     for name, anchor in (report.get("anchors") or {}).items():
         count = compared_steps(anchor["steps"])
         rows[f"{name}, {count} steps"] = anchor["steps"][count]
-    rows |= {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
-    return rows | {"a different surface": section["different_surface"]}
+    return rows | baseline_rows(section) | {"a different surface": section["different_surface"]}
 
 
 def decoder_rows(report):
@@ -95,22 +85,6 @@ def decoder_rows(report):
 def difference_rows(report):
     """LCTG minus no network, paired."""
     return {layers.replace("_", " "): entry for layers, entry in report["reconstruction"]["network"].items()}
-
-
-def network_adds(report):
-    """What the network is better at and worse at than none, in a sentence for each choice of layers."""
-    sentences = []
-    for layers, entry in difference_rows(report).items():
-        found = {"better": [], "worse": [], "no different": []}
-        for key, heading in labels.DIFFERENCES.items():
-            bounds, sign = entry.get(key, {}).get("interval"), -1 if key == "snr_db" else 1
-            if bounds:
-                decided = "no different" if bounds[0] <= 0 <= bounds[1] else "better"
-                decided = "worse" if decided == "better" and sign * entry[key]["mean"] > 0 else decided
-                found[decided].append((heading if isinstance(heading, str) else heading[0]).removesuffix(", dB"))
-        parts = [f"{word} in {' and '.join(names)}" for word, names in found.items() if names]
-        sentences.append(f"From the {layers}, LCTG is {', '.join(parts) or 'not compared'}.".replace("the all", "all"))
-    return " ".join(sentences)
 
 
 def step_rows(report):
@@ -142,19 +116,33 @@ def generation_rows(report):
     for scale, entry in section.items():
         if scale not in ("real", "baselines"):
             rows[f"**generated from ratings, guidance {scale}**"] = entry
-    return rows | {NAMES[slug]: entry for slug, entry in section["baselines"].items()}
+    return rows | baseline_rows(section)
+
+
+def baseline_rows(section):
+    """Baselines by their names; those of older reports that are no more are left out."""
+    return {NAMES[slug]: entry for slug, entry in section["baselines"].items() if slug in NAMES}
 
 
 def unseen_rows(report):
     """Textures from the ratings of held-out surfaces, beside baselines."""
     section, rows = report["unseen_surfaces"], {}
-    for slug in section["nine_band_db"]:
-        name = "**generated from ratings**" if slug == "model" else NAMES[slug]
-        rows[name] = {metric: section[metric][slug] for metric in labels.UNSEEN if metric in section}
+    for slug, name in ({"model": "**generated from ratings**"} | NAMES).items():
+        rows[name] = {metric: section[metric].get(slug) for metric in labels.UNSEEN if metric in section}
     for scale, entry in section["guidance"].items():
         if scale != default_guidance(report):
             rows[f"**guidance {scale}**"] = entry
     return rows
+
+
+def variation_rows(report):
+    """What textures do over time, generated, recorded again and of baselines."""
+    return {
+        {"model": "**generated from ratings**", **NAMES}[source]: {
+            f"{name}_{kind}": leaf for name, leaves in entry.items() for kind, leaf in leaves.items()
+        }
+        for source, entry in report["unseen_surfaces"]["variation"].items()
+    }
 
 
 def told_apart_rows(report):
@@ -164,25 +152,35 @@ def told_apart_rows(report):
             f"{features}_{kind}{suffix}": leaves[key]
             for features, kinds in entry.items()
             for kind, leaves in kinds.items()
-            for key, suffix in (("all", ""), ("eventful", "_eventful"), ("over_chance", "_over_chance"))
+            for key, suffix in (("all", ""), ("eventful", "_eventful"))
         }
         for name, entry in report["second_judge"]["rows"].items()
+    }
+
+
+def network_rows(report):
+    """Shares told apart of LCTG minus those of no network, paired."""
+    return {
+        layers.replace("_", " "): {
+            f"{features}_{kind}": leaf for features, kinds in e.items() for kind, leaf in kinds.items()
+        }
+        for layers, e in report["second_judge"]["network"].items()
     }
 
 
 def giveaway_rows(report):
-    """The features by which the second judge tells takes of the signal apart."""
+    """The features by which the second judge tells takes of the signal apart, the strongest first."""
+
+    def shown(feature):
+        return f"{feature['name']} ({feature['difference']['mean']:+.1f}, ×{feature['spread_ratio']['mean']:.1f})"
+
     return {
         labels.JUDGED[name]: {
-            kind: ", ".join(_giveaway(feature) for feature in leaves["features"])
+            kind: ", ".join(shown(feature) for feature in leaves["features"] if feature["contribution"]["mean"])
             for kind, leaves in entry["signal"].items()
         }
         for name, entry in report["second_judge"]["rows"].items()
     }
-
-
-def _giveaway(feature):
-    return f"{feature['name']} ({feature['difference']['mean']:+.1f}, ×{feature['spread_ratio']['mean']:.1f})"
 
 
 def speed_rows(report):

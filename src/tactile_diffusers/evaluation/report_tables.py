@@ -15,16 +15,9 @@ ENOUGH_SURFACES = 5
 
 
 def report_markdown(report, pictures=".", level=1, short=False):
-    """The tables of a report as Markdown.
+    """The tables of a report as Markdown, with pictures in a folder; `level` is that of the first heading.
 
-    Args:
-        report (`dict`): of `run_sections`.
-        pictures (`str`): folder of the pictures, as the text links to it.
-        level (`int`): of the first heading.
-        short (`bool`): without the tables of bands, steps and speed, for a model card.
-
-    Returns:
-        `str`
+    `short` leaves out bands, steps and speed, for a model card.
     """
     template = jinja2.Template(TEMPLATE.read_text(encoding="utf-8"), trim_blocks=True, lstrip_blocks=True)
     rooms = {"rows": report_rows, "control": control_tables, "columns": labels, "table": markdown_table, "text": text}

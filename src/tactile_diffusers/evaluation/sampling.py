@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from threadpoolctl import threadpool_limits
 from tqdm.auto import tqdm
 
 from ..signal import resample
@@ -16,25 +17,27 @@ _ENCODED = 64
 
 @contextmanager
 def one_thread(device):
-    """One thread on a CPU: sums over threads are rounded otherwise, and threads that wait for others cost tenfold."""
+    """One thread on a CPU, of PyTorch and of linear algebra.
+
+    Sums over threads are rounded otherwise, and threads that wait for each other on a busy machine cost tenfold.
+    """
     threads = torch.get_num_threads()
-    if device.type == "cpu":
-        torch.set_num_threads(1)
-    try:
+    if device.type != "cpu":
         yield
+        return
+    torch.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
     finally:
         torch.set_num_threads(threads)
 
 
 @dataclass(frozen=True)
 class Generated:
-    """Generated textures, one a row.
+    """Generated textures, one a row: (n, samples) float32, N; natural log of their RMS, and friction coefficients (n,).
 
-    Attributes:
-        textures (`np.ndarray`): (n, samples) float32, N.
-        levels (`np.ndarray`): (n,) natural log of the RMS in N.
-        friction_coefficients (`np.ndarray`): (n,).
-        latents (`np.ndarray`): (n, latent_channels, frames) float32, DALE's result before decoding.
+    `latents` are DALE's result before decoding, (n, latent_channels, frames) float32.
     """
 
     textures: np.ndarray
@@ -51,19 +54,11 @@ def noise_seeds(seed, takes):
 def generate(
     pipe, ratings, seeds, sampling_rate, samples, steps=10, guidance_scale=1.0, decode=True, batch=32, quiet=True
 ):
-    """Generates textures from ratings.
+    """Generates textures from ratings (n, 3), z-scores, NaN = not specified, with one of `seeds` (n,) each:
+    `Generated`.
 
-    Args:
-        pipe (`TactileTexturePipeline`): with a DALE.
-        ratings (`np.ndarray`): (n, 3) z-scores, NaN = not specified.
-        seeds (`np.ndarray`): (n,) of each texture's noise.
-        sampling_rate (`int`): Hz, to which textures are resampled if need be.
-        samples (`int`): of each texture at that rate.
-        steps (`int`): of both stages.
-        guidance_scale (`float`): 1.0 = off.
-        decode (`bool`): `False` = latents only; `textures` is then empty.
-        batch (`int`): textures at once.
-        quiet (`bool`): no progress bar.
+    Textures are resampled to `sampling_rate` and cut to `samples`. `steps` are of both stages; a guidance scale of 1 is
+    off; without `decode` there are latents only, and `textures` is empty.
     """
     parts = []
     for start in tqdm(range(0, len(ratings), batch), disable=quiet, desc="generating", leave=False):
@@ -105,8 +100,3 @@ def encode(pipe, textures, sampling_rate):
     """All layers of the latents of textures (n, samples): (n, latent_channels, frames) float32."""
     parts = in_blocks(textures, _ENCODED)
     return np.concatenate([pipe.encode(part, sampling_rate).latents.float().cpu().numpy() for part in parts])
-
-
-def latent_summary(latents):
-    """Mean and log standard deviation of each channel over frames: (n, channels, frames) -> (n, 2 * channels)."""
-    return np.concatenate([latents.mean(-1), np.log(latents.std(-1) + 1e-3)], axis=-1)

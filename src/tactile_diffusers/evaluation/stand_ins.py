@@ -41,12 +41,7 @@ class NothingImposed(LCTGModel):
 
 
 def with_stand_in(pipe, stand_in):
-    """A pipeline that reconstructs with a stand-in for LCTG.
-
-    Args:
-        pipe (`TactileTexturePipeline`): keeps its own LCTG.
-        stand_in (`type`): `NoNetwork` or `NothingImposed`, which takes over LCTG's weights.
-    """
+    """A pipeline that reconstructs with `NoNetwork` or `NothingImposed` in place of its LCTG, with the same weights."""
     lctg = stand_in.from_config(pipe.lctg.config)
     lctg.load_state_dict(pipe.lctg.state_dict())
     made = type(pipe)(
@@ -59,5 +54,5 @@ def with_stand_in(pipe, stand_in):
 def used_channels(lctg, layers):
     """Channels that a decoder reads of "all_layers" or the "base_layer": list of indices. The rate counts these."""
     last = lctg.base_channels if layers == "base_layer" else lctg.config.latent_channels
-    learned = range(lctg.level_channels, lctg.base_channels)  # which the network alone reads
+    learned = range(lctg.passed_channels, lctg.base_channels)  # which the network alone reads
     return [channel for channel in range(last) if not (isinstance(lctg, NoNetwork) and channel in learned)]

@@ -6,12 +6,9 @@ from .metrics.statistics import is_leaf
 
 
 def text(value, digits=2, interval=False):
-    """A number, a leaf or a string as people read it; a dash where there is nothing.
+    """A number, leaf or string as people read it, a dash for None; numbers below 0.01 get three significant digits.
 
-    Args:
-        value: number, leaf, string or None.
-        digits (`int`): after the point; numbers below 0.01 get three significant digits.
-        interval (`bool`): whether a leaf's 95 % interval follows in brackets.
+    With `interval` the 95 % interval of a leaf follows in brackets.
     """
     if is_leaf(value):
         bounds = value["interval"] if interval else None
@@ -26,14 +23,10 @@ def text(value, digits=2, interval=False):
 
 
 def markdown_table(rows, digits=2, labels=None, interval=False):
-    """Rows as a Markdown table.
+    """Rows, name -> column -> number or leaf, as a Markdown table; what is missing becomes a dash.
 
-    Args:
-        rows (`dict[str, dict]`): row name -> column -> number or leaf; what is missing becomes a dash.
-        digits (`int`): after the point.
-        labels (`dict[str, str]`, *optional*): the columns to show, in order, and their headings, or pairs (heading,
-            digits); all by default.
-        interval (`bool`): whether leaves are followed by their intervals.
+    `labels` are the columns to show, in order, and their headings, or pairs (heading, digits after the point); all by
+    default. With `interval`, leaves are followed by theirs.
     """
     if labels is None:
         labels = {column: column for row in rows.values() for column in row}

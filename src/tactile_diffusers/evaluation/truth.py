@@ -24,16 +24,9 @@ CHUNK = 256
 class RatedTextures:
     """Measures of textures of rated surfaces, from which the truth of any request is estimated.
 
-    Args:
-        measures (`dict[str, np.ndarray]`): name -> (n, ...), one entry per texture.
-        surface_ids (`np.ndarray`): (n,) row of `ratings`; every row has at least one texture.
-        ratings (`np.ndarray`): (S, 3) of each surface; NaN = not rated.
-        importance (`np.ndarray`): (S,) how much of the population a surface stands for: ones if surfaces were taken as
-            they come, draws over probability if they were drawn.
-        dropped (`int`): surfaces that were drawn but gave no texture.
-
-    Raises:
-        ValueError: if shapes do not fit together, a surface has no texture, or an importance is not above zero.
+    `measures` are name -> (n, ...), one entry per texture; `surface_ids` (n,) are rows of `ratings` (S, 3), NaN = not
+    rated. `importance` (S,) is how much of the population a surface stands for: ones, or draws over probability if they
+    were drawn. `dropped` surfaces gave no texture. A ValueError if these do not fit together.
     """
 
     measures: dict
@@ -70,8 +63,7 @@ class RatedTextures:
     def mean_rating(self, request):
         """Mean ratings of the surfaces that count for a request: (3,), NaN where none is rated.
 
-        On specified axes they lie nearer to the middle than the request; on the others they say what comes along (bumpy
-        surfaces are rougher).
+        On specified axes they lie nearer to the middle than the request; on the others they say what comes along.
         """
         weights = self.surface_weights(request)[:, None] * ~np.isnan(self.ratings)
         total = weights.sum(0)
@@ -80,12 +72,8 @@ class RatedTextures:
     def draw_ratings(self, request, count):
         """Ratings of the surfaces that count for a request: those to generate from, to be compared with them.
 
-        Args:
-            request: (3,) z-scores; one specified axis at most, else a ValueError.
-            count (`int`): evenly spread over their distribution.
-
-        Returns:
-            `np.ndarray`: (count, 3) z-scores, ascending; NaN on axes that are not specified.
+        `request` (3,) z-scores specifies one axis at most, else a ValueError. Returns (count, 3), evenly spread over
+        their distribution, ascending; NaN on axes that are not specified.
         """
         request = np.asarray(request, dtype=np.float64)
         specified = np.flatnonzero(~np.isnan(request))
@@ -103,12 +91,6 @@ class RatedTextures:
     def mean(self, name, request):
         """Weighted mean of a measure over textures: (...,)."""
         return np.tensordot(self.weights(request), self.measures[name], 1)
-
-    def spread(self, name, request):
-        """Weighted standard deviation of a measure over textures, of and within surfaces: (...,)."""
-        values = self.measures[name]
-        squares = np.square(values - self.mean(name, request))
-        return np.sqrt(np.tensordot(self.weights(request), squares, 1))
 
     def interval(self, name, request):
         """95 % interval of `mean`, leaving out one surface at a time: low and high, (...,); NaN for fewer than two."""
@@ -152,11 +134,8 @@ class RatedTextures:
 def log_kernel(ratings, request, width=KERNEL_WIDTH):
     """Log of the Gaussian kernel between surfaces' ratings (S, 3) and a request (3,) over its specified axes: (S,).
 
-    It is 0 at the request itself, and -inf for a surface that is not rated on a specified axis.
-
-    Raises:
-        ValueError: if `request` is not three ratings, `width` (z-scores) is not above zero, or no surface is rated on a
-            specified axis.
+    0 at the request itself, -inf for a surface that is not rated on a specified axis. A ValueError if `request` is not
+    three ratings, `width` (z-scores) is not above zero, or no surface is rated on a specified axis.
     """
     request = np.asarray(request, dtype=np.float64)  # None becomes NaN
     if request.shape != (len(RATING_AXES),) or np.isinf(request).any():
@@ -172,13 +151,9 @@ def log_kernel(ratings, request, width=KERNEL_WIDTH):
 
 
 def recorded_truth(dataset, describe, per_surface=4, seed=0):
-    """The truth of requests, `RatedTextures` of importance 1, from all surfaces of a data set as they are.
+    """The truth of requests, of importance 1, from all surfaces of a view of a data set (the split "all").
 
-    Args:
-        dataset (`PreparedDataset`): use the split "all": every surface counts.
-        describe (`callable`): as in `virtual_truth`; levels and friction coefficients may be NaN.
-        per_surface (`int`): segments of each surface at most; they share no sample.
-        seed (`int`): of the choice of segments.
+    `describe` is as in `virtual_truth`, but levels and friction coefficients may be NaN.
     """
     chosen = dataset.non_overlapping(per_surface, seed)
     measures = [

@@ -1,7 +1,6 @@
 """The truth of requests to a model of virtual surfaces, from fresh surfaces of the same collection.
 
-Ratings of virtual surfaces are cheap and their textures are not: surfaces are drawn where the requests need them and
-weighted back (importance sampling with self-normalised weights).
+Ratings of virtual surfaces are cheap, their textures are not: importance sampling with self-normalised weights.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -17,17 +16,10 @@ from .truth import CHUNK, RatedTextures, joined, log_kernel, recorded_truth
 
 
 def draw_surfaces(ratings, requests, count, seed=0):
-    """Draws surfaces, with replacement, so that each request gets the same number of surfaces on average.
+    """Draws `count` of the candidates, rated (candidates, 3) z-scores, so that each of `requests` gets as many on
+    average.
 
-    Args:
-        ratings (`np.ndarray`): (candidates, 3) z-scores.
-        requests (`Sequence`): rating vectors; three NaN stand for the whole population.
-        count (`int`): draws.
-        seed (`int`): of the draws.
-
-    Returns:
-        `tuple[np.ndarray, np.ndarray]`: the distinct surfaces drawn, in ascending order, and their importance: draws
-        over probability.
+    With replacement. Returns the distinct surfaces in ascending order, and their importance: draws over probability.
     """
     probability = np.zeros(len(ratings))
     for request in requests:
@@ -52,29 +44,17 @@ def virtual_truth(
     workers=1,
     quiet=True,
 ):
-    """The truth of requests to a model of virtual surfaces, which are explored afresh.
+    """The truth of requests to a model of virtual surfaces, which are explored afresh: `RatedTextures`.
 
-    Surfaces, explorers and raters are like those of the ordinary splits; what is held out takes no part, unless
-    `dataset` is the split "hard", which is of nothing else. A surface whose first recordings hold no segment is
-    explored once more, then dropped.
+    Surfaces, explorers and raters are like those of the ordinary splits, or of "hard" if `dataset` is that. Training
+    surfaces set the units of the ratings. `surfaces` are drawn for `requests`, (3,) ratings each, from `candidates`
+    fresh ones; one that is drawn twice is explored once and counts twice. A surface whose first recordings, `seconds`
+    each, hold no segment is explored once more, then dropped. `describe` takes some hundreds of textures (k, samples)
+    float32 in N, levels and friction coefficients (k,), and returns the measures, a dict of arrays (k, ...). `workers`
+    are threads; the result is the same.
 
-    Args:
-        dataset (`PreparedDataset`): of virtual surfaces, at its native rate: it says which collection, raters, limits
-            and filter; its training surfaces set the units of the ratings, its subset whether limits hold.
-        requests (`Sequence`): (3,) rating vectors that the truth is wanted of, NaN = not specified.
-        describe (`callable`): (textures (k, samples) float32 in N, levels (k,), friction coefficients (k,)) -> dict of
-            arrays (k, ...), the measures. Called with some hundreds of textures at a time.
-        surfaces (`int`): draws; a surface that is drawn twice is explored once and counts twice.
-        candidates (`int`): fresh surfaces that are rated and drawn from.
-        seconds (`float`): of each recording.
-        per_surface (`int`): textures of each surface at most.
-        seed (`int`): of the draws.
-        workers (`int`): threads that explore; the result is the same.
-        quiet (`bool`): no progress bar.
-
-    Raises:
-        ValueError: if `dataset` is none of virtual surfaces or of another version of the recipe, its textures are not
-            at their native rate, or an argument is out of range.
+    A ValueError if `dataset` is none of virtual surfaces or of another recipe, not at its native rate, or an argument
+    is out of range.
     """
     facts = _check_virtual(dataset, requests, surfaces, per_surface)
     training = np.unique(PreparedDataset(dataset.path, "train", "full").surface_ids)
@@ -149,13 +129,13 @@ def _met(facts, kind, names, hard):
 def _check_virtual(dataset, requests, surfaces, per_surface):
     """The file's attributes, once they are known to describe a collection that can be continued."""
     facts = dataset.attributes
-    if facts["source"] != VIRTUAL_SOURCE:
-        raise ValueError(f"`dataset` must hold virtual surfaces, got {facts['source']!r}. Use `recorded_truth`.")
-    recipe, rate = facts.get("recipe_version"), facts["sampling_rate"]
-    if recipe != RECIPE_VERSION:
-        raise ValueError(f"`dataset` is of recipe {recipe}, the code is of {RECIPE_VERSION}: use `recorded_truth`.")
-    if dataset.sampling_rate != rate:
-        raise ValueError(f"`dataset` must be at its native rate, {rate} Hz: open it without `sampling_rate`.")
+    if not can_be_continued(dataset):
+        made = f"{facts['source']!r}, recipe {facts.get('recipe_version')}"
+        raise ValueError(
+            f"`dataset` must hold virtual surfaces of recipe {RECIPE_VERSION}, got {made}: use `recorded_truth`."
+        )
+    if dataset.sampling_rate != facts["sampling_rate"]:
+        raise ValueError(f"`dataset` must be at its native rate, {facts['sampling_rate']} Hz.")
     if not len(requests):
         raise ValueError("`requests` must not be empty; three NaN stand for the whole population.")
     check_whole_number("surfaces", surfaces)
@@ -170,12 +150,8 @@ def can_be_continued(dataset):
 
 
 def truth_of(dataset, requests, describe, seed=0, quiet=True, **settings):
-    """`virtual_truth` if the data are virtual surfaces of the code's recipe, else `recorded_truth`.
-
-    Args:
-        dataset (`PreparedDataset` or `str` or `Path`): the data set, or its file, of which all surfaces are taken.
-        requests, describe, seed, quiet: of `virtual_truth`.
-        **settings: further arguments of `virtual_truth`; only "per_surface" counts for recorded data.
+    """`virtual_truth` if a data set, or all of a file, is of virtual surfaces of the code's recipe, else
+    `recorded_truth`.
     """
     if not isinstance(dataset, PreparedDataset):
         dataset = PreparedDataset(dataset, split="all")

@@ -1,10 +1,9 @@
 """What the skin may take from a texture: statistics of four channels of touch, far simpler than models of afferents.
 
-Each channel filters the texture as its afferents are tuned, rectifies it and compresses it; its activity up to 100 Hz
-is described. Rapidly adapting afferents are most easily excited between 8 and 64 Hz, Pacinian ones above 64 Hz, slowly
-adapting ones at lower frequencies (Johansson, Landström and Lundström 1982, 10.1016/0006-8993(82)90899-x); the four
-channels are those of Bolanowski et al. 1988 (10.1121/1.397184). The exact curves are ours. There are no skin mechanics,
-thresholds or spikes: TouchSim (Saal et al. 2017) has them, but both of its repositories come without a licence.
+Each channel filters the texture as its afferents are tuned (Johansson, Landström and Lundström 1982,
+10.1016/0006-8993(82)90899-x), rectifies it and compresses it; its activity up to 100 Hz is described. The four channels
+are those of Bolanowski et al. 1988 (10.1121/1.397184), the exact curves ours. There are no skin mechanics, thresholds
+or spikes: TouchSim (Saal et al. 2017) has them, but comes without a licence.
 """
 
 from itertools import combinations, pairwise
@@ -37,8 +36,8 @@ AFFERENT_FLOORS = np.where([name.endswith("_db") for name in AFFERENT_NAMES], DB
 def afferent_features(textures, sampling_rate=DEVICE_RATE):
     """The 34 features of each texture (n, samples), at least 0.6 s: (n, 34) float64, named by `AFFERENT_NAMES`.
 
-    Of each channel the level (dB), then of its activity, divided by its mean, the standard deviation, the skew and the
-    power of the modulation at four ranges of rates (dB, not below -40); the correlations of all pairs of channels.
+    Of each channel the level (dB), then of its activity over its mean the standard deviation, the skew and the power of
+    the modulation at four ranges of rates (dB, not below -40); the correlations of all pairs of channels.
     """
     textures = check_textures("textures", textures, rank=2)
     return np.concatenate([_features(block.astype(np.float64), sampling_rate) for block in in_blocks(textures, 64)])

@@ -9,11 +9,10 @@ from itertools import pairwise
 import numpy as np
 import torch
 from scipy import signal
-from scipy.spatial.distance import cdist
 from tqdm.auto import tqdm
 
 from ...signal import BAND_HZ, band_edges
-from .texture_checks import check_sets, check_textures, in_blocks
+from .texture_checks import check_textures, in_blocks
 
 #: Bands whose envelopes are compared.
 BANDS = 18
@@ -34,18 +33,8 @@ class TrainingEnvelopes:
     """Log envelopes of the training segments, to find out whether a texture follows one of them.
 
     The overall level does not count. Envelopes are whitened by the mean cross-spectral matrix of the bands at each
-    modulation rate, and each component is limited: otherwise changes of all bands at once, and a few surfaces with
-    strong lines, would rule the match.
-
-    Args:
-        chunks (`Iterable[np.ndarray]`): arrays (n, samples) of training segments of one length, any unit; they are
-            read once, one at a time.
-        sampling_rate (`float`): Hz.
-        quiet (`bool`): no progress bars.
-
-    Raises:
-        ValueError: if a chunk is not (n, samples), not finite, of another length than the first or shorter than 0.5 s,
-            or there is no chunk.
+    modulation rate, and limited: changes of all bands at once, and a few strong lines, would rule the match. `chunks`
+    are arrays (n, samples) of training segments of one length, 0.5 s or more, read one at a time; else a ValueError.
     """
 
     def __init__(self, chunks, sampling_rate, quiet=True):
@@ -93,16 +82,12 @@ class TrainingEnvelopes:
         return whitened / torch.where(norm > 1e-6, norm, torch.inf)
 
     def nearest_correlation(self, textures):
-        """The largest correlation of each texture's envelopes with those of a training segment at any lag: (n,).
+        """The largest correlation of the envelopes of textures (n, samples) with those of a training segment at any
+        lag: (n,).
 
         Lags reach to half a segment. 1 = a copy, also if it is scaled, inverted or decoded anew; 0.3 to 0.4 is usual of
-        textures of other surfaces; 0 = silence.
-
-        Args:
-            textures (`np.ndarray`): (n, samples), of the length and sampling rate of the training segments, any unit.
-
-        Raises:
-            ValueError: if `textures` is not (n, samples), not finite or of another length.
+        textures of other surfaces; 0 = silence. A ValueError if textures are not finite or of another length than the
+        training segments.
         """
         probes, best = self._whitened(self._spectra(self._envelopes(textures, "textures"))), []
         for probe in probes.split(16):
@@ -136,22 +121,11 @@ def _log_envelopes(textures, sampling_rate):
 def copied_share(values, groups, real_values, real_groups, quantile=QUANTILE, seed=0):
     """Share of textures that are closer to training than nearly all real textures of other, unseen surfaces.
 
-    Real textures get about `quantile` themselves, because each is compared with those of the other surfaces; a
-    generator that copies gets up to 1. The 95 % interval is a bootstrap over surfaces, of both sets at once.
-
-    Args:
-        values (`np.ndarray`): (n,) `TrainingEnvelopes.nearest_correlation` of generated textures.
-        groups (`np.ndarray`): (n,) surfaces whose ratings they were generated for.
-        real_values, real_groups (`np.ndarray`): (m,) the same of real textures outside of training, two surfaces and
-            more.
-        quantile (`float`): between 0 and 1.
-        seed (`int`): of the bootstrap.
-
-    Returns:
-        `tuple`: share, 0 to 1, and its interval (low, high).
-
-    Raises:
-        ValueError: if an argument is empty, of another rank, not finite, or `quantile` is out of range.
+    Real textures get about `quantile` themselves, as each is compared with those of the other surfaces; a copying
+    generator gets up to 1. `values` (n,) are `nearest_correlation` of textures generated for the surfaces `groups`
+    (n,); `real_values`, `real_groups` (m,) those of real unseen textures of two surfaces and more. Returns the share
+    and its 95 % interval, a bootstrap over surfaces of both sets at once. A ValueError if an argument is empty, not
+    finite or out of range.
     """
     if not 0 < quantile < 1:
         raise ValueError(f"`quantile` must be between 0 and 1, got {quantile}.")
@@ -173,13 +147,3 @@ def copied_share(values, groups, real_values, real_groups, quantile=QUANTILE, se
     share, *shares = close / np.maximum((counts[:, group]).sum(1), 1)
     low, high = np.quantile(shares, [0.025, 0.975])
     return float(share), (float(min(low, share)), float(max(high, share)))
-
-
-def nearest_distance(points, reference):
-    """Euclidean distance (n,) of each point (n, features) to the nearest of a reference (m, features).
-
-    Raises:
-        ValueError: if the sets do not fit together, are empty, or hold NaN or infinity.
-    """
-    points, reference = check_sets(points=points, reference=reference)
-    return np.concatenate([cdist(block, reference).min(-1) for block in in_blocks(points)])

@@ -7,17 +7,12 @@ from .texture_checks import check_sets, in_blocks
 
 
 def frechet_tactile_distance(a, b):
-    """Fréchet distance of the Gaussians fitted to two sets of embeddings (FTD).
+    """Fréchet distance of the Gaussians fitted to two sets of embeddings (n, features), (m, features) (FTD).
 
-    `|mean_a - mean_b|^2 + tr(C_a + C_b - 2 (C_a^1/2 C_b C_a^1/2)^1/2)`, as in the Fréchet audio distance of Kilgour
-    et al. (2019). Estimated from samples it is too large, the more so the fewer there are: compare it only with the
-    distance of two real sets of the same sizes.
-
-    Args:
-        a, b (`np.ndarray`): (n, features), (m, features).
-
-    Raises:
-        ValueError: if the sets do not fit together, are not finite, or have no more members than features.
+    `|mean_a - mean_b|^2 + tr(C_a + C_b - 2 (C_a^1/2 C_b C_a^1/2)^1/2)`, as in the Fréchet audio distance of Kilgour et
+    al. (2019). Estimated from samples it is too large, the more so the fewer there are: compare it only with the
+    distance of two real sets of the same sizes. A ValueError if a set is not finite, or has no more members than
+    features.
     """
     a, b = check_sets(a=a, b=b)
     for name, members in (("a", a), ("b", b)):
@@ -27,28 +22,28 @@ def frechet_tactile_distance(a, b):
                 f"features, got {len(members)}. Use more textures, or `kernel_tactile_distance`."
             )
     covariance_a, covariance_b = np.cov(a, rowvar=False), np.cov(b, rowvar=False)
-    # symmetric matrices all along: their eigenvalues are real, and tiny negative ones are rounding
-    values, vectors = np.linalg.eigh(np.atleast_2d(covariance_a))
-    root_a = (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
+    root_a = covariance_root(np.atleast_2d(covariance_a))
     cross = np.linalg.eigvalsh(root_a @ np.atleast_2d(covariance_b) @ root_a)
     shift = ((a.mean(0) - b.mean(0)) ** 2).sum()
     spread = np.trace(np.atleast_2d(covariance_a + covariance_b)) - 2 * np.sqrt(np.maximum(cross, 0)).sum()
     return float(shift + spread)
 
 
+def covariance_root(covariance):
+    """Symmetric square root (d, d), also of a singular covariance: normal numbers times it have that covariance."""
+    # symmetric: eigenvalues are real, and tiny negative ones are rounding
+    values, vectors = np.linalg.eigh(covariance)
+    return (vectors * np.sqrt(np.maximum(values, 0))) @ vectors.T
+
+
 def kernel_tactile_distance(a, b, width, a_groups=None, b_groups=None):
-    """1000 times the unbiased squared maximum mean discrepancy of two sets of embeddings (KTD).
+    """1000 times the unbiased squared maximum mean discrepancy of two sets of embeddings (n, features), (m, features)
+    (KTD).
 
-    Gaussian kernel `exp(-d^2 / width^2)`; the recipe is that of the kernel audio distance (arXiv 2502.15602). Two
-    sets of one distribution give zero on average at any size, so single values may be negative.
-
-    Args:
-        a, b (`np.ndarray`): (n, features), (m, features), at least two members each.
-        width (`float`): of the kernel, that of the fitted `TactileEmbedding`.
-        a_groups, b_groups (`np.ndarray`, *optional*): (n,), (m,) surfaces: pairs of one surface are left out.
-
-    Raises:
-        ValueError: if the sets do not fit together, are not finite or too small, or `width` is not above zero.
+    Gaussian kernel `exp(-d^2 / width^2)`, the width that of the fitted `TactileEmbedding` (as the kernel audio
+    distance, arXiv 2502.15602). Two sets of one distribution give zero on average at any size, so single values may be
+    negative. Pairs of one group, (n,) or (m,) surfaces, are left out. A ValueError if the sets do not fit or are too
+    small.
     """
     a, b = check_sets(a=a, b=b)
     if not (np.isfinite(width) and width > 0):

@@ -12,31 +12,17 @@ RATING_WIDTH = 0.3
 FEWEST_NEAR = 20
 
 
-def precision_recall(generated, real, k=5):
-    """Improved precision and recall of two sets of embeddings (Kynkäänniemi et al. 2019, arXiv 1904.06991).
+def covered(points, members, k=5):
+    """Share of points (n, features) in a ball of a member (m, features) up to its k-th nearest other member.
 
-    Around each member of a set lies a ball that reaches to its k-th nearest other member. Precision is the share of
-    generated members inside a ball of a real one (are they plausible?), recall the share of real members inside a ball
-    of a generated one (does the generator cover them?). Two sets of one distribution do not reach 1: compare with two
-    real sets of the same sizes.
-
-    Args:
-        generated, real (`np.ndarray`): (n, features), (m, features); more than `k` members each.
-        k (`int`): neighbours.
-
-    Raises:
-        ValueError: if the sets do not fit together, are not finite or too small, or `k` is below 1.
+    Improved precision and recall (Kynkäänniemi et al. 2019, arXiv 1904.06991): precision is the share of generated
+    points that real members cover (are they plausible?), recall the share of real points that generated members cover
+    (are all there?). Two sets of one distribution do not reach 1: compare with two real sets of the same sizes. A
+    ValueError if the sets do not fit together, or there are not more than `k` members.
     """
-    generated, real = check_sets(generated=generated, real=real)
-    if not 1 <= k < min(len(generated), len(real)):
-        raise ValueError(
-            f"`k` must be at least 1 and below the size of both sets, {len(generated)} and {len(real)}, got {k}."
-        )
-    return covered(generated, real, k), covered(real, generated, k)
-
-
-def covered(points, members, k):
-    """Share of points (n, features) that lie in a ball of a member (m, features): one half of `precision_recall`."""
+    points, members = check_sets(points=points, members=members)
+    if not 1 <= k < len(members):
+        raise ValueError(f"`k` must be at least 1 and below the number of members, {len(members)}, got {k}.")
     # the nearest member to a member is itself
     radii = np.concatenate([np.partition(cdist(block, members), k, axis=-1)[:, k] for block in in_blocks(members)])
     return float(np.mean(np.concatenate([(cdist(block, members) <= radii).any(-1) for block in in_blocks(points)])))
@@ -46,10 +32,7 @@ def take_spread_db(band_levels, groups):
     """How much takes of one surface, or of one rating, differ: standard deviation of their band levels, dB.
 
     For each band (n, bands) the unbiased variance inside the groups (n,), pooled over the groups of two takes and more;
-    the mean over bands of its root.
-
-    Raises:
-        ValueError: if the arguments do not fit together, hold NaN or infinity, or no group has two takes.
+    the mean over bands of its root. A ValueError if shapes do not fit, or no group has two takes.
     """
     band_levels = check_textures("band_levels", band_levels, rank=2).astype(np.float64)
     groups = np.asarray(groups)
@@ -71,10 +54,8 @@ def take_spread_db(band_levels, groups):
 def diversity(generated_levels, generated_groups, real_levels, real_groups):
     """Spread of generated takes over that of real ones: 1 = takes differ as much as real takes, 0 = all the same.
 
-    Band levels are (n, bands), (m, bands) in dB, groups (n,), (m,) the rating or surface of each take.
-
-    Raises:
-        ValueError: as `take_spread_db`, or if the real takes do not differ.
+    Band levels are (n, bands), (m, bands) in dB, groups (n,), (m,) the rating or surface of each take. A ValueError as
+    of `take_spread_db`, or if the real takes do not differ.
     """
     real = take_spread_db(real_levels, real_groups)
     if real == 0:
@@ -87,9 +68,9 @@ def rating_diversity(generated_levels, generated_groups, group_ratings, real_lev
 
     Ratings do not settle a surface, so takes of a rating should differ by more than takes of a surface do. Real
     surfaces count by a Gaussian kernel over all three ratings; ratings with fewer than 20 of them near are left out.
-    Returns the ratio and its 95 % interval (low, high) over ratings, NaN where none is left. Levels are (n, bands),
-    (m, bands) in dB; `generated_groups` (n,) is the row of `group_ratings` (groups, 3) that a take was made for;
-    `real_ratings` (m, 3), rows with NaN left out, and `real_groups` (m,) belong to surfaces.
+    Levels are (n, bands), (m, bands) in dB; `generated_groups` (n,) are rows of `group_ratings` (groups, 3);
+    `real_ratings` (m, 3) and `real_groups` (m,) belong to surfaces. Returns the ratio and its 95 % interval over
+    ratings, or NaN.
     """
     rated = ~np.isnan(real_ratings).any(1)
     real_levels, real_ratings = np.asarray(real_levels)[rated], np.asarray(real_ratings)[rated]

@@ -1,8 +1,8 @@
 """A transparent embedding of textures for distances between sets: 72 features with names.
 
-Embeddings of audio networks do not fit: VGGish, for example, covers 125 to 7500 Hz and so misses the lower half of the
-octaves that a finger feels. Power and sparsity of each band do not make a texture: how the bands' envelopes move
-together does (McDermott and Simoncelli 2011, 10.1016/j.neuron.2011.06.032), and stick-slip has events and a polarity.
+Embeddings of audio networks miss the lower half of the octaves that a finger feels (VGGish: 125 to 7500 Hz). Power and
+sparsity of each band do not make a texture: how the bands' envelopes move together does (McDermott and Simoncelli 2011,
+10.1016/j.neuron.2011.06.032), and stick-slip has events and a polarity.
 """
 
 from dataclasses import dataclass
@@ -61,27 +61,21 @@ _WIDTH_TEXTURES = 4000
 
 
 def tactile_features(textures, sampling_rate=DEVICE_RATE):
-    """The 72 features of each texture, before z-scoring.
+    """The 72 features of each texture (n, samples), before z-scoring: (n, 72) float64, named by `FEATURE_NAMES` in
+    order.
 
     18 logarithmic band levels over 20-1000 Hz (dB re 1 N^2); the shares of power in 1.05-2 and 2-5 kHz (dB, not below
     -40); for each of six logarithmic carrier bands the power of its envelope, divided by the envelope's mean, at the
     rates 0.6-2, 2-6, 6-20 and 20-60 Hz (dB, not below -40); the six coefficients of variation of these envelopes;
-    kurtosis, skew and crest factor of the samples; the correlations of all pairs of the six envelopes below 60 Hz;
-    the skew of the waveform's derivative, whose sign is the polarity of a sawtooth; and of events, peaks of the
-    broadband envelope of twice its median or more: their number a second, the coefficient of variation of their
-    intervals (1 = as irregular as chance, also where there are fewer than three) and their mean height over the median
-    (dB; without any the least that counts). `FEATURE_NAMES` names them in order.
+    kurtosis, skew and crest factor of the samples; the correlations of all pairs of the six envelopes below 60 Hz; the
+    skew of the waveform's derivative, whose sign is the polarity of a sawtooth; and of events, peaks of the broadband
+    envelope of twice its median or more: their number a second, the coefficient of variation of their intervals (1 = as
+    irregular as chance, also where there are fewer than three) and their mean height over the median (dB; without any
+    the least that counts).
 
-    Args:
-        textures (`np.ndarray`): (n, samples), N or a relative unit; at least 0.6 s. Statistics of envelopes depend
-            on the length: compare textures of one length.
-        sampling_rate (`float`): Hz, above 2000. What lies beyond half of it counts as empty.
-
-    Returns:
-        `np.ndarray`: (n, 72) float64. Silence gives finite numbers.
-
-    Raises:
-        ValueError: if `textures` is not (n, samples), not finite or too short, or the sampling rate too low.
+    Textures, in N or a relative unit, last 0.6 s or more; statistics of envelopes depend on the length: compare
+    textures of one length. What lies beyond half the sampling rate, above 2000 Hz, counts as empty. Silence gives
+    finite numbers. Else a ValueError.
     """
     textures = check_textures("textures", textures, rank=2)
     if sampling_rate <= 2 * BAND_HZ[1]:
@@ -181,12 +175,8 @@ class _Envelopes:
 class TactileEmbedding:
     """Features z-scored by a reference set, and the kernel width of that set: frozen, so that distances are comparable.
 
-    Args:
-        mean, scale (`np.ndarray`): (72,) mean and standard deviation of the reference's features, the latter not below
-            1 dB for features in dB and 0.05 for the others.
-        width (`float`): median distance between two textures of the reference, in z-scores.
-        sampling_rate (`float`): of the reference, Hz.
-        version (`int`): `EMBEDDING_VERSION` of the features.
+    `mean` and `scale` (72,) are of the reference's features, the latter not below 1 dB for features in dB and 0.05 for
+    the others; `width` is the median distance between two textures of the reference, in z-scores.
     """
 
     mean: np.ndarray
@@ -197,12 +187,10 @@ class TactileEmbedding:
 
     @classmethod
     def fit(cls, textures, sampling_rate=DEVICE_RATE):
-        """Takes mean, scale and kernel width from textures (n, samples) of a reference: the training surfaces.
+        """Takes mean, scale and width (the median over all pairs of at most 4000) from textures (n, samples) of the
+        training surfaces.
 
-        The width is the median over all pairs of at most 4000 of them, evenly spaced.
-
-        Raises:
-            ValueError: as `tactile_features`, or if there are fewer than two textures.
+        A ValueError as of `tactile_features`, or if there are fewer than two textures.
         """
         features = tactile_features(textures, sampling_rate)
         if len(features) < 2:
@@ -213,10 +201,10 @@ class TactileEmbedding:
         return cls(mean, scale, width, float(sampling_rate))
 
     def __call__(self, textures, sampling_rate=DEVICE_RATE):
-        """Embeds textures (n, samples) of the length and unit of the reference: (n, 72) float64 z-scores.
+        """Embeds textures (n, samples) of the length, unit and sampling rate of the reference: (n, 72) float64
+        z-scores.
 
-        Raises:
-            ValueError: as `tactile_features`, or if the sampling rate is not that of the reference.
+        A ValueError as of `tactile_features`, or if the sampling rate is another.
         """
         if sampling_rate != self.sampling_rate:
             raise ValueError(

@@ -22,8 +22,7 @@ def rmse(texture, reference):
     """Root mean square of the difference of two waveforms (..., samples), in their unit: (...,) (the paper's section
     3.1).
 
-    Raises:
-        ValueError: if the shapes differ or a value is not finite; so do the other functions of this file.
+    A ValueError if the shapes differ or a value is not finite; so do the other functions of this file.
     """
     texture, reference = check_pair(texture, reference)
     return rms(texture - reference)
@@ -63,9 +62,8 @@ def log_spectral_distance_db(texture, reference, sampling_rate, band=BAND_HZ):
 def goodness_of_fit(texture, reference, sampling_rate, band=BAND_HZ):
     """Goodness-of-fit coefficient of two spectra after Hernández-Andrés, Romero and Lee (2001), 0 to 1: (...,).
 
-    `|sum_f S1 S2| / sqrt(sum_f S1^2 sum_f S2^2)` with amplitude spectra S, the roots of Welch's densities inside
-    `band`; 0 where one is silent. It ignores gain and is governed by the strongest part of the spectrum: read it beside
-    the nine-band error.
+    `|sum_f S1 S2| / sqrt(sum_f S1^2 sum_f S2^2)` with amplitude spectra S inside `band`; 0 where one is silent. It
+    ignores gain and is governed by the strongest part of the spectrum: read it beside the nine-band error.
     """
     first, second = (np.sqrt(density) for density in _densities(texture, reference, sampling_rate, band))
     norm = np.sqrt((first**2).sum(-1) * (second**2).sum(-1))
@@ -75,13 +73,8 @@ def goodness_of_fit(texture, reference, sampling_rate, band=BAND_HZ):
 def signed_band_error_db(texture, reference, sampling_rate, bands):
     """How much stronger a texture (..., samples) is than its reference in each of some bands, dB: (..., bands).
 
-    Args:
-        texture, reference (`np.ndarray`): (..., samples), N.
-        sampling_rate (`float`): Hz.
-        bands (`Sequence[tuple[float, float]]`): edges in Hz; bands may overlap or leave gaps.
-
-    Raises:
-        ValueError: also if a band does not lie inside [0, sampling_rate / 2], or holds no frequency bin.
+    `bands` are edges in Hz, which may overlap or leave gaps. A ValueError also if one does not lie inside [0,
+    sampling_rate / 2].
     """
     texture, reference = check_pair(texture, reference)
     for low, high in bands:

@@ -9,18 +9,10 @@ from .statistics import estimate, number
 
 
 class Reference:
-    """Embedded textures of the training surfaces, to which sets of textures are compared.
+    """Embedded textures (n, samples) of the training surfaces `groups` (n,), to which sets of textures are compared.
 
-    Feature scales and kernel width are taken from them and frozen.
-
-    Args:
-        textures (`np.ndarray`): (n, samples), non-overlapping segments, few of each surface.
-        sampling_rate (`float`): Hz.
-        groups (`np.ndarray`, *optional*): (n,) surface of each; each its own by default.
-
-    Attributes:
-        embedding (`TactileEmbedding`): fitted on the textures.
-        points (`np.ndarray`): (n, features).
+    Feature scales and kernel width are taken from them and frozen: `embedding` is the fitted `TactileEmbedding`,
+    `points` (n, features) are theirs. Take non-overlapping segments, few of each surface.
     """
 
     def __init__(self, textures, sampling_rate, groups=None):
@@ -34,16 +26,12 @@ class Reference:
         return self.embedding(textures, self.sampling_rate)
 
     def distances(self, points, groups, real=None):
-        """FTD and KTD of a set to the reference, with intervals over the set's groups: leaves "ftd" and "ktd".
+        """FTD and KTD of a set, points (n, features) of `groups` (n,), to the reference: leaves "ftd" and "ktd".
 
-        FTD is empty for sets too small for a covariance, KTD, which leaves out pairs of one group, for sets of one
-        group. The intervals hold the set's own randomness, not the reference's.
-
-        Args:
-            points (`np.ndarray`): (n, features) embeddings.
-            groups (`np.ndarray`): (n,) surface or request of each.
-            real (`tuple`, *optional*): points and groups of real, held-out textures: adds "ftd_excess" and
-                "ktd_excess", how much less theirs are, with intervals that leave a group out of both sets.
+        FTD is empty for sets too small for a covariance, KTD, which leaves out pairs of one group, for a single group.
+        Intervals over groups hold the set's own randomness, not the reference's. `real`, points and groups of real
+        held-out textures, adds "ftd_excess" and "ktd_excess", how much less theirs are; a group is left out of both
+        sets.
         """
         leaves = {}
         for name, measure in (("ftd", self._frechet_distance), ("ktd", self._kernel_distance)):

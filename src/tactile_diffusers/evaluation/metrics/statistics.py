@@ -24,13 +24,8 @@ def jackknife_interval(estimate, left_out, size=None):
 def jackknife(statistic, groups):
     """A statistic and its 95 % interval by leaving out one group at a time.
 
-    Args:
-        statistic (`Callable`): takes a mask (n,) bool of the members to use, returns a number or an array.
-        groups (`np.ndarray`): (n,) group of each member, usually its surface.
-
-    Returns:
-        `tuple`: the statistic of all members and its interval (low, high), each of the statistic's shape; the interval
-        is NaN where there are fewer than three groups.
+    `statistic` takes a mask (n,) of the members to use and returns a number or an array; `groups` (n,) are usually
+    surfaces. The interval (low, high) is NaN where there are fewer than three groups.
     """
     groups = np.asarray(groups)
     value = np.asarray(statistic(np.ones(len(groups), dtype=bool)), dtype=np.float64)
@@ -53,15 +48,10 @@ def estimate(statistic, *groups, limits=(-np.inf, np.inf)):
 
 
 def leaf(values=None, groups=None):
-    """Summary of one number per texture (or surface).
+    """Summary of one number per texture or surface (n,), NaN left out; of nothing where a metric does not apply.
 
-    Args:
-        values (`np.ndarray`, *optional*): (n,); NaN is left out. `None` = the metric does not apply.
-        groups (`np.ndarray`, *optional*): (n,) independent units; each value its own by default.
-
-    Returns:
-        `dict`: "mean", "n", "min", "max", "median" and "interval", the 95 % interval of the mean; None where it does
-        not apply.
+    `groups` (n,) are the independent units, each value its own by default. Returns a dict: "mean", "n", "min", "max",
+    "median" and "interval", the 95 % interval of the mean; None where it does not apply.
     """
     values = np.atleast_1d(np.asarray([] if values is None else values, dtype=np.float64))
     known = np.isfinite(values)

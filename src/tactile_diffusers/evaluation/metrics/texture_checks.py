@@ -4,10 +4,9 @@ import numpy as np
 
 
 def check_textures(name, textures, rank=None):
-    """Textures (..., samples) as an array of their own dtype; `rank` is the number of axes there must be.
+    """Textures (..., samples), of `rank` axes if given, as an array of their own dtype.
 
-    Raises:
-        ValueError: if `textures` is empty, of another rank, or holds NaN, infinity or what is no real number.
+    A ValueError if they are empty, of another rank, or hold NaN, infinity or what is no real number.
     """
     textures = np.asarray(textures)
     if textures.dtype.kind not in "fiu":

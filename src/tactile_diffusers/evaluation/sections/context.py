@@ -31,10 +31,8 @@ class Settings:
     truth_surfaces: int = 1500  # and explored
     truth_seconds: float = 12.0  # of each exploration
     regression_surfaces: int = 5000  # fresh virtual surfaces that a regression is fitted to
-    shift_step: float = 0.2  # of ratings, in the paper's latent shift
-    shift_takes: int = 30
-    spectra_step: float = 0.5  # of ratings, in the paper's average spectra
-    spectra_takes: int = 50
+    paper_step: float = 0.5  # of ratings, in the paper's latent shift and mean spectra
+    paper_takes: int = 50
     protocol_segments: int = 20  # of the paper's full-pipeline RMSE
     protocol_repeats: int = 5
     repeats: int = 7  # of each timing
@@ -53,10 +51,8 @@ QUICK = Settings(
     truth_surfaces=400,
     truth_seconds=8.0,
     regression_surfaces=600,
-    shift_step=1.0,
-    shift_takes=10,
-    spectra_step=1.0,
-    spectra_takes=12,
+    paper_step=1.0,
+    paper_takes=12,
     protocol_segments=10,
     protocol_repeats=2,
     repeats=3,
@@ -65,17 +61,9 @@ QUICK = Settings(
 
 @dataclass(eq=False)
 class Context:
-    """One checkpoint on one data set; make it with `make_context`.
+    """One checkpoint on one data set, and how much is measured; make it with `make_context`.
 
-    Attributes:
-        pipe (`TactileTexturePipeline`): with or without DALE.
-        data (`HeldOutData`): held-out segments and the reference.
-        settings (`Settings`): how much is measured.
-        seed (`int`): of every choice and every noise.
-        output (`Path`): where pictures go.
-        guidance_scales (`list[float]`): at which textures are generated.
-        quiet (`bool`): no progress bars.
-        anchors (`dict[str, Anchor]`): name -> checkpoint to compare reconstructions with.
+    `output` is for pictures; `anchors`, name -> `Anchor`, are checkpoints to compare reconstructions with.
     """
 
     pipe: object
@@ -145,25 +133,15 @@ class Context:
         grid = (self.data.rate, self.data.dataset.segment_samples, self.steps)
         return generate(self.pipe, ratings, seeds, *grid, guidance_scale, decode, quiet=self.quiet)
 
-    def encode(self, textures):
-        """Base layer of the latents, which DALE generates: (n, base_channels, frames) float32."""
-        return encode(self.pipe, textures, self.data.rate)[:, : self.pipe.lctg.base_channels]
-
 
 def make_context(
     pipe, data, split, settings, seed, output, guidance_scales=(), quiet=True, anchors=None, baseline_surfaces=None
 ):
-    """A checkpoint and a data set, checked against each other; the arguments are those of `Context`, and
+    """A checkpoint and a prepared data set, checked against each other: a `Context`.
 
-    Args:
-        data (`str` or `Path`): a prepared data set of the pipeline's band and segment length; textures are compared at
-            its rate.
-        split (`str`): the held-out surfaces: any of the data's splits but "train".
-        guidance_scales (`Sequence[float]`): besides 1.0 (off) and the pipeline's default.
-        baseline_surfaces (`int`, *optional*): training surfaces that the baselines learn from; all by default.
-
-    Raises:
-        ValueError: if the checkpoint or an anchor does not fit the data, or as `open_held_out`.
+    `guidance_scales` come besides 1.0 (off) and the pipeline's default; the baselines learn from `baseline_surfaces`
+    training surfaces, all by default. A ValueError if checkpoint or anchor do not fit the data, or as of
+    `open_held_out`.
     """
     held_out = open_held_out(data, split, settings.per_surface, seed, baseline_surfaces)
     check_fit(pipe, held_out.dataset)

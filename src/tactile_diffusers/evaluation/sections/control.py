@@ -1,22 +1,22 @@
 """Section "control": does a change of the ratings change textures as it does between real surfaces.
 
-A condition rates one axis and leaves the others open. Few surfaces have ratings near ±2, so the ratings requested are
-those of the real surfaces that stand for a condition: both sides then have the same ratings.
+A condition rates one axis and leaves the others open. The ratings requested are those of the real surfaces that stand
+for it, few near ±2: both sides have the same ratings.
 """
 
+from functools import partial
+
 import numpy as np
-import torch
 
 from ...data import PreparedDataset
 from ...signal import RATING_AXES, level
 from ..baselines import BaselineRequest
 from ..changes import against_real, comparisons, counted, no_change, null_counts, paired
 from ..envelopes import surface_means
-from ..judge import FEWEST_SURFACES, Judge, response_interval, response_matrix
-from ..metrics.rating_effects import d_prime, latent_shift_percent, shape_change_db, texture_measures
-from ..metrics.statistics import jackknife, leaf, number
-from ..report_figures import plot_control, plot_curves, plot_responses
-from ..sampling import latent_summary
+from ..judge import FEWEST_SURFACES, Judge, explained, response_matrix
+from ..metrics.rating_effects import shape_change_db, texture_measures
+from ..metrics.statistics import estimate, jackknife, leaf, number
+from ..report_figures import plot_control, plot_curves
 from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
 from ..virtual_truth import truth_of
 from .regression import best_polynomial
@@ -26,18 +26,16 @@ from .response import response_curves
 _FEWEST_REQUESTS = 6
 # baselines that work from ratings
 _STEERABLE = ("knn_blend", "ridge")
-_NOTHING = np.full(len(RATING_AXES), np.nan)
 
 
 def run(context):
-    """The section: `{"control": ...}`; writes control.png, response.png and curves.png."""
+    """The section: `{"control": ...}`; writes control.png and curves.png."""
     data, truth = context.data, _truth(context)
     judge, r2 = _judge(context)
     real = _estimate(judge, data.points, data.frictions)
     result = {
         "judge_r2": r2,
         "response_real": _matrix(real, data.ratings, data.surfaces),
-        "estimator_real": _matrix(_estimator_of_textures(context), data.ratings, data.surfaces),
         "truth": _sizes(truth, context),
     }
     for scale in context.guidance_scales:
@@ -49,7 +47,6 @@ def run(context):
     result["counts"] = _counts(context, result, truth)
     result["curves"] = response_curves(context, lambda points, frictions: _estimate(judge, points, frictions))
     plot_control(result, context.default_guidance, context.output / "control.png")
-    plot_responses(result, context.default_guidance, context.output / "response.png")
     plot_curves(result["curves"], context.output / "curves.png")
     return {"control": result}
 
@@ -69,9 +66,7 @@ def _regression(context, truth):
     """Conditions as the best polynomials of one rating predict them, fitted to the training surfaces."""
     data, training = context.data, context.data.baseline_training
     training = training.keep(np.isfinite(training.ratings).all(-1))
-    measures = _measures(
-        context, training.textures, level(training.textures), training.friction_coefficients, encoded=False
-    )
+    measures = _measures(context, training.textures, level(training.textures), training.friction_coefficients)
     targets = np.column_stack([measures[name] for name in ("level_db", "log_friction", "shape_db")])
     ratings, targets = (surface_means(values, training.surface_ids) for values in (training.ratings, targets))
     axes = {axis: {} for axis in RATING_AXES}
@@ -90,19 +85,15 @@ def _guided(context, scale, truth, judge):
     """Entry of one guidance scale; for the default one also "permuted": the same textures under wrong ratings."""
     ratings, surfaces = context.requests
     conditions = {key: _generated(context, key, scale, truth) for key in _conditions(context)}
-    independent = _generated(context, (None, None), scale, truth, purpose=6)
     generated = context.generated[scale]
     points = context.data.reference.embed(generated.textures)
     estimated = _estimate(judge, points, generated.friction_coefficients)
-    entry = compare_conditions(context, conditions, truth, independent) | {
-        "response": _matrix(estimated, ratings, surfaces),
-        "estimator": _matrix(_estimator_of_latents(context.pipe, generated), ratings, surfaces),
-    }
+    entry = compare_conditions(context, conditions, truth) | {"response": _matrix(estimated, ratings, surfaces)}
     if scale != context.default_guidance:
         return {str(scale): entry}
     shuffled = context.rng("permuted").permutation(len(ratings))
     response = _matrix(None if estimated is None else estimated[shuffled], ratings, surfaces)
-    wrong = compare_conditions(context, _permuted(context, conditions), truth, independent)
+    wrong = compare_conditions(context, _permuted(context, conditions), truth)
     return {str(scale): entry, "permuted": wrong | {"response": response}}
 
 
@@ -131,7 +122,7 @@ def _truth(context):
     return truth_of(
         PreparedDataset(data.path, "hard" if data.split == "hard" else "all"),
         [_request(key) for key in _conditions(context)],
-        lambda textures, levels, frictions: _measures(context, textures, levels, frictions),
+        partial(_measures, context),
         candidates=settings.truth_candidates,
         surfaces=settings.truth_surfaces,
         seconds=settings.truth_seconds,
@@ -141,11 +132,11 @@ def _truth(context):
     )
 
 
-def _measures(context, textures, levels, frictions, encoded=True):
+def _measures(context, textures, levels, frictions):
     """`texture_measures` of textures, without friction where the data do not know it."""
-    data, latents = context.data, latent_summary(context.encode(textures)) if encoded else None
+    data = context.data
     frictions = frictions if data.has_friction else np.full(len(textures), np.nan)
-    return texture_measures(textures, levels, frictions, data.rate, data.edges, latents)
+    return texture_measures(textures, levels, frictions, data.rate, data.edges)
 
 
 def _judge(context):
@@ -156,32 +147,13 @@ def _judge(context):
         return None, {axis: number() for axis in RATING_AXES}
     frictions = np.log(training.friction_coefficients)
     judge = Judge.fit(data.reference.points, frictions, training.ratings, training.surface_ids, context.seed)
-    known = (data.points, np.log(data.frictions), data.ratings)
-    r2, (low, high) = judge.r2(*known), judge.r2_interval(*known, data.surfaces)
+    predicted = _estimate(judge, data.points, data.frictions)
+    r2, (low, high) = jackknife(lambda mask: explained(predicted[mask], data.ratings[mask]), data.surfaces)
     return judge, {axis: number(r2[i], len(data.points), (low[i], high[i])) for i, axis in enumerate(RATING_AXES)}
 
 
 def _estimate(judge, points, frictions):
     return None if judge is None else judge.predict(points, np.log(frictions))
-
-
-def _estimator_of_textures(context):
-    """Ratings (n, 3) that the checkpoint's own estimator gives the real held-out textures; None without one."""
-    if context.pipe.rating_estimator is None:
-        return None
-    return context.pipe.estimate_ratings(context.data.real, context.data.rate, context.data.frictions)
-
-
-def _estimator_of_latents(pipe, generated):
-    """Ratings (n, 3) that the estimator gives DALE's result before decoding; None without an estimator."""
-    if pipe.rating_estimator is None:
-        return None
-    frictions = generated.friction_coefficients
-    parts = (generated.latents[:, : pipe.lctg.base_channels], generated.levels, frictions)
-    state = pipe.dale.pack(*(torch.from_numpy(np.asarray(part, dtype=np.float32)).to(pipe.device) for part in parts))
-    with torch.no_grad():
-        known = torch.isfinite(torch.from_numpy(frictions)).to(pipe.device)
-        return pipe.rating_estimator(pipe.dale.pool_state(state), known).float().cpu().numpy()
 
 
 def _matrix(estimated, requested, groups):
@@ -190,15 +162,15 @@ def _matrix(estimated, requested, groups):
     if estimated is None or len(np.unique(groups[rated])) < _FEWEST_REQUESTS:
         return [[number() for _ in range(3)] for _ in range(3)]
     estimated, requested, groups = estimated[rated], requested[rated], groups[rated]
-    slopes, (low, high) = response_matrix(estimated, requested), response_interval(estimated, requested, groups)
+    slopes, (low, high) = jackknife(lambda mask: response_matrix(estimated[mask], requested[mask]), groups)
     return [[number(slopes[i, j], len(groups), (low[i, j], high[i, j])) for j in range(3)] for i in range(3)]
 
 
-def _generated(context, key, scale, truth, purpose=3):
-    """Measures and latents of the textures of one condition; one `purpose` is one set of noises."""
+def _generated(context, key, scale, truth):
+    """Measures of the textures of one condition, from the same noise in each."""
     takes = context.settings.control_takes
-    out = context.generate(truth.draw_ratings(_request(key), takes), context.seeds(purpose, takes), scale)
-    return _measures(context, out.textures, out.levels, out.friction_coefficients), out.latents
+    out = context.generate(truth.draw_ratings(_request(key), takes), context.seeds(3, takes), scale)
+    return _measures(context, out.textures, out.levels, out.friction_coefficients)
 
 
 def _baseline(context, slug, judge, truth):
@@ -210,50 +182,36 @@ def _baseline(context, slug, judge, truth):
         textures = baseline.sample(request, context.rng(f"control {slug}"))
         # a generator in the same state: the friction that belongs to these textures
         frictions = baseline.friction_coefficients(request, context.rng(f"control {slug}"))
-        conditions[key] = _measures(context, textures, level(textures), frictions, encoded=False), None
+        conditions[key] = _measures(context, textures, level(textures), frictions)
     frictions = baseline.friction_coefficients(data.request, context.rng(slug))
     estimated = _estimate(judge, context.baseline_points[slug], frictions)
     response = _matrix(estimated, data.request.ratings, data.surfaces)
     return compare_conditions(context, conditions, truth) | {"response": response}
 
 
-def compare_conditions(context, conditions, truth, independent=None):
-    """`{"axes": {axis: {value: leaves}}}` of conditions beside real surfaces.
+def compare_conditions(context, conditions, truth):
+    """`{"axes": {axis: {value: leaves}}}` of conditions, (axis, value) -> measures, beside real surfaces, `truth`.
 
-    Args:
-        context (`Context`): with the values of the sweep.
-        conditions (`dict[tuple, tuple]`): (axis, value) -> measures and latents; (None, None) is the baseline.
-        truth (`RatedTextures`): measures of real textures.
-        independent (`tuple`, *optional*): the baseline from noise of its own, which d′ assumes.
+    (None, None) is the baseline.
     """
     axes, base = {axis: {} for axis in RATING_AXES}, conditions[None, None]
     for key in _conditions(context)[1:]:
-        entry = _against_truth(conditions[key], base, (independent or base)[0], truth, _request(key))
-        axes[key[0]][str(key[1])] = entry
+        axes[key[0]][str(key[1])] = _against_truth(conditions[key], base, truth, _request(key))
     return {"axes": axes}
 
 
-def _against_truth(condition, base, independent, truth, request):
+def _against_truth(ours, base, truth, request):
     """Leaves of one condition beside those of real surfaces with these ratings."""
-    (ours, latents), (ours_base, base_latents) = condition, base
     size, takes = truth.effective_size(request), np.arange(len(ours["level_db"]))
     # take by take from the same noise
-    changes = {name: ours[name] - ours_base[name] for name in ("level_db", "shape_db", "log_friction")}
+    changes = {name: values - base[name] for name, values in ours.items()}
     entry = against_real({name: values.mean(0) for name, values in changes.items()}, truth, request)
     for name in ("level_db", "log_friction"):
         entry[name], entry[f"{name}_change"] = leaf(ours[name]), leaf(changes[name])
         entry[f"{name}_truth"] = number(truth.mean(name, request), size, truth.interval(name, request))
-    shape, shape_base = ours["shape_db"], ours_base["shape_db"]
-    change, interval = jackknife(lambda mask: shape_change_db(shape[mask].mean(0), shape_base[mask].mean(0)), takes)
-    entry["shape_db"] = number(change, len(takes), interval)
+    shape, shape_base = ours["shape_db"], base["shape_db"]
+    entry["shape_db"] = estimate(lambda mask: shape_change_db(shape[mask].mean(0), shape_base[mask].mean(0)), takes)
     entry["rating_truth"] = number(truth.mean_rating(request)[np.isfinite(request)][0], size)
-    if latents is None:
-        return entry
-    entry["latent_shift_percent"] = leaf(latent_shift_percent(latents, base_latents))
-    ends = [(m["latent"].mean(0), m["latent"].std(0, ddof=1), len(takes)) for m in (ours, independent)]
-    entry["latent_shift_dprime"] = number(d_prime(*ends[0], *ends[1]), len(takes))
-    ends = [(truth.mean("latent", r), truth.spread("latent", r), truth.effective_size(r)) for r in (request, _NOTHING)]
-    entry["latent_shift_dprime_truth"] = number(d_prime(*ends[0], *ends[1]), ends[0][2])
     return entry
 
 

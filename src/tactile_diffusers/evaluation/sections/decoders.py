@@ -20,16 +20,11 @@ _SIGMAS = (1e-5, 1e2)
 def measure_decoders(context, measure, textures=None):
     """Rows without a part of LCTG beside those with it, from all layers and from the base layer alone.
 
-    Args:
-        context (`Context`): one checkpoint on one data set.
-        measure (`Callable`): textures (n, samples) and their embeddings (n, features) -> leaves of a row.
-        textures (`np.ndarray`, *optional*): LCTG's from all layers in `context.steps`, if they are known.
-
-    Returns:
-        `dict`: "decoders", name of a row ("lctg", "no_network", "nothing_imposed", each with "_base" where there is a
-        detail layer) -> leaves; "equal_rate", likewise, but decoded from latents with noise: that of its training for
-        LCTG, and what leaves as many bits for "no_network", which reads fewer channels; "network", layers -> leaves of
-        LCTG minus "no_network", paired on the same segments.
+    `measure` makes leaves of textures (n, samples) and their embeddings; `textures` are LCTG's from all layers in
+    `context.steps`, if known. Returns "decoders": row ("lctg", "no_network", "nothing_imposed", each with "_base" where
+    there is a detail layer) -> leaves; "equal_rate": likewise, from latents with the noise of LCTG's training, or what
+    leaves as many bits for "no_network", which reads fewer channels; "network": layers -> LCTG minus "no_network",
+    paired.
     """
     decoders, rows, noisy, network = _Decoders(context), {}, {}, {}
     embed = context.data.reference.embed

@@ -9,7 +9,7 @@ from ..metrics.copying import TrainingEnvelopes, copied_share
 from ..metrics.diversity import covered, diversity, rating_diversity
 from ..metrics.errors import out_of_band_ratio_db, rmse
 from ..metrics.statistics import estimate, leaf, number
-from ..report_figures import plot_unseen
+from .variation import measure_variation, surface_correlation
 
 #: Of precision and recall.
 NEIGHBOURS = 5
@@ -20,7 +20,7 @@ _CHUNK = 256
 
 
 def run(context):
-    """Both sections; the textures generated at each guidance scale serve both. Writes unseen.png."""
+    """Both sections; the textures generated at each guidance scale serve both."""
     data, surfaces = context.data, context.requests[1]
     rows = matching_rows(context)
     copying = Copying(context)
@@ -37,7 +37,8 @@ def run(context):
         slug: set_metrics(context, copying, textures, context.baseline_points[slug], data.surfaces)
         for slug, textures in context.baseline_textures.items()
     }
-    return {"generation": generation, "unseen_surfaces": _unseen_table(context, unseen)}
+    table = _unseen_table(context, unseen) | {"variation": measure_variation(context)}
+    return {"generation": generation, "unseen_surfaces": table}
 
 
 def matching_rows(context):
@@ -64,10 +65,7 @@ class Copying:
             return {"nearest_correlation": number(), "copied_share": number()}
         values = self._training.nearest_correlation(textures)
         share, interval = copied_share(values, groups, self._real, self._surfaces)
-        return {
-            "nearest_correlation": leaf(values, groups),
-            "copied_share": number(share, len(values), interval),
-        }
+        return {"nearest_correlation": leaf(values, groups), "copied_share": number(share, len(values), interval)}
 
 
 def set_metrics(context, copying, textures, points, groups):
@@ -87,18 +85,13 @@ def set_metrics(context, copying, textures, points, groups):
             *(groups, data.surfaces),
         )
         # for the real ones: the same of other surfaces, those of training
-        compared = _other_surfaces(context, len(points)) if real else points
-        if min(len(compared), len(data.points)) > NEIGHBOURS + max(np.unique(groups, return_counts=True)[1]):
-            both = {"precision": lambda a, b: covered(compared[a], data.points[b], NEIGHBOURS)}
-            both["recall"] = lambda a, b: covered(data.points[b], compared[a], NEIGHBOURS)
-            leaves |= {name: estimate(share, groups, data.surfaces, limits=(0, 1)) for name, share in both.items()}
+        others = context.rng("other surfaces").permutation(data.reference.points)[: len(points)] if real else points
+        owners = groups[: len(others)]  # training may be smaller
+        if min(len(others), len(data.points)) > NEIGHBOURS + max(np.unique(groups, return_counts=True)[1]):
+            both = {"precision": lambda a, b: covered(others[a], data.points[b], NEIGHBOURS)}
+            both["recall"] = lambda a, b: covered(data.points[b], others[a], NEIGHBOURS)
+            leaves |= {name: estimate(share, owners, data.surfaces, limits=(0, 1)) for name, share in both.items()}
     return leaves | copying.leaves(textures, groups)
-
-
-def _other_surfaces(context, count):
-    """Embeddings of so many textures of training surfaces."""
-    points = context.data.reference.points
-    return points[context.rng("other surfaces").permutation(len(points))[:count]]
 
 
 def _protocol_rmse(context, scale):
@@ -122,15 +115,10 @@ def _rating_diversity(context, textures):
     return number(value, len(textures), interval)
 
 
-def mean_spectra(data, textures, groups):
-    """Mean band levels of the held-out surfaces, real and generated: (surfaces, 9) dB each."""
-    bands = band_levels_db(textures, data.rate, data.edges)
-    return surface_means(data.bands, data.surfaces), surface_means(bands, groups)
-
-
 def unseen_errors(data, textures, groups):
     """Error of each held-out surface's mean spectrum: mean over the nine bands, dB, (surfaces,)."""
-    real, generated = mean_spectra(data, textures, groups)
+    bands = band_levels_db(textures, data.rate, data.edges)
+    real, generated = surface_means(data.bands, data.surfaces), surface_means(bands, groups)
     return np.abs(generated - real).mean(-1)
 
 
@@ -142,18 +130,9 @@ def unseen_metrics(data, textures, groups, levels, frictions=None):
     frictions = np.full(len(groups), np.nan) if frictions is None else frictions
     return {
         "nine_band_db": leaf(unseen_errors(data, textures, groups)),
-        "level_r": _correlation(data, levels, groups, data.dataset.levels[data.rows]),
-        "log_friction_r": _correlation(data, np.log(frictions), groups, np.log(data.frictions)),
+        "level_r": surface_correlation(levels, groups, data.dataset.levels[data.rows], data.surfaces),
+        "log_friction_r": surface_correlation(np.log(frictions), groups, np.log(data.frictions), data.surfaces),
     }
-
-
-def _correlation(data, values, groups, real):
-    """Leaf: Pearson correlation over surfaces of the means of generated and real values."""
-    both = np.stack([surface_means(np.asarray(values), groups), surface_means(real, data.surfaces)])
-    if not np.isfinite(both).all() or both.shape[1] < 4 or both.std(1).min() < 1e-9:
-        return number()
-    surfaces = np.arange(both.shape[1])
-    return estimate(lambda mask: np.corrcoef(both[:, mask])[0, 1], surfaces)
 
 
 def _unseen_table(context, by_guidance):
@@ -161,7 +140,6 @@ def _unseen_table(context, by_guidance):
     data, (ratings, surfaces) = context.data, context.requests
     generated = context.generated[context.default_guidance]
     entries = {"model": by_guidance[str(context.default_guidance)]}
-    shown = {"model": mean_spectra(data, generated.textures, surfaces)}
     over_model, ours = {"model": number()}, unseen_errors(data, generated.textures, surfaces)
     for slug, baseline in context.baselines.items():
         textures, groups, request = context.baseline_textures[slug], data.surfaces, data.request
@@ -178,9 +156,6 @@ def _unseen_table(context, by_guidance):
             frictions = baseline.friction_coefficients(request, context.rng(f"{slug} unseen"))
         entries[slug] = unseen_metrics(data, textures, groups, level(textures), frictions)
         over_model[slug] = leaf(unseen_errors(data, textures, groups) - ours)
-        if slug in ("knn_blend", "ridge", "mean_spectrum"):
-            shown[slug] = mean_spectra(data, textures, groups)
-    plot_unseen(shown, context.output / "unseen.png")
     table = {name: {slug: leaves[name] for slug, leaves in entries.items()} for name in UNSEEN}
     # the same textures as if they had been requested with another surface's ratings
     names, place = np.unique(surfaces, return_inverse=True)

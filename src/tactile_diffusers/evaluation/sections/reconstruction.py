@@ -9,8 +9,8 @@ from ...signal import nine_band_error_db, rms
 from ..baselines import SLUGS
 from ..metrics import errors
 from ..metrics.errors import SIGNED_BANDS_HZ, power_difference, signed_band_error_db, signed_band_key
-from ..metrics.statistics import jackknife, leaf, number
-from ..report_figures import plot_overlays, plot_steps
+from ..metrics.statistics import estimate, leaf, number
+from ..report_figures import plot_overlays
 from ..sampling import reconstruct
 from .context import pipeline_latent_rate
 from .decoders import measure_decoders
@@ -36,7 +36,7 @@ class Anchor:
 
 
 def run(context):
-    """The section: `{"reconstruction": ...}`; writes steps.png and overlays.png."""
+    """The section: `{"reconstruction": ...}`; writes overlays.png."""
     steps, counts, data, known = {}, context.settings.steps, context.data, None
     shown = context.steps if context.steps in counts else counts[-1]
     for count in counts:
@@ -52,20 +52,19 @@ def run(context):
     result = {
         "steps": steps,
         "steps_within_5_percent": number(fewest_steps(steps), len(data.real)),
-        "kilobits_per_second": bit_rate(*context.latent_rate),
+        "kilobits_per_second": number(np.prod(context.latent_rate) / 1000),
         "baselines": baselines,
         **measure_decoders(context, lambda *made: pair_metrics(data, *made), known),
         "different_surface": pair_metrics(data, _different_surface(context)),
         "real": {**data.distances, "rms_n": leaf(rms(data.real), data.surfaces)},
     }
-    plot_steps(result, context.output / "steps.png")
     return {"reconstruction": result}
 
 
 def measure_anchor(context, pipe):
     """Leaves of an anchor's pipeline: `{"steps": {steps: metrics}, "kilobits_per_second": leaf}`."""
     steps = {str(count): step_leaves(context, pipe, count)[0] for count in context.settings.anchor_steps}
-    return {"steps": steps, "kilobits_per_second": bit_rate(*pipeline_latent_rate(pipe, context.data))}
+    return {"steps": steps, "kilobits_per_second": number(np.prod(pipeline_latent_rate(pipe, context.data)) / 1000)}
 
 
 def step_leaves(context, pipe, count):
@@ -87,11 +86,6 @@ def fewest_steps(steps):
     return min((n for n, error in errors.items() if error <= NEAR_BEST * min(errors.values())), default=None)
 
 
-def bit_rate(numbers_per_second, bits):
-    """Leaf of the rate of latents, kbit/s; level and friction, one number a segment each, are left out."""
-    return number(numbers_per_second * bits / 1000)
-
-
 def _different_surface(context):
     """(n, samples) for each held-out segment one of another surface."""
     data, rng, rows = context.data, context.rng("different"), np.arange(len(context.data.surfaces))
@@ -108,16 +102,13 @@ def power_percent(textures, real, surfaces):
         "power_bias_percent": lambda mask: 100 * abs(difference[mask].mean()) / power[mask].mean(),
         "power_difference_percent": lambda mask: 100 * np.abs(difference[mask]).mean() / power[mask].mean(),
     }
-    found = {name: jackknife(statistic, surfaces) for name, statistic in statistics.items()}
-    # these percentages are never negative, nor are their intervals
-    return {name: number(value, len(real), np.maximum(interval, 0)) for name, (value, interval) in found.items()}
+    return {name: estimate(statistic, surfaces, limits=(0, np.inf)) for name, statistic in statistics.items()}
 
 
 def pair_metrics(data, textures, points=None):
-    """Leaves of every metric of textures (n, samples), one for each held-out segment, and as a set.
+    """Leaves of every metric of textures (n, samples), one for each held-out segment; `points` are their embeddings.
 
     Waveform metrics are left out where the unit is not newtons: the sign of such recordings need not be measured.
-    `points` (n, features) are the textures' embeddings, if they are known.
     """
     real, rate, surfaces, band = data.real, data.rate, data.surfaces, data.dataset.band
     values = dict.fromkeys(METRICS)

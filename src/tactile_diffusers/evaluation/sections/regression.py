@@ -1,12 +1,13 @@
 """Section "regression": how well a function of the ratings predicts the mean spectrum of an unseen surface.
 
-Ratings do not determine a surface. Polynomials of the ratings are fitted to the mean band levels of surfaces; the error
-of the best one is what no generator can be expected to beat.
+Ratings do not determine a surface: the error of the best polynomial is what no generator can be expected to beat.
 """
 
-import itertools
-
 import numpy as np
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import PredefinedSplit, cross_val_predict
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures
 
 from ...data import PreparedDataset
 from ...signal import RATING_AXES, band_levels_db
@@ -66,42 +67,10 @@ def _fitted(data, ours, bands, ratings, surface_ids):
 def best_polynomial(points, targets, seed):
     """The polynomial with the least cross-validated error: a function of (n, ratings) -> (n, targets), and its degree.
 
-    Args:
-        points, targets (`np.ndarray`): (surfaces, ratings) z-scores and (surfaces, targets), means over segments.
-        seed (`int`): of the folds.
+    `points` (surfaces, ratings) z-scores and `targets` (surfaces, targets) are means over segments.
     """
-    fold = np.random.default_rng(seed).permutation(len(points)) % FOLDS
-    errors = [_cross_validated(points, targets, degree, fold) for degree in DEGREES]
+    folds = PredefinedSplit(np.random.default_rng(seed).permutation(len(points)) % FOLDS)
+    models = {n: make_pipeline(PolynomialFeatures(n, include_bias=False), Ridge(PENALTY)) for n in DEGREES}
+    errors = [np.abs(cross_val_predict(model, points, targets, cv=folds) - targets).mean() for model in models.values()]
     degree = DEGREES[int(np.argmin(errors))]
-    fitted = _fit(points, targets, degree)
-    return lambda ratings: _predict(fitted, ratings, degree), degree
-
-
-def _terms(ratings, degree):
-    """All products of up to `degree` ratings: (n, terms)."""
-    columns = [np.ones(len(ratings))]
-    for order in range(1, degree + 1):
-        for axes in itertools.combinations_with_replacement(range(ratings.shape[1]), order):
-            columns.append(ratings[:, axes].prod(1))
-    return np.stack(columns, 1)
-
-
-def _fit(ratings, targets, degree):
-    terms = _terms(ratings, degree)
-    centre = targets.mean(0)
-    gram = terms.T @ terms + PENALTY * np.eye(terms.shape[1])
-    return np.linalg.solve(gram, terms.T @ (targets - centre)), centre
-
-
-def _predict(fitted, ratings, degree):
-    coefficients, centre = fitted
-    return _terms(ratings, degree) @ coefficients + centre
-
-
-def _cross_validated(ratings, targets, degree, fold):
-    errors = []
-    for held in range(FOLDS):
-        inside, outside = fold != held, fold == held
-        predicted = _predict(_fit(ratings[inside], targets[inside], degree), ratings[outside], degree)
-        errors.append(np.abs(predicted - targets[outside]).mean())
-    return float(np.mean(errors))
+    return models[degree].fit(points, targets).predict, degree

@@ -7,7 +7,7 @@ from ...signal import RATING_AXES, level, power_spectral_density
 from ..baselines import BaselineRequest
 from ..metrics.errors import DB_PER_NEPER
 from ..metrics.rating_effects import reversal
-from ..metrics.statistics import jackknife, leaf, number
+from ..metrics.statistics import estimate, leaf, number
 
 #: Ratings of the curves: nearly all surfaces of training lie within ±2.
 RATINGS = (-LARGEST_RATING, -4.0, -3.0, -2.5, -2.0, -1.0, 0.0, 1.0, 2.0, 2.5, 3.0, 4.0, LARGEST_RATING)
@@ -24,11 +24,8 @@ def response_curves(context, estimate):
     """`{"model": curves, "knn_blend": curves}`; the same noise at every rating of the model.
 
     Curves are `{axis: {"values": {rating: leaves}, "reversal": leaves}}`, of the measures "level_db", "centroid_hz",
-    "log_friction" and "estimate", the judge's of the axis itself. "reversal" is `reversal` of each.
-
-    Args:
-        context (`Context`): what is evaluated.
-        estimate (`callable`): (embeddings (n, 53), friction coefficients (n,)) -> ratings (n, 3), or None.
+    "log_friction" and "estimate", the judge's of the axis itself; "reversal" is `reversal` of each. `estimate` makes
+    ratings (n, 3), or None, of embeddings (n, features) and friction coefficients (n,).
     """
     takes, sources = context.settings.response_takes, {"model": _generated, "knn_blend": _blended}
     return {
@@ -72,9 +69,8 @@ def reversal_leaf(measured):
     """Leaf of the `reversal` of the mean of (13, takes) measures at `RATINGS`; empty where they are unknown."""
     if not np.isfinite(measured).all():
         return number()
-    takes = measured.shape[1]
-    value, interval = jackknife(lambda mask: reversal(RATINGS, measured[:, mask].mean(1)), np.arange(takes))
-    return number(value, takes, interval)
+    takes = np.arange(measured.shape[1])
+    return estimate(lambda mask: reversal(RATINGS, measured[:, mask].mean(1)), takes)
 
 
 def centroid_hz(textures, sampling_rate):

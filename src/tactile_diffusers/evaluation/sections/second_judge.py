@@ -1,5 +1,6 @@
 """Section "second_judge": how often takes are told from real takes of the same surface, and by which features."""
 
+from collections import Counter
 from functools import cached_property, partial
 
 import numpy as np
@@ -30,35 +31,59 @@ def run(context):
     """The section: `{"second_judge": ...}`, None with too few surfaces; writes second_judge.png.
 
     "rows": row -> feature set -> kind -> leaves "all", "eventful" (the quarter of surfaces with the most events) and
-    "over_chance" (paired with another real take), shares of right answers over surfaces; and "features", a list of
-    name, contribution to the log odds, difference from real takes in standard deviations, and the ratio of these.
+    "over_chance" (paired with another real take), shares of right answers over surfaces; and "features" with their
+    contribution to the log odds, difference from real takes in standard deviations, and ratio of spreads. "network":
+    layers -> feature set -> kind -> LCTG's share minus that of no network. "left_out": surfaces with a take that is
+    silent or equal to one of another surface.
     """
-    takes, chance, rows = _Takes(context), {}, {}
+    takes, rows, shares = _Takes(context), {}, {}
     if len(takes.surfaces) < FOLDS:
         return {"second_judge": None}
     for name, make in _rows(context, takes).items():  # another real take comes first
         textures = make()
-        rows[name] = {features: takes.judge(features, textures, chance) for features in FEATURES}
+        rows[name], shares[name] = {features: {} for features in FEATURES}, {}
+        for features, kind, leaves, shares[name][features, kind] in takes.judge(textures):
+            over = shares[name][features, kind] - shares["other_take"][features, kind]
+            rows[name][features][kind] = leaves | {"over_chance": _share(over, least=-1)}
+    network = {
+        layers: {
+            features: {
+                kind: _share(shares["lctg" + end][features, kind] - shares["no_network" + end][features, kind], -1)
+                for kind in KINDS
+            }
+            for features in FEATURES
+        }
+        for layers, end in (("all_layers", ""), ("base_layer", "_base"))
+        if "lctg" + end in rows
+    }
     plot_told_apart(rows, context.output / "second_judge.png")
-    return {"second_judge": {"surfaces": len(takes.surfaces), "takes": takes.number, "rows": rows}}
+    facts = {"surfaces": len(takes.surfaces), "left_out": takes.left_out, "takes": takes.number}
+    return {"second_judge": facts | {"rows": rows, "network": network}}
 
 
 class _Takes:
     """Real takes of the held-out surfaces, and what judges make of others in their place.
 
     Takes play three parts: the surface's, the real one, and the one in whose place another is put. They are dealt anew,
-    for each surface, in as many rounds as there are takes, and results are averaged: one round alone moves the share
-    for another real take by 0.04 (standard deviation, 60 surfaces).
+    for each surface, in as many rounds as there are takes: one round alone moves the share at chance by 0.04 (60
+    surfaces).
     """
 
     def __init__(self, context):
         self.data, self.seed, self.number = context.data, context.seed, context.settings.judge_takes
-        needed, ids, rng = _PARTS * self.number, self.data.dataset.surface_ids, context.rng("second judge")
-        rows = rng.permutation(self.data.dataset.non_overlapping(needed, context.seed))
+        needed, dataset, rng = _PARTS * self.number, self.data.dataset, context.rng("second judge")
+        rows, ids = rng.permutation(self.data.unseen_rows(needed)), dataset.surface_ids
         own = {surface: rows[ids[rows] == surface] for surface in np.unique(ids[rows])}
         own = {surface: found for surface, found in own.items() if len(found) == needed}
-        self.surfaces, self.each, self.rows = np.array(list(own)), needed, list(own.values())
-        self.rounds = [rng.permuted(np.tile(np.arange(needed), (len(own), 1)), axis=1) for _ in range(needed)]
+        # a judge refuses takes that it was fitted on, under whatever name: such surfaces are no two surfaces
+        takes = {
+            surface: [take.tobytes() * bool(take.any()) for take in dataset.textures(r)] for surface, r in own.items()
+        }
+        owners = Counter(take for found in takes.values() for take in set(found))
+        kept = [s for s, found in takes.items() if all(take and owners[take] == 1 for take in found)]
+        self.left_out = len(own) - len(kept)
+        self.surfaces, self.each, self.rows = np.array(kept, int), needed, [own[surface] for surface in kept]
+        self.rounds = [rng.permuted(np.tile(np.arange(needed), (len(kept), 1)), axis=1) for _ in range(needed)]
 
     @cached_property
     def textures(self):
@@ -73,30 +98,26 @@ class _Takes:
     def _features(self, name, textures):
         return FEATURES[name][0](textures, self.data.rate).reshape(len(self.surfaces), self.each, -1)
 
-    def judge(self, name, textures, chance):
-        """Leaves of textures in the place of the real ones, by kind of judge; shares at chance are kept in `chance`."""
-        real, (_, names, least), leaves = self.real[name], FEATURES[name], {}
-        fake = self._features(name, textures)
-        difference = (fake.mean(1) - real.mean(1)) / np.maximum(real.std((0, 1)), least)
-        ratio = np.maximum(fake.std((0, 1)), least) / np.maximum(real.std((0, 1)), least)
+    def judge(self, textures):
+        """Textures in the place of the real ones: yields feature set, kind, leaves, shares (rounds, surfaces)."""
         events = self.real["signal"][..., FEATURE_NAMES.index("event_rate")].mean(1)
-        for kind in KINDS:
-            told = [self._told(real, fake, np.split(order, _PARTS, 1), least, kind) for order in self.rounds]
-            shares, contributions = (np.array(part) for part in zip(*told, strict=True))
-            contributions = contributions.mean(0)
-            leaves[kind] = {
-                "all": _share(shares),
-                "eventful": _share(shares[:, events >= np.quantile(events, 0.75)]),
-                "over_chance": _share(shares - chance.setdefault((name, kind), shares), least=-1),
-                "features": [
+        for name, (_, names, least) in FEATURES.items():
+            real, fake = self.real[name], self._features(name, textures)
+            spread = np.maximum(real.std((0, 1)), least)
+            difference, ratio = (fake.mean(1) - real.mean(1)) / spread, np.maximum(fake.std((0, 1)), least) / spread
+            for kind in KINDS:
+                told = [self._told(real, fake, np.split(order, _PARTS, 1), least, kind) for order in self.rounds]
+                shares, added = (np.array(part) for part in zip(*told, strict=True))
+                added = added.mean(0)  # over rounds: (surfaces, features)
+                features = [
                     {
-                        **{"name": names[k], "contribution": leaf(contributions[:, k])},
+                        **{"name": names[k], "contribution": leaf(added[:, k])},
                         **{"difference": leaf(difference[:, k]), "spread_ratio": number(ratio[k])},
                     }
-                    for k in np.argsort(-contributions.mean(0))[:NAMED]
-                ],
-            }
-        return leaves
+                    for k in np.argsort(-added.mean(0))[:NAMED]
+                ]
+                eventful = _share(shares[:, events >= np.quantile(events, 0.75)])
+                yield name, kind, {"all": _share(shares), "eventful": eventful, "features": features}, shares
 
     def _told(self, real, fake, parts, least, kind):
         surface, own, place = (
