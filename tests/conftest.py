@@ -52,21 +52,25 @@ LCTG = {
     "segment_samples": 512,
     "detail_channels": 0,
     "level_bands": 0,
+    "envelope_channels": 0,
 }
 DALE = {
     "in_channels": 6,
     "latent_frames": 32,
     "widths": [32, 32],
     "embedding_dim": 16,
-    "cross_attention_dim": 16,
+    "rating_dim": 16,
+    "cross_attention": True,
     "latent_mean": [0.1, -0.1, 0.2, 0.0],
     "latent_std": [0.5, 0.4, 0.3, 0.6],
     "level_channels": 0,
+    "envelope_channels": 0,
     "patch_size": 1,
 }
 EXTRACTOR = {
     "num_filters": 24,
     "level_bands": 0,
+    "envelope_samples": 0,
     "detail_samples": 0,
     "hop_length": 8,
     "window_lengths": [64, 256],

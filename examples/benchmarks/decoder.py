@@ -53,7 +53,7 @@ def main(argv=None):
             rows[f"{name}, {steps} step{'s' * (steps > 1)}"] = given.measure(one, steps, arguments.seed)
     text = (
         f"{title('Few steps', 4)}{len(given.real)} segments of {len(set(given.surfaces))} test surfaces of "
-        f"`{arguments.data.name}`, one each; KTD over that of real segments. Reconstructed: with the detail layer; "
+        f"`{arguments.data.name}`, one each. Reconstructed: with the detail layer; "
         "from the base layer: decoded from what DALE would generate alone; generated: from ratings, DALE in its "
         f"default steps.\n\n{markdown_table(rows, 2)}\n"
     )
@@ -106,7 +106,7 @@ class _Given:
         }
 
     def measure(self, pipe, steps, seed):
-        """Nine-band error, dB, and KTD of each kind of texture."""
+        """Nine-band error, dB, and KTD over that of real segments, of each kind of texture."""
         row = {}
         for name, (latents, level) in self.latents.items():
             parts = []
@@ -119,7 +119,7 @@ class _Given:
             if name != "generated":
                 row[f"{name}: nine-band error, dB"] = float(nine_band_error_db(textures, self.real, self.rate).mean())
             distance = self.reference.distances(self.reference.embed(textures), self.surfaces)["ktd"]["mean"]
-            row[f"{name}: KTD"] = distance - self.floor
+            row[f"{name}: KTD over real"] = distance - self.floor
         return row
 
 

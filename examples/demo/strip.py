@@ -34,7 +34,7 @@ def strip_page(texture):
     Returns:
         `str`: the page.
     """
-    profile = TextureProfile(texture.samples[:SEGMENT_SAMPLES], texture.sampling_rate, _speed(texture))
+    profile = TextureProfile(texture.samples[:SEGMENT_SAMPLES], texture.sampling_rate, _speed(texture), separate=False)
     samples = profile.period().astype("<f4")
     known = math.isfinite(texture.friction_coefficient)
     data = {

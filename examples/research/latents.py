@@ -1,7 +1,7 @@
 """`python latents.py`: are the latents near-Gaussian, smooth in time, and do blends of two surfaces make sense?
 
-Layers, as far as the checkpoint has them: DALE generates "levels" (of bands, measured) and "base"
-(learned, bounded by 1); "detail" (the low end of the waveform, measured) only reconstructs.
+Layers, as far as the checkpoint has them: DALE generates "levels" (of bands, measured), "envelope" (fast,
+measured) and "base" (learned, bounded by 1); "detail" (the low end of the waveform, measured) only reconstructs.
 All measures are recipes of ours; the participation ratio is (sum of eigenvalues)^2 / sum of their squares.
 """
 
@@ -86,8 +86,9 @@ def study(context):
 
 def layers_of(lctg):
     """Channels of each layer of the latents that a model has: name -> slice."""
-    ends = (0, lctg.level_channels, lctg.base_channels, lctg.config.latent_channels)
-    layers = {name: slice(*pair) for name, pair in zip(("levels", "base", "detail"), pairwise(ends), strict=True)}
+    ends = (0, lctg.level_channels, lctg.passed_channels, lctg.base_channels, lctg.config.latent_channels)
+    names = ("levels", "envelope", "base", "detail")
+    layers = {name: slice(*pair) for name, pair in zip(names, pairwise(ends), strict=True)}
     return {name: rows for name, rows in layers.items() if rows.stop > rows.start}
 
 

@@ -222,7 +222,7 @@ def _decode(pipe, made, make_velocity, steps, seed):
     velocity = make_velocity(pipe.lctg, latents, scheduler.timesteps)
     for step, t in enumerate(scheduler.timesteps):
         state = scheduler.step(velocity(state, step), t, state, return_dict=False)[0]
-    return pipe.feature_extractor.denormalize(state[:, 0], made.level, band_levels=pipe.lctg.band_levels(latents))
+    return pipe.feature_extractor.denormalize(state[:, 0], made.level, **pipe.lctg.restored(latents))
 
 
 def long_stretches(dataset, seconds, count):

@@ -38,7 +38,7 @@ AXES = ("roughness", "bumpiness", "slipperiness")
 MEASURES = {"level": "dB", "centroid": "octaves", "friction": "log", "kurtosis": "log"}
 SLIDER = (-1.5, -0.75, 0.0, 0.75, 1.5)
 #: A DALE of a tenth of the bundled one's size.
-SMALL = {"widths": (64, 64, 64), "embedding_dim": 96, "cross_attention_dim": 64}
+SMALL = {"widths": (64, 64, 64), "embedding_dim": 96, "rating_dim": 64}
 
 
 @dataclass(frozen=True)

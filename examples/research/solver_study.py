@@ -170,8 +170,8 @@ class TrainedStage:
 
     def textures(self, x, samples):
         """Textures in N of LCTG's results."""
-        levels = self.pipe.lctg.band_levels(self.made.latents)
-        return self.pipe.feature_extractor.denormalize(x[:, 0].float(), self.made.level, samples, levels)
+        restored = self.pipe.lctg.restored(self.made.latents)
+        return self.pipe.feature_extractor.denormalize(x[:, 0].float(), self.made.level, samples, **restored)
 
 
 def schedulers(order_2_spacings=("uniform", "both_ends")):

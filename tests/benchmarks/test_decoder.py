@@ -3,6 +3,7 @@
 import json
 
 import decoder
+import numpy as np
 import pytest
 
 from tactile_diffusers import LCTGModel, VDDIMScheduler
@@ -21,7 +22,7 @@ def test_measures_every_number_of_steps(checkpoint, prepared, tmp_path, capsys):
     # the same weights, and the first order of the checkpoint's own sampler
     assert errors["two, 2 steps"] == pytest.approx(errors["as trained, 2 steps"], rel=1e-4)
     assert errors["as trained, 1 step"] != pytest.approx(errors["as trained, 2 steps"], rel=1e-4)
-    assert all(row["generated: KTD"] == row["generated: KTD"] for row in rows.values())
+    assert all(np.isfinite(row["generated: KTD over real"]) for row in rows.values())
     with pytest.raises(SystemExit):
         decoder.main([*words, "--decoders", "two"])
     assert "--decoders: must be NAME=FOLDER" in capsys.readouterr().err

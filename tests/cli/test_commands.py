@@ -18,7 +18,7 @@ def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, cap
     # random weights know nothing of the surfaces: far from real textures in every respect
     assert report["reconstruction"]["steps"]["1"]["nine_band_db"]["mean"] > 3
     assert report["reconstruction"]["steps"]["1"]["ftd"]["mean"] is None
-    assert (out / "steps.png").stat().st_size > 5000
+    assert (out / "overlays.png").stat().st_size > 5000
     assert (out / "report.md").read_text() in capsys.readouterr().out + "\n"
     assert list(report["anchors"]) == ["pipeline"] and list(report["anchors"]["pipeline"]["steps"]) == ["5", "10", "25"]
 

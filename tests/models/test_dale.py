@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from tactile_diffusers.models.dale import latent_statistics
+from tactile_diffusers.models.dale_state import latent_statistics
 from tactile_diffusers.models.embeddings import RatingEmbedder, TimestepEmbedder, sinusoidal_embedding
 
 
@@ -89,7 +89,7 @@ def test_ratings_of_another_width_are_refused(dale):
 
 
 def test_pack_and_unpack_are_inverse(dale):
-    latents = _normal(4, 4, 32).tanh()
+    latents = 0.99 * _normal(4, 4, 32).tanh()
     level = torch.tensor([-6.0, -5.0, -4.2, -3.0])
     friction = torch.tensor([0.1, 0.5, 1.0, 2.5])
     state = dale.pack(latents, level, friction)
@@ -124,10 +124,12 @@ def test_friction_that_training_never_knew_stays_unknown(make_dale):
 @pytest.mark.parametrize(
     ("config", "message"),
     [
-        ({"in_channels": 2, "latent_mean": None, "latent_std": None}, "`in_channels` must exceed 2"),
+        ({"in_channels": 2, "latent_mean": None, "latent_std": None}, "`in_channels` must hold 2 scalars .*, got 2"),
         ({"latent_mean": [0.0]}, "`latent_mean` must hold 4 numbers, got 1"),
-        ({"level_channels": 3}, "`in_channels` must exceed 2 .* twice `level_channels`"),
-        ({"level_channels": 1}, "`latent_mean` must hold 3 numbers, got 4"),
+        ({"level_channels": 3}, r"`in_channels` must hold 6 scalars and the 3 \+ 0 `level_channels` .*, got 6"),
+        ({"level_channels": 1}, "`latent_mean` must hold 2 numbers, got 4"),
+        ({"envelope_channels": 1}, "`in_channels` must hold 9 scalars and the 0 \\+ 1 `level_channels` .*, got 6"),
+        ({"size_mean": [0.0]}, "`size_mean` must hold 0 numbers, got 1"),
         ({"departure_std": [1.0]}, "`departure_std` must hold 0 numbers, got 1"),
         ({"patch_size": 3}, r"`latent_frames` \(32\) must be a multiple of `patch_size`, got 3"),
         ({"latent_std": [1.0] * 5}, "`latent_std` must hold 4 numbers"),
@@ -144,27 +146,37 @@ def test_configs_that_cannot_be_built_are_refused(make_dale, config, message):
 # --- band levels: one number a patch, and their means over the texture
 
 
+LAYERS = {"in_channels": 20, "level_channels": 3, "envelope_channels": 2, "patch_size": 4}
+
+
 @pytest.fixture
 def layered(make_dale):
-    """Three band levels and two learned channels: 2 + 3 + 3 + 2 channels of state, in patches of four frames."""
+    """Three band levels, two values of the envelope and two learned channels: 4 + 3 + 13 channels of state."""
     statistics = {"latent_mean": [0.5, -0.2, 0.1, 0.3, -0.1], "latent_std": [2.0, 0.7, 0.4, 0.5, 0.6]}
-    return make_dale(in_channels=10, level_channels=3, patch_size=4, departure_std=[0.4, 0.2, 0.1], **statistics)
+    sizes = {"size_mean": [-0.2, -0.1, *[-1.5] * 6], "size_std": [0.3, 0.1, *[0.4] * 6]}
+    return make_dale(**LAYERS, **statistics, **sizes, departure_std=[0.4, 0.2, 0.1])
 
 
 def _smooth(count, seed=0):
-    """(count, 5, 32) latents whose first three channels are straight lines: what patches can hold."""
-    latents = _normal(count, 5, 32, seed=seed)
+    """(count, 7, 32) latents whose first three channels are straight lines: what patches can hold."""
+    latents = 0.4 * _normal(count, 7, 32, seed=seed) - 0.1
     slopes, means = _normal(count, 3, 1, seed=seed + 1), _normal(count, 3, 1, seed=seed + 2)
+    latents[:, 5:] = 0.99 * latents[:, 5:].tanh()
     latents[:, :3] = means + 0.05 * slopes * (torch.arange(32) - 15.5)
     return latents
 
 
-def test_band_levels_survive_packing(layered):
+def test_band_levels_and_the_envelope_survive_packing(layered):
     latents, level, friction = _smooth(4), torch.tensor([-6.0, -5.0, -4.2, -3.0]), torch.tensor([0.1, 0.5, 1.0, 2.5])
     state = layered.pack(latents, level, friction)
-    assert state.shape == (4, 10, 32) and layered.latent_channels == 5 and layered.num_scalars == 5
+    assert state.shape == (4, 20, 32) and layered.latent_channels == 7 and layered.num_scalars == 13
     made = layered.unpack(state)
-    torch.testing.assert_close(made[0][:, 3:], latents[:, 3:], rtol=0, atol=1e-5)
+    torch.testing.assert_close(made[0][:, 5:], latents[:, 5:], rtol=0, atol=1e-5)
+    # the envelope in its order, its 64 values between quantiles straight over normal scores: ends reach too far
+    torch.testing.assert_close(made[0][:, 3:5], latents[:, 3:5], rtol=0, atol=0.6)
+    for row in range(4):
+        pair = torch.stack([values[row, 3:5].flatten() for values in (made[0], latents)])
+        assert torch.corrcoef(pair)[0, 1] > 0.99
     # a line that rises by up to 0.15 a frame is one again, but for the waviness of torch's cubic and flat ends
     torch.testing.assert_close(made[0][:, :3, 2:-2], latents[:, :3, 2:-2], rtol=0, atol=0.05)
     torch.testing.assert_close(made[0][:, :3].mean(-1), latents[:, :3].mean(-1), rtol=0, atol=1e-5)
@@ -172,35 +184,57 @@ def test_band_levels_survive_packing(layered):
         torch.testing.assert_close(value, expected, rtol=1e-5, atol=1e-5)
 
 
+def test_the_envelope_has_the_quantiles_that_are_asked_for_in_the_order_that_was_generated(layered):
+    latents = _normal(3, 7, 4000)
+    latents[:, 3:5] = (0.5 * latents[:, 3:5]).exp() * torch.tensor([0.1, 0.5, 1.0])[:, None, None]  # skewed
+    state = layered.pack(latents, torch.zeros(3), torch.ones(3))
+    field, scalars = layered.split_scalars(state)
+    order = _normal(*field.shape, seed=1)
+    envelope = layered.unpack(layered.append_scalars(order, scalars))[0][:, 3:5].flatten(1)
+    shares = torch.tensor([0.1, 0.5, 0.9, 0.99])
+    # 8000 values; the log-normal is bent between quantiles, by up to a tenth of its spread
+    wanted = latents[:, 3:5].flatten(1)
+    error = (envelope.quantile(shares, 1) - wanted.quantile(shares, 1)) / wanted.std(1)
+    assert error.abs().max() < 0.15
+    assert torch.equal(envelope.argsort(1), order[:, :2].flatten(1).argsort(1))
+
+
+def test_a_texture_that_does_not_vary_is_packed(layered):
+    latents = torch.zeros(1, 7, 32)
+    made = layered.unpack(layered.pack(latents, torch.tensor([-5.0]), torch.tensor([0.5])))[0]
+    assert made.isfinite().all() and made[:, :5].abs().max() < 0.01
+
+
 def test_statistics_bring_every_value_to_unit_variance(make_dale):
-    latents = _normal(4000, 5, 32) * 0.5
-    mixed = _normal(3, 3, seed=3)
-    latents[:, :3] = mixed @ (_normal(4000, 3, 1, seed=4) + 0.3 * _normal(4000, 3, 32, seed=5)) + 1.0
-    model = make_dale(in_channels=10, level_channels=3, patch_size=4, **latent_statistics(latents, 3, 4))
+    latents = _normal(4000, 7, 32) * 0.5
+    mixed, depths = _normal(3, 3, seed=3), torch.exp(0.3 * _normal(4000, 2, 1, seed=9))
+    latents[:, :3] = mixed @ (_normal(4000, 3, 1, seed=4) + 0.3 * depths[:, :1] * _normal(4000, 3, 32, seed=5)) + 1.0
+    latents[:, 3:5] = latents[:, 3:5] * depths[:, 1:] - 0.2 * depths[:, 1:]
+    model = make_dale(**LAYERS, **latent_statistics(latents, 3, 2, 4))
     level, friction = -5 + 0.6 * _normal(4000, seed=6), torch.exp(-0.4 + 0.4 * _normal(4000, seed=7))
     numbers = model.pool_state(model.pack(latents, level, friction))
-    assert numbers.shape == (4000, 2 * 4 + 3 + 5, 8) and sum(model.channel_groups) == 16
+    assert numbers.shape == (4000, 4 * 4 + 3 + 13, 8) and sum(model.channel_groups) == 32
     # 4000 textures: the standard error of a deviation is 1.1 %
-    torch.testing.assert_close(numbers.std((0, 2)), torch.ones(16), rtol=0, atol=0.06)
-    torch.testing.assert_close(numbers.mean((0, 2)), torch.zeros(16), rtol=0, atol=0.06)
-    noise = model.pool_state(_normal(4000, 10, 32, seed=8))
-    torch.testing.assert_close(noise.std((0, 2)), torch.ones(16), rtol=0, atol=0.06)
+    torch.testing.assert_close(numbers.std((0, 2)), torch.ones(32), rtol=0, atol=0.06)
+    torch.testing.assert_close(numbers.mean((0, 2)), torch.zeros(32), rtol=0, atol=0.06)
+    noise = model.pool_state(_normal(4000, 20, 32, seed=8))
+    torch.testing.assert_close(noise.std((0, 2)), torch.ones(32), rtol=0, atol=0.06)
 
 
 def test_pooling_is_undone(layered):
-    pooled = layered.pool_state(_normal(2, 10, 16))
+    pooled = layered.pool_state(_normal(2, 20, 16))
     torch.testing.assert_close(layered.pool_state(layered.unpool_state(pooled)), pooled, rtol=0, atol=1e-5)
     with pytest.raises(ValueError, match=r"multiple of 4 frames \(patch_size\), got 18"):
-        layered.pool_state(_normal(2, 10, 18))
+        layered.pool_state(_normal(2, 20, 18))
 
 
 def test_the_network_reads_and_writes_pooled_values_alone(layered):
-    sample, ratings = _normal(2, 10, 32), torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])
+    sample, ratings = _normal(2, 20, 32), torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])
     velocity = _velocity(layered, ratings, sample)
     torch.testing.assert_close(layered.unpool_state(layered.pool_state(velocity)), velocity, rtol=0, atol=1e-5)
     same = layered.unpool_state(layered.pool_state(sample))  # without what is not read
     torch.testing.assert_close(_velocity(layered, ratings, same), velocity, rtol=0, atol=1e-4)
-    for channel in (0, 2, 5):  # a learned channel, a departure, a mean
+    for channel in (0, 2, 4, 8, 11):  # the envelope, a learned channel, a departure, a mean, a size
         moved = sample.clone()
         moved[:, channel] += 0.2
         assert not torch.allclose(_velocity(layered, ratings, moved), velocity, atol=1e-3)

@@ -11,7 +11,7 @@ from tactile_diffusers import DALEModel, LCTGModel, TactileFeatureExtractor, bun
 FITTED = {
     "lctg": {"modulation_gains"},
     "dale": {
-        *("latent_mean", "latent_std", "departure_std", "level_mean", "level_std"),
+        *("latent_mean", "latent_std", "departure_std", "size_mean", "size_std", "level_mean", "level_std"),
         *("log_friction_mean", "log_friction_std", "rating_statistics", "reference_speed"),
     },
 }
@@ -47,7 +47,7 @@ def test_the_geometry_of_the_extractor_is_that_of_the_models():
 @torch.no_grad()
 def test_the_default_decoder_compiles_whole_for_several_batch_sizes(how, randomized):
     model = randomized(LCTGModel()).eval()
-    inputs = [(torch.randn(n, 1, 4096), 500.0, torch.randn(n, 40, 64)) for n in (1, 2, 3, 5, 8)]
+    inputs = [(torch.randn(n, 1, 4096), 500.0, torch.randn(n, 44, 64)) for n in (1, 2, 3, 5, 8)]
     expected = [model(*values).sample for values in inputs]
     torch._dynamo.reset()
     getattr(model, how)(fullgraph=True, backend="eager")

@@ -37,11 +37,12 @@ def layered(make_lctg):
         {"level_bands": 1, "detail_channels": 2},
         {"level_bands": 1, "latent_channels": 30, "detail_channels": 22},
         {"level_bands": 23, "latent_channels": 30},
+        {"envelope_channels": 4},
     ],
 )
 def test_layers_that_leave_nothing_to_learn_are_refused(make_lctg, config):
     message = (
-        r"\(-?\d+\) and the \d+ levels of bands must leave some of the `latent_channels` \(\d+\) to learn, .* encode"
+        r"\(-?\d+\), the \d+ levels of bands .* must leave some of the `latent_channels` \(\d+\) to learn, .* encode"
     )
     with pytest.raises(ValueError, match=message):
         make_lctg(**config)

@@ -24,7 +24,7 @@ def case(request, make_lctg, make_dale):
         model = make_lctg(**layers)
         return model, (_normal(2, 1, 256), 300, _normal(2, model.config.latent_channels, 16, seed=1))
     statistics = {"latent_mean": [0.0] * 5, "latent_std": [1.0] * 5, "departure_std": [0.4, 0.2, 0.1]}
-    levels = {"in_channels": 10, "level_channels": 3, "patch_size": 4, **statistics}
+    levels = {"in_channels": 11, "level_channels": 3, "patch_size": 4, **statistics}
     model = make_dale(**(levels if "levels" in request.param else {}))
     return model, (_normal(2, model.config.in_channels, 32), 300, _normal(2, 3, seed=1))
 

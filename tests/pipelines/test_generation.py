@@ -166,7 +166,7 @@ def test_tables_of_pandas_are_ratings_too(pipe):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_every_rating_changes_the_texture(pipe, axis):
     ratings = np.zeros((2, 3))
-    ratings[1, axis] = 1.5
+    ratings[1, axis] = 3.0
     out = _run(pipe, ratings, generator=[_generator(0), _generator(0)])
     assert rms(out.textures[0] - out.textures[1]) > 0.02 * rms(out.textures[0])
     assert out.level[0] != out.level[1] and out.friction_coefficient[0] != out.friction_coefficient[1]

@@ -11,7 +11,7 @@ from tactile_diffusers.signal import RATING_AXES
 NAN = torch.nan
 RATINGS = torch.tensor([[1.0, 0.5, -1.0]])
 #: all three kinds of numbers: learned latents in patches, departures of band levels, numbers of the whole
-WITH_LEVELS = {"in_channels": 8, "level_channels": 2, "patch_size": 4, "departure_std": [0.5, 0.3]}
+WITH_LEVELS = {"in_channels": 9, "level_channels": 2, "patch_size": 4, "departure_std": [0.5, 0.3]}
 
 
 def _without(*axes, ratings=RATINGS):
@@ -179,7 +179,7 @@ def _kinds(dale, state):
 @pytest.mark.parametrize("t", [250.0, 999.0])
 def test_rescaling_goes_as_far_as_it_is_told_at_every_time(make_dale, seeded, rescale, t):
     dale, scheduler = make_dale(**WITH_LEVELS), VDDIMScheduler()
-    state, t = torch.randn((2, 8, 32), generator=seeded(0)), torch.tensor(t)
+    state, t = torch.randn((2, 9, 32), generator=seeded(0)), torch.tensor(t)
     ratings = RATINGS.repeat(2, 1)
     with torch.no_grad():
         plain, guided, made = (

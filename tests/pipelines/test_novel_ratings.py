@@ -47,8 +47,8 @@ def warned(recorded_warnings, pipe):
 def test_the_warning_names_axis_value_and_range(pipe, warned):
     low, high = pipe.dale.config.rating_statistics["range"][2]
     (message,) = warned([[0.0, 0.0, 0.0], [0.0, 0.0, -2.5], [0.0, 0.0, 1.6]])
-    assert f"slipperiness -2.50 (training surfaces: {low:+.2f} to {high:+.2f})" in message
-    assert "`ratings` lie outside" in message and "extrapolated" in message
+    assert f"slipperiness -2.50 is held at the training surfaces' {low:+.2f} to {high:+.2f}" in message
+    assert "`ratings` lie outside" in message
     assert "roughness" not in message and "combination" not in message
 
 
@@ -56,7 +56,7 @@ def test_a_combination_that_no_surface_is_near_to_warns_though_each_axis_is_insi
     for alone in ([1.2, NAN, NAN], [NAN, -1.2, NAN], [NAN, NAN, 0.3]):
         assert warned(alone) == []
     (message,) = warned([[0.0, 0.0, 0.0], [1.2, -1.2, 0.3]])
-    assert "the combination [1.2, -1.2, 0.3], which no training surface is near to" in message
+    assert "the combination [1.2, -1.2, 0.3] is extrapolated: no surface is near to it" in message
     (message,) = warned([1.2, -1.2, NAN])  # of two axes too
     assert "combination" in message
 

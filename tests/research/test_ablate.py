@@ -15,6 +15,7 @@ from ablate_rows import read_rows
 from ablate_training import DIGEST
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.evaluation.sampling import encode
 from tactile_diffusers.evaluation.sections import Settings
 from tactile_diffusers.io.locks import fcntl
 
@@ -256,7 +257,8 @@ def test_rate_is_shannons_and_decimated_carries_as_much(bench, evaluable_pipe, m
     monkeypatch.setattr(ablate_measure, "Decimated", lambda *numbers: made.append(numbers) or original(*numbers))
     context = bench.context(pipe)
     points = ablate_measure.rate_distortion(context)["rate_distortion"]
-    variance = context.encode(context.data.real).astype(np.float64).var((0, 2))
+    latents = encode(pipe, context.data.real, context.data.rate)[:, : pipe.lctg.base_channels]
+    variance = latents.astype(np.float64).var((0, 2))
     frames_per_second = pipe.feature_extractor.sampling_rate / pipe.lctg.config.latent_hop
     for point, (numbers, bits), sigma in zip(points, made, (0.1, 0.4), strict=True):
         expected = frames_per_second * 0.5 * np.log2(1 + variance / sigma**2).sum()

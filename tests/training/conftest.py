@@ -25,6 +25,7 @@ LCTG_CONFIG = {
         "hop_length": 8,
         "window_lengths": [64, 256],
         "level_bands": 0,
+        "envelope_samples": 0,
         "detail_samples": 0,
     },
     "lctg": {
@@ -36,7 +37,7 @@ LCTG_CONFIG = {
         "segment_samples": 512,
     },
 }
-DALE_CONFIG = {"dale": {"widths": [32, 32], "embedding_dim": 16, "cross_attention_dim": 16}}
+DALE_CONFIG = {"dale": {"widths": [32, 32], "embedding_dim": 16, "rating_dim": 16, "cross_attention": True}}
 
 
 def _reset_accelerate():

@@ -50,6 +50,13 @@ def check_band_levels(sampling_rate, band, count, window, hop):
     _members(sampling_rate, tuple(band), count, window)
 
 
+def smoothing_kernel(rate):
+    """Hann kernel of `SMOOTHING_SECONDS`, of unit sum and odd length, for so many values a second: (n,) float64."""
+    half = max(1, round(SMOOTHING_SECONDS * rate / 2))
+    kernel = np.hanning(2 * half + 1)[1:-1]
+    return kernel / kernel.sum()
+
+
 class _Grid:
     """Band levels on one grid of windows; its tensors are those of one dtype.
 
@@ -64,9 +71,7 @@ class _Grid:
         self.sums = torch.zeros(count + 1, len(members), dtype=dtype)
         self.sums[self.members, torch.arange(len(members))] = 1
         self.sums /= torch.from_numpy(shares)[:, None] * len(members) * self.hann.square().sum()
-        half = max(1, round(SMOOTHING_SECONDS * sampling_rate / hop / 2))
-        kernel = torch.from_numpy(np.hanning(2 * half + 1)[1:-1]).to(dtype)
-        self.smoothing = kernel / kernel.sum()
+        self.smoothing = torch.from_numpy(smoothing_kernel(sampling_rate / hop)).to(dtype)
 
     def transform(self, waveform):
         """(batch, samples) -> (batch, bins, samples / hop + 1) complex."""

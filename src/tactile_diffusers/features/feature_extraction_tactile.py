@@ -1,6 +1,5 @@
 """From a texture in N to the encoder's features, and back from the decoder's waveform to N."""
 
-from functools import lru_cache
 from numbers import Integral, Real
 
 import numpy as np
@@ -11,11 +10,12 @@ from transformers.feature_extraction_utils import BatchFeature, FeatureExtractio
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
 from ..signal.checks import check_number
 from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
+from .fast_envelope import envelope_gain, measure_fast_envelope
+from .filterbank import FILTER_SCALES, filterbank
 from .low_band import sample_low_band
 
 #: powers below this are silence to the logarithm (a whitened texture has a mean power of 1 in every band)
 LOG_FLOOR = 1e-4
-FILTER_SCALES = ("slaney", "log")
 #: RMS below which a signal counts as silent, N
 SILENCE = 1e-12
 #: Largest rate in Hz, and length of a window in samples: a damaged config may ask for any, and a rate without a common
@@ -27,45 +27,19 @@ _MOST_COLUMNS = 16
 LARGEST_SAMPLE = float(np.finfo(np.float32).max)
 
 
-@lru_cache(maxsize=8)
-def filterbank(sampling_rate, band, num_filters, window_lengths, scale):
-    """Triangular filters over `band`, each on the shortest window that resolves it.
-
-    A filter narrower than the bins of the longest window is widened to one bin on either side, so none is empty.
-
-    Returns:
-        `tuple`: one (num_filters, bins) matrix per window, rows summing to 1 or, if another window has the filter, 0.
-    """
-    import librosa
-
-    if scale == "log":
-        corners = np.geomspace(*band, num_filters + 2)
-    else:
-        corners = librosa.mel_frequencies(num_filters + 2, fmin=band[0], fmax=band[1])
-    spacings = [sampling_rate / length for length in window_lengths]
-    banks = [np.zeros((num_filters, length // 2 + 1)) for length in window_lengths]
-    for index, (left, centre, right) in enumerate(zip(corners[:-2], corners[1:-1], corners[2:], strict=True)):
-        fitting = [i for i, spacing in enumerate(spacings) if right - left >= 3 * spacing]
-        chosen = min(fitting, key=lambda i: window_lengths[i]) if fitting else int(np.argmax(window_lengths))
-        left, right = min(left, centre - spacings[chosen]), max(right, centre + spacings[chosen])
-        bins = np.arange(banks[chosen].shape[1]) * spacings[chosen]
-        weights = np.clip(np.minimum((bins - left) / (centre - left), (right - bins) / (right - centre)), 0, None)
-        banks[chosen][index] = weights / weights.sum()
-    return tuple(banks)
-
-
 class TactileFeatureExtractor(SequenceFeatureExtractor):
     r"""
     Prepares textures for [`LCTGModel`] and turns what it decodes back into newtons.
 
     A texture is resampled to the working rate, freed from its mean, whitened by a fixed pre-emphasis and brought to
-    unit RMS; its level is kept beside it. The features are, in this order: the levels of bands, log-mel energies (paper
-    section 2.2), and the low end of the waveform (detail). Levels and detail have one frame per latent frame and are
-    repeated `frame_multiple` times. Everything is computed row by row in float64 and returned as float32.
+    unit RMS; its level is kept beside it. The features are, in this order: the levels of bands, the fast envelope,
+    log-mel energies (paper section 2.2), and the low end of the waveform (detail). All but the energies have one frame
+    per latent frame and are repeated `frame_multiple` times. Everything is computed row by row in float64 and returned
+    as float32.
 
     Args:
-        feature_size (`int`, *optional*): channels; `None` = `level_bands + 1` if there are any, plus `num_filters`,
-            plus `detail_samples`: 83 by default.
+        feature_size (`int`, *optional*): channels; `None` = `level_bands + 1` if there are any, plus
+            `envelope_samples`, `num_filters` and `detail_samples`: 87 by default.
         sampling_rate (`int`, *optional*, defaults to 2500): the working rate, Hz.
         padding_value (`float`, *optional*, defaults to 0.0): unused; part of the transformers interface.
         delivery_rate (`int`, *optional*, defaults to 10000): rate of `denormalize`'s textures, Hz.
@@ -80,6 +54,8 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             `fit_preemphasis`; `None` = flat.
         level_bands (`int`, *optional*, defaults to 18): logarithmic bands whose levels over time `band_levels` measures
             and `denormalize` restores; 0 = none.
+        envelope_samples (`int`, *optional*, defaults to 4): values of the fast envelope in each latent frame, whose
+            samples they divide (`features/fast_envelope.py`); 0 = none.
         detail_samples (`int`, *optional*, defaults to 16): samples of the waveform's low end in each latent frame, half
             of whose samples they divide (`features/low_band.py`); 0 = none.
         fixed_scale (`float`, *optional*): N that are 1 for the decoder, the same for every texture: the waveform keeps
@@ -106,15 +82,16 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         preemphasis_frequencies: list[float] | None = None,
         preemphasis_db: list[float] | None = None,
         level_bands: int = 18,
+        envelope_samples: int = 4,
         detail_samples: int = 16,
         fixed_scale: float | None = None,
         **kwargs,
     ):
-        size = (level_bands + 1 if level_bands else 0) + num_filters + detail_samples
+        size = (level_bands + 1 if level_bands else 0) + envelope_samples + num_filters + detail_samples
         if feature_size not in (None, size):
             raise ValueError(
-                f"`feature_size` must be {size}, the sum of band levels, filters and detail samples, got "
-                f"{feature_size}. Leave it out."
+                f"`feature_size` must be {size}, the sum of band levels, envelope, filters and detail "
+                f"samples, got {feature_size}. Leave it out."
             )
         if filter_scale not in FILTER_SCALES:
             raise ValueError(f"`filter_scale` must be one of {FILTER_SCALES}, got {filter_scale!r}.")
@@ -142,6 +119,11 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
                 f"`detail_samples` must be 0 (none) or divide half of the {hop} samples of a latent frame, got "
                 f"{detail_samples}."
             )
+        if envelope_samples < 0 or (envelope_samples and hop % envelope_samples):
+            raise ValueError(
+                f"`envelope_samples` must be 0 (none) or divide the {hop} samples of a latent frame, got "
+                f"{envelope_samples}."
+            )
         if level_bands:
             check_band_levels(sampling_rate, tuple(band), level_bands, max(window_lengths), hop)
         frequencies, gains = preemphasis_frequencies, preemphasis_db
@@ -162,6 +144,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         self.preemphasis_frequencies = preemphasis_frequencies
         self.preemphasis_db = preemphasis_db
         self.level_bands = level_bands
+        self.envelope_samples = envelope_samples
         self.detail_samples = detail_samples
         super().__init__(feature_size=size, sampling_rate=sampling_rate, padding_value=padding_value, **kwargs)
 
@@ -220,24 +203,52 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             ]
             power = np.abs(np.fft.rfft(pieces * window, axis=-1)) ** 2 / np.sum(window**2)
             energies = energies + power @ bank.T
-        parts = [np.log10(energies + LOG_FLOOR)]
+
+        def repeated(values):
+            per_latent_frame = values.reshape(len(waveform), frames // self.frame_multiple, -1)
+            return np.repeat(per_latent_frame, self.frame_multiple, axis=1)
+
+        parts, evened = [np.log10(energies + LOG_FLOOR)], waveform
+        if self.envelope_samples:
+            envelope = self._fast_envelope(waveform)
+            evened = waveform / envelope_gain(envelope, self._envelope_step)
+            parts.insert(0, repeated(envelope))
         if self.level_bands:
-            levels = self.band_levels(waveform).transpose(0, 2, 1)
-            parts.insert(0, np.repeat(levels, self.frame_multiple, axis=1))
+            parts.insert(0, repeated(self.band_levels(waveform).transpose(0, 2, 1)))
         if self.detail_samples:
-            detail = sample_low_band(waveform, self._latent_grid["hop"] // self.detail_samples)
-            detail = detail.reshape(len(waveform), -1, self.detail_samples)
-            parts.append(np.repeat(detail, self.frame_multiple, axis=1))
+            parts.append(repeated(sample_low_band(evened, self._latent_grid["hop"] // self.detail_samples)))
         return np.ascontiguousarray(np.concatenate(parts, axis=-1).transpose(0, 2, 1), dtype=np.float32)
 
     @property
+    def _envelope_step(self):
+        """Samples per value of the fast envelope."""
+        return self._latent_grid["hop"] // self.envelope_samples
+
+    def _fast_envelope(self, waveform):
+        return measure_fast_envelope(waveform, self._envelope_step, self.sampling_rate)
+
+    def evened(self, waveform):
+        """What the decoder learns of a waveform of `normalize`: freed from its fast envelope, if there is one.
+
+        Args:
+            waveform (`np.ndarray`): (batch, samples), whole latent frames.
+
+        Returns:
+            `np.ndarray`: (batch, samples), of the same dtype. `denormalize` undoes it.
+        """
+        if not self.envelope_samples:
+            return waveform
+        return (waveform / envelope_gain(self._fast_envelope(waveform), self._envelope_step)).astype(waveform.dtype)
+
+    @property
     def lctg_geometry(self):
-        """Arguments of [`LCTGModel`] that follow from this extractor: channels, hops, levels and detail."""
+        """Arguments of [`LCTGModel`] that follow from this extractor: channels, hops, levels, envelope and detail."""
         return {
             "feature_channels": self.feature_size,
             "feature_hop": self.hop_length,
             "latent_hop": self.hop_length * self.frame_multiple,
             "level_bands": self.level_bands,
+            "envelope_channels": self.envelope_samples,
             "detail_channels": self.detail_samples,
         }
 
@@ -271,7 +282,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         """Departures of the band levels from their smooth course (`measure_fast_modulation`), as `band_levels`."""
         return measure_fast_modulation(waveform, count=self.level_bands, **self._latent_grid)
 
-    def denormalize(self, waveform, levels, samples=None, band_levels=None, modulation_gain=None):
+    def denormalize(self, waveform, levels, samples=None, band_levels=None, modulation_gain=None, envelope=None):
         """Undoes `normalize`: pre-emphasis removed, delivery rate, and exactly the RMS that `levels` asks for.
 
         With a `fixed_scale`, the waveform's own RMS stays, whatever `levels` is.
@@ -280,27 +291,30 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             waveform (`np.ndarray` or `torch.Tensor`): (batch, samples) at the working rate.
             levels (`np.ndarray` or `torch.Tensor`): (batch,), natural log of the RMS in N.
             samples (`int`, *optional*): number of delivered samples to keep; `None` = all.
-            band_levels (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1, frames), restored first.
+            band_levels (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1, frames), restored
+                after the envelope.
             modulation_gain (`np.ndarray` or `torch.Tensor`, *optional*): (batch, level_bands + 1), factors by which the
                 fast modulation of each band is deepened then (`impose_band_levels`).
+            envelope (`np.ndarray` or `torch.Tensor`, *optional*): (batch, envelope_samples, frames), the fast envelope
+                that `evened` took away: restored before everything else.
 
         Returns:
             `np.ndarray`: (batch, samples) float32, N, zero mean within the band.
 
         Raises:
-            ValueError: if `band_levels` or `modulation_gain` has another shape.
+            ValueError: if `band_levels`, `modulation_gain` or `envelope` has another shape.
         """
         waveform, levels = _as_float64(waveform), _as_float64(levels)
+        self._check_restored("envelope", envelope, self.envelope_samples, waveform)
+        self._check_restored("band_levels", band_levels, self.level_bands and self.level_bands + 1, waveform)
+        if envelope is not None:
+            values = _as_float64(envelope).transpose(0, 2, 1).reshape(len(waveform), -1)
+            waveform = waveform * envelope_gain(values, self._envelope_step)
         if band_levels is not None:
-            shape = (len(waveform), self.level_bands + 1, waveform.shape[-1] // self._latent_grid["hop"])
-            if not self.level_bands or tuple(band_levels.shape) != shape:
-                raise ValueError(
-                    f"`band_levels` must be {shape if self.level_bands else None} for `level_bands` of "
-                    f"{self.level_bands} and a waveform of {tuple(waveform.shape)}, got {tuple(band_levels.shape)}."
-                )
+            shape = (len(waveform), self.level_bands + 1)
             modulation_gain = None if modulation_gain is None else _as_float64(modulation_gain)
-            if modulation_gain is not None and modulation_gain.shape != shape[:2]:
-                raise ValueError(f"`modulation_gain` must be {shape[:2]}, got {modulation_gain.shape}.")
+            if modulation_gain is not None and modulation_gain.shape != shape:
+                raise ValueError(f"`modulation_gain` must be {shape}, got {modulation_gain.shape}.")
             waveform = impose_band_levels(
                 waveform, _as_float64(band_levels), modulation_gain=modulation_gain, **self._latent_grid
             )
@@ -315,6 +329,15 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
                 texture * self.fixed_scale if self.fixed_scale else texture / np.where(audible, scale, np.inf) * wanted
             )
             return texture.astype(np.float32)
+
+    def _check_restored(self, name, values, channels, waveform):
+        """Refuses values that have not one row for each of the channels and one column for each latent frame."""
+        shape = (len(waveform), channels, waveform.shape[-1] // self._latent_grid["hop"])
+        if values is not None and not (channels and tuple(values.shape) == shape):
+            raise ValueError(
+                f"`{name}` must be {shape if channels else None} for a waveform of {tuple(waveform.shape)}, got "
+                f"{tuple(values.shape)}."
+            )
 
     def _emphasize(self, waveform, sign):
         """Whitens (`sign` = +1) or colours back (-1) with zero phase.

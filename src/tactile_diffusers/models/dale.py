@@ -14,6 +14,15 @@ from diffusers.utils import BaseOutput
 
 from ..signal import RATING_AXES
 from .compiling import CompileMixin
+from .dale_state import (
+    QUANTILES,
+    cepstra,
+    cosines,
+    normal_scores,
+    quantile_numbers,
+    unit_shape,
+    with_quantiles,
+)
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
 from .rating_statistics import RatingStatistics
 from .safe_loading import SafeLoadingMixin
@@ -23,47 +32,9 @@ from .unet_1d import UNet1D, from_patches, to_patches
 NUM_SCALARS = 2
 
 
-def _cosines(count, like):
-    """Orthonormal DCT-II, (count, count): band levels (count, ...) to their cepstrum, which is hardly correlated."""
-    places = torch.arange(count, device=like.device, dtype=torch.float32)
-    matrix = torch.cos(math.pi / max(count, 1) * places[:, None] * (places + 0.5)) * (2 / max(count, 1)) ** 0.5
-    matrix[:1] *= 0.5**0.5
-    return matrix.to(like)
-
-
-def _cepstra(latents, level_channels, patch_size):
-    """Cepstrum of band levels over the texture (batch, bands), and how each patch of frames departs from it."""
-    cepstra = _cosines(level_channels, latents) @ latents[:, :level_channels]
-    means = cepstra.mean(-1)
-    return means, (cepstra - means[..., None]).unflatten(-1, (-1, patch_size)).mean(-1)
-
-
 def _standardized(values, mean, std):
     """Values at unit variance; 0 where the standard deviation is 0."""
     return torch.zeros_like(values) if std == 0 else (values - mean) / std
-
-
-def latent_statistics(latents, level_channels=0, patch_size=1):
-    """What `DALEModel`'s config keeps of the training set's latents: its `latent_mean`, `latent_std`, `departure_std`.
-
-    Args:
-        latents (`torch.Tensor`): (n, latent_channels, frames), base layers of `LCTGModel.encode`.
-        level_channels, patch_size (`int`): of the model.
-
-    Returns:
-        `dict[str, list[float]]`
-    """
-    means, departures = _cepstra(latents, level_channels, patch_size)
-    learned = latents[:, level_channels:]
-
-    def deviation(values, dims):
-        return values.std(dims, correction=0).clamp_min(1e-3).tolist() if values.numel() else []
-
-    return {
-        "latent_mean": [*means.mean(0).tolist(), *learned.mean((0, 2)).tolist()],
-        "latent_std": deviation(means, 0) + deviation(learned, (0, 2)),
-        "departure_std": deviation(departures, (0, 2)),
-    }
 
 
 @dataclass
@@ -87,31 +58,40 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
     r"""
     Velocity network in the latent space of LCTG, steered by perceptual ratings.
 
-    Ratings act through cross-attention at every level of the U-Net, and through the time embedding. The state of the
-    diffusion is (batch, in_channels, latent_frames). Its channels are, in this order:
+    Ratings act through the time embedding, which scales and shifts every block of the U-Net, and as in the paper
+    through cross-attention at every level if `cross_attention` asks for it. Beyond the training surfaces' range they
+    are held at its ends. The state of the diffusion is (batch, in_channels, latent_frames). Its channels are, in this
+    order:
 
-    - LCTG's learned latents;
+    - the fast envelope, LCTG's latents after the levels, and LCTG's learned latents;
     - the cepstrum (DCT over bands) of the band levels, LCTG's first `level_channels` latents, as departures from its
       mean over the texture: one value per patch of `patch_size` frames;
-    - scalars of the whole texture: the mean cepstrum, the level and the log friction coefficient.
+    - scalars of the whole texture: the mean cepstrum; how large the departures are, which themselves are of RMS 1 over
+      each texture; the quantiles of the fast envelope, which itself is normally distributed over each; the level and
+      the log friction coefficient.
 
     Every value of the state has unit variance. A value of a patch, or of the whole texture, is spread evenly over its
     n frames and read back as their sum divided by sqrt(n) (`pool_state`), so that white noise on the frames is noise of
     unit variance on the value. This model inherits from [`ModelMixin`].
 
     Args:
-        in_channels (`int`, *optional*, defaults to 45): LCTG's base channels, `level_channels` and two more.
+        in_channels (`int`, *optional*, defaults to 57): LCTG's base channels, and the scalars.
         latent_frames (`int`, *optional*, defaults to 64): frames of one segment, the length it was trained on.
         rating_axes (`list[str]`, *optional*): names of the perceptual axes, in the order of `ratings`.
-        widths (`list[int]`, *optional*): channels of the levels, multiples of 32.
+        widths (`list[int]`, *optional*): channels of the levels.
         embedding_dim (`int`, *optional*, defaults to 256): width of the time embedding.
-        cross_attention_dim (`int`, *optional*, defaults to 128): width of the rating tokens.
+        rating_dim (`int`, *optional*, defaults to 128): width of the rating tokens.
+        cross_attention (`bool`, *optional*, defaults to `False`): whether every block attends to the rating tokens
+            (paper section 2.2); `widths` are multiples of 32 then.
         kernel_size (`int`, *optional*, defaults to 3): length of all convolutions.
         level_channels (`int`, *optional*, defaults to 19): how many of LCTG's first latents are band levels.
+        envelope_channels (`int`, *optional*, defaults to 4): how many after them are the fast envelope.
         patch_size (`int`, *optional*, defaults to 4): latent frames per position of the U-Net, a power of two.
         latent_mean, latent_std (`list[float]`, *optional*): statistics over the training set, of the mean cepstrum of
             the band levels and of each learned latent channel (`latent_statistics`).
         departure_std (`list[float]`, *optional*): likewise of the departures of the cepstrum from its mean.
+        size_mean, size_std (`list[float]`, *optional*): likewise of the log RMS of the departures and of the numbers
+            that stand for the envelope's quantiles (`dale_state.py`).
         level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N; a standard deviation of
             0 = not generated, always the mean.
         log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient, likewise; `None` =
@@ -132,18 +112,22 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
     @register_to_config
     def __init__(
         self,
-        in_channels: int = 45,
+        in_channels: int = 57,
         latent_frames: int = 64,
         rating_axes: tuple[str, ...] = RATING_AXES,
         widths: tuple[int, ...] = (128, 160, 192),
         embedding_dim: int = 256,
-        cross_attention_dim: int = 128,
+        rating_dim: int = 128,
+        cross_attention: bool = False,
         kernel_size: int = 3,
         level_channels: int = 19,
+        envelope_channels: int = 4,
         patch_size: int = 4,
         latent_mean: list[float] | None = None,
         latent_std: list[float] | None = None,
         departure_std: list[float] | None = None,
+        size_mean: list[float] | None = None,
+        size_std: list[float] | None = None,
         level_mean: float = -5.0,
         level_std: float = 0.6,
         log_friction_mean: float | None = -0.4,
@@ -153,28 +137,31 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         num_train_timesteps: int = 1000,
     ):
         super().__init__()
-        beside = NUM_SCALARS + level_channels
-        if in_channels <= beside or 2 * level_channels > in_channels - NUM_SCALARS:
+        scalars = self.num_scalars
+        learned = in_channels - scalars - level_channels - envelope_channels
+        if in_channels <= scalars or learned < 0:
             raise ValueError(
-                f"`in_channels` must exceed {NUM_SCALARS} (level, log friction) and twice `level_channels` "
-                f"({level_channels}), got {in_channels}."
+                f"`in_channels` must hold {scalars} scalars and the {level_channels} + {envelope_channels} "
+                f"`level_channels` and `envelope_channels`, got {in_channels}."
             )
         if patch_size < 1 or latent_frames % patch_size:
             raise ValueError(f"`latent_frames` ({latent_frames}) must be a multiple of `patch_size`, got {patch_size}.")
         for name, values, count in (
-            ("latent_mean", latent_mean, in_channels - beside),
-            ("latent_std", latent_std, in_channels - beside),
+            ("latent_mean", latent_mean, level_channels + learned),
+            ("latent_std", latent_std, level_channels + learned),
             ("departure_std", departure_std, level_channels),
+            ("size_mean", size_mean, self.num_sizes),
+            ("size_std", size_std, self.num_sizes),
         ):
             if values is not None and len(values) != count:
                 raise ValueError(f"`{name}` must hold {count} numbers, got {len(values)}.")
         RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
-        self.rating_embedder = RatingEmbedder(len(rating_axes), cross_attention_dim)
-        self.rating_pool = torch.nn.Linear(len(rating_axes) * cross_attention_dim, embedding_dim)
-        #: channels of the U-Net: learned latents patch by patch, departures, scalars
-        self.channel_groups = [(in_channels - beside - level_channels) * patch_size, level_channels, beside]
+        self.rating_embedder = RatingEmbedder(len(rating_axes), rating_dim)
+        self.rating_pool = torch.nn.Linear(len(rating_axes) * rating_dim, embedding_dim)
+        #: channels of the U-Net: envelope and learned latents patch by patch, departures, scalars
+        self.channel_groups = [(envelope_channels + learned) * patch_size, level_channels, scalars]
         self.unet = UNet1D(
             sum(self.channel_groups),
             sum(self.channel_groups),
@@ -182,18 +169,23 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             patch_size=1,
             embedding_dim=embedding_dim,
             kernel_size=kernel_size,
-            cross_attention_dim=cross_attention_dim,
+            cross_attention_dim=rating_dim if cross_attention else None,
         )
 
     @property
     def latent_channels(self):
         """Channels of LCTG's latents that it generates."""
-        return self.config.in_channels - NUM_SCALARS - self.config.level_channels
+        return self.config.in_channels - self.num_scalars
+
+    @property
+    def num_sizes(self):
+        """Scalars that say how much a texture varies: one of the departures, and quantiles of the fast envelope."""
+        return (self.config.level_channels > 0) + QUANTILES * (self.config.envelope_channels > 0)
 
     @property
     def num_scalars(self):
-        """Scalars of the whole texture: mean cepstrum of the band levels, level, log friction coefficient."""
-        return NUM_SCALARS + self.config.level_channels
+        """Scalars of the whole texture: mean cepstrum of the band levels, sizes, level, log friction coefficient."""
+        return NUM_SCALARS + self.config.level_channels + self.num_sizes
 
     def split_scalars(self, sample):
         """A state (or velocity) as channels that vary over frames, and the texture's scalars (batch, num_scalars)."""
@@ -230,19 +222,20 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         departures = departures.repeat_interleave(size, dim=-1) / size**0.5
         return self.append_scalars(torch.cat([from_patches(learned, size), departures], dim=1), scalars.mean(-1))
 
-    def _latent_statistics(self, like):
-        """Means and standard deviations as (channels, 1); no buffers: offloading would miss them.
+    def _statistics(self, like):
+        """Means and standard deviations; no buffers: offloading would miss them.
 
-        Of mean cepstrum and learned latents, mean and standard deviation, and of departures, standard deviation.
+        Returns:
+            `tuple`: of scalars but level and friction, (2, n); of learned latents, (2, channels, 1); standard
+            deviation of departures, (bands, 1).
         """
-        statistics = []
-        for values, default, count in (
-            (self.config.latent_mean, 0.0, self.latent_channels),
-            (self.config.latent_std, 1.0, self.latent_channels),
-            (self.config.departure_std, 1.0, self.config.level_channels),
-        ):
-            statistics.append(torch.tensor([default] * count if values is None else values).to(like)[:, None])
-        return statistics
+        config, levels = self.config, self.config.level_channels
+        count = self.latent_channels - config.envelope_channels
+        latents = torch.tensor([config.latent_mean or [0.0] * count, config.latent_std or [1.0] * count]).to(like)
+        sizes = [config.size_mean or [0.0] * self.num_sizes, config.size_std or [1.0] * self.num_sizes]
+        departure_std = torch.tensor(config.departure_std or [1.0] * levels).to(like)
+        scalars = torch.cat([latents[:, :levels], torch.tensor(sizes).to(like)], dim=1)
+        return scalars, latents[:, levels:, None], departure_std[:, None]
 
     def pack(self, latents, level, friction_coefficient):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
@@ -258,13 +251,16 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         config, levels = self.config, self.config.level_channels
         friction = _standardized(friction_coefficient.clamp_min(1e-3).log(), *self._log_friction_statistics())
         level = _standardized(level, config.level_mean, config.level_std)
-        mean, std, departure_std = self._latent_statistics(latents)
-        cepstra, departures = _cepstra(latents, levels, config.patch_size)
-        cepstra = (cepstra - mean[:levels, 0]) / std[:levels, 0]
-        scalars = torch.cat([cepstra, torch.stack([level, torch.nan_to_num(friction)], dim=1).to(latents)], dim=1)
-        learned = to_patches((latents[:, levels:] - mean[levels:]) / std[levels:], config.patch_size)
-        scalars = scalars[..., None].expand(-1, -1, learned.shape[-1])
-        return self.unpool_state(torch.cat([learned, departures / departure_std, scalars], dim=1))
+        statistics, (mean, std), departure_std = self._statistics(latents)
+        band_levels, envelope, learned = latents.tensor_split([levels, levels + config.envelope_channels], dim=1)
+        means, departures = cepstra(band_levels, config.patch_size)
+        departures, departure_size = unit_shape(departures / departure_std)
+        sizes = [means, departure_size, quantile_numbers(envelope)]
+        scalars = (torch.cat(sizes, dim=1) - statistics[0]) / statistics[1]
+        scalars = torch.cat([scalars, torch.stack([level, torch.nan_to_num(friction)], dim=1).to(latents)], dim=1)
+        field = to_patches(torch.cat([normal_scores(envelope), (learned - mean) / std], dim=1), config.patch_size)
+        scalars = scalars[..., None].expand(-1, -1, field.shape[-1])
+        return self.unpool_state(torch.cat([field, departures, scalars], dim=1))
 
     def unpack(self, sample):
         """Undoes `pack`: (batch, in_channels, frames) -> latents, level (batch,), friction coefficient (batch,).
@@ -272,17 +268,21 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         Band levels come back smooth: cubic between the values of the patches.
         """
         config, levels = self.config, self.config.level_channels
-        learned, departures, scalars = self.pool_state(sample).split(self.channel_groups, dim=1)
-        cepstra, scalars = scalars[..., 0].split([levels, NUM_SCALARS], dim=1)
-        level, friction = scalars.float().unbind(1)
-        log_friction_mean, log_friction_std = self._log_friction_statistics()
-        mean, std, departure_std = self._latent_statistics(sample)
-        latents = from_patches(learned, config.patch_size) * std[levels:] + mean[levels:]
+        field, departures, scalars = self.pool_state(sample).split(self.channel_groups, dim=1)
+        scalars, whole = scalars[..., 0].split([levels + self.num_sizes, NUM_SCALARS], dim=1)
+        statistics, (mean, std), departure_std = self._statistics(sample)
+        scalars = scalars * statistics[1] + statistics[0]
+        means, departure_size, quantiles = scalars.tensor_split([levels, levels + (levels > 0)], dim=1)
+        envelope, learned = from_patches(field, config.patch_size).tensor_split([config.envelope_channels], dim=1)
+        latents = torch.cat([with_quantiles(envelope, quantiles), learned * std + mean], dim=1)
         if levels:
             size = (levels, sample.shape[-1])
-            smooth = F.interpolate((departures * departure_std)[:, None], size=size, mode="bicubic")[:, 0]
-            smooth = smooth - smooth.mean(-1, keepdim=True) + (cepstra[..., None] * std[:levels] + mean[:levels])
-            latents = torch.cat([_cosines(levels, smooth).T @ smooth, latents], dim=1)
+            departures = unit_shape(departures)[0] * departure_size.exp()[..., None] * departure_std
+            smooth = F.interpolate(departures[:, None], size=size, mode="bicubic")[:, 0]
+            smooth = smooth - smooth.mean(-1, keepdim=True) + means[..., None]
+            latents = torch.cat([cosines(levels, smooth).T @ smooth, latents], dim=1)
+        level, friction = whole.float().unbind(1)
+        log_friction_mean, log_friction_std = self._log_friction_statistics()
         return (
             latents,
             level * config.level_std + config.level_mean,
@@ -317,6 +317,10 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
                 f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
                 f"{list(self.config.rating_axes)}, got {tuple(ratings.shape)}."
             )
+        limits = (self.config.rating_statistics or {}).get("range")
+        if limits is not None:  # nothing is known beyond: the response is held, it does not turn back
+            low, high = torch.tensor(limits, dtype=ratings.dtype, device=ratings.device).unbind(-1)
+            ratings = ratings.clamp(low, high)
         tokens = self.rating_embedder(ratings, dtype)
         embeddings = self.time_embedder(timesteps, dtype)
         # `to`: layers may lie on several devices (`device_map`)

@@ -51,12 +51,12 @@ class RatingEmbedder(nn.Module):
     """One token per perceptual axis (paper section 2.2: ratings "embedded using sinusoidal projections").
 
     A rating that is not specified (NaN) becomes the axis's learned null token. The rating itself stands beside its
-    sinusoids, so that the map extrapolates where the sinusoids only repeat.
+    sinusoids. These are slow: a texture's response to a rating is smooth, and raters disagree by half a z-score.
 
     Args:
         axes (`int`): number of perceptual axes.
         dim (`int`): width of the tokens.
-        sinusoids (`int`, defaults to 32): features per rating; periods from about 0.8 to 25 z-score units.
+        sinusoids (`int`, defaults to 32): features per rating; periods from about 3 to 25 z-score units.
     """
 
     def __init__(self, axes, dim, sinusoids=32):
@@ -72,6 +72,6 @@ class RatingEmbedder(nn.Module):
         """(batch, axes) ratings in z-scores, NaN = not specified -> tokens (batch, axes, dim) in `dtype`."""
         unspecified = torch.isnan(ratings)
         ratings = torch.where(unspecified, torch.zeros_like(ratings), ratings).float()
-        features = torch.cat([sinusoidal_embedding(ratings, self.sinusoids, 0.25, 8.0), ratings[..., None]], dim=-1)
+        features = torch.cat([sinusoidal_embedding(ratings, self.sinusoids, 0.25, 2.0), ratings[..., None]], dim=-1)
         tokens = self.linear_2(self.act(self.linear_1(features.to(dtype)))) + self.axis_tokens
         return torch.where(unspecified[..., None], self.null_tokens, tokens)

@@ -99,15 +99,15 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
     [`ModelMixin`].
 
     The latents have two layers. The base layer describes the spectrum over time; DALE generates it. Its first channels
-    are the levels of bands, which the encoder passes on unchanged and which are restored after decoding; its other
-    channels are learned. The detail layer, the last `detail_channels`, holds the low end of a recording's waveform at a
-    lower rate; the decoder models only the residual. Zeros in the detail layer mean that there is none: the decoder
-    then generates the whole waveform.
+    are the levels of bands and the fast envelope, which all bands share; the encoder passes both on unchanged, and both
+    are restored after decoding. Its other channels are learned. The detail layer, the last `detail_channels`, holds the
+    low end of a recording's waveform at a lower rate; the decoder models only the residual. Zeros in the detail layer
+    mean that there is none: the decoder then generates the whole waveform.
 
     Args:
-        feature_channels (`int`, *optional*, defaults to 83): channels of the features.
+        feature_channels (`int`, *optional*, defaults to 87): channels of the features.
         feature_hop (`int`, *optional*, defaults to 32): samples at the working rate per feature frame.
-        latent_channels (`int`, *optional*, defaults to 40): channels of the latents, both layers.
+        latent_channels (`int`, *optional*, defaults to 44): channels of the latents, both layers.
         latent_hop (`int`, *optional*, defaults to 64): samples at the working rate per latent frame.
         encoder_width (`int`, *optional*, defaults to 96): channels of the encoder's hidden layers.
         widths (`list[int]`, *optional*): channels of the decoder's levels, seven by default as in the paper.
@@ -123,6 +123,8 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
             features (`TactileFeatureExtractor.detail_samples`); 0 = none.
         level_bands (`int`, *optional*, defaults to 18): bands whose levels over time, with that of what lies above
             them, are the first `level_bands + 1` channels of latents and features; 0 = none.
+        envelope_channels (`int`, *optional*, defaults to 4): values of the fast envelope in each frame
+            (`TactileFeatureExtractor.envelope_samples`), the channels after the levels; 0 = none.
         modulation_gains (`list[float]`, *optional*): for each level, how much deeper its fast modulation is in
             recordings than in textures decoded from the base layer alone (`fit_modulation_gains`). It is restored
             after decoding; `None` = left as decoded.
@@ -142,9 +144,9 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
     @register_to_config
     def __init__(
         self,
-        feature_channels: int = 83,
+        feature_channels: int = 87,
         feature_hop: int = 32,
-        latent_channels: int = 40,
+        latent_channels: int = 44,
         latent_hop: int = 64,
         encoder_width: int = 96,
         widths: tuple[int, ...] = (64, 80, 96, 128, 128, 160, 192),
@@ -156,22 +158,24 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
         num_train_timesteps: int = 1000,
         detail_channels: int = 16,
         level_bands: int = 18,
+        envelope_channels: int = 4,
         modulation_gains: list[float] | None = None,
         distilled_steps: int | None = None,
     ):
         super().__init__()
         if distilled_steps is not None and not distilled_steps >= 1:
             raise ValueError(f"`distilled_steps` must be at least 1, or None, got {distilled_steps}.")
-        if level_bands < 0:
-            raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
-        levels = self.level_channels
+        for name, value in (("level_bands", level_bands), ("envelope_channels", envelope_channels)):
+            if value < 0:
+                raise ValueError(f"`{name}` must be 0 (none) or more, got {value}.")
+        levels, passed = self.level_channels, self.passed_channels
         if modulation_gains is not None and (len(modulation_gains) != levels or min(modulation_gains, default=0) < 0):
             raise ValueError(f"`modulation_gains` must hold {levels} numbers of at least 0, got {modulation_gains}.")
-        if not (0 <= detail_channels < latent_channels - levels and feature_channels - detail_channels > levels):
+        if not (0 <= detail_channels < latent_channels - passed and feature_channels - detail_channels > passed):
             raise ValueError(
-                f"`detail_channels` ({detail_channels}) and the {levels} levels of bands must leave some of the "
-                f"`latent_channels` ({latent_channels}) to learn, and some of the `feature_channels` "
-                f"({feature_channels}) to encode."
+                f"`detail_channels` ({detail_channels}), the {levels} levels of bands and the {envelope_channels} "
+                f"values of the envelope must leave some of the `latent_channels` ({latent_channels}) to learn, and "
+                f"some of the `feature_channels` ({feature_channels}) to encode."
             )
         if detail_channels and latent_hop % (2 * detail_channels):
             raise ValueError(f"`detail_channels` ({detail_channels}) must divide half of `latent_hop` ({latent_hop}).")
@@ -184,7 +188,7 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
         self.gradient_checkpointing = False
         self.encoder = TactileEncoder(
             feature_channels - detail_channels,
-            self.base_channels - levels,
+            self.base_channels - passed,
             encoder_width,
             kernel_size,
             latent_hop // feature_hop,
@@ -211,9 +215,26 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
         """Channels of the latents, the first ones, that are levels of bands."""
         return self.config.level_bands + 1 if self.config.level_bands else 0
 
+    @property
+    def passed_channels(self):
+        """Channels of the latents, the first ones, that the encoder passes on: levels of bands and fast envelope."""
+        return self.level_channels + self.config.envelope_channels
+
     def pad_detail(self, base):
         """Latents with an empty detail layer: (batch, base_channels, frames) -> (batch, latent_channels, frames)."""
         return nn.functional.pad(base, (0, 0, 0, self.config.detail_channels))
+
+    def restored(self, latents):
+        """What a decoded waveform is given back: keyword arguments of `TactileFeatureExtractor.denormalize`.
+
+        Args:
+            latents (`torch.Tensor`): (batch, latent_channels, frames).
+        """
+        return {
+            "envelope": self.fast_envelope(latents),
+            "band_levels": self.band_levels(latents),
+            "modulation_gain": self.modulation_gain(latents),
+        }
 
     def band_levels(self, latents):
         """Band levels that the decoded texture should have.
@@ -226,6 +247,18 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
             `TactileFeatureExtractor.band_levels`; `None` if the config has no `level_bands`.
         """
         return latents[:, : self.level_channels] if self.config.level_bands else None
+
+    def fast_envelope(self, latents):
+        """The gain that all bands share, by which the decoded waveform is to be multiplied.
+
+        Args:
+            latents (`torch.Tensor`): (batch, latent_channels, frames).
+
+        Returns:
+            `torch.Tensor` or `None`: (batch, envelope_channels, frames), natural log of amplitude; `None` if the config
+            has no `envelope_channels`.
+        """
+        return latents[:, self.level_channels : self.passed_channels] if self.config.envelope_channels else None
 
     def modulation_gain(self, latents):
         """Factors by which the fast modulation of each decoded band is to be deepened.
@@ -265,8 +298,8 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
         encoded, detail = features.tensor_split([features.shape[1] - self.config.detail_channels], dim=1)
         learned = self.encoder(encoded).to(features.device)  # layers may lie on several devices (`device_map`)
         # features that pass through come once for each frame of the latents, repeated for its feature frames
-        levels = features[:, : self.level_channels, ::ratio]
-        return torch.cat([levels, learned, detail[..., ::ratio]], dim=1)
+        passed = features[:, : self.passed_channels, ::ratio]
+        return torch.cat([passed, learned, detail[..., ::ratio]], dim=1)
 
     def condition(self, latents, timesteps):
         """What of `forward` does not depend on the sample: a sampler prepares it once for all of its steps.

@@ -94,16 +94,16 @@ def warn_of_novel_ratings(ratings, config):
         beyond = torch.maximum(low - values, values - high).nan_to_num(-1.0)
         if beyond.max() > 0:
             farthest = values[beyond.argmax()].item()
-            found.append(f"{axis} {farthest:+.2f} (training surfaces: {low:+.2f} to {high:+.2f})")
+            found.append(f"{axis} {farthest:+.2f} is held at the training surfaces' {low:+.2f} to {high:+.2f}")
     if not found and statistics.reach is not None:
         distances = coverage_distance(ratings.numpy(), statistics.centre, statistics.covariance)
         if np.nanmax(distances, initial=0.0) > statistics.reach:
             row = ratings[int(np.nanargmax(distances))].tolist()
-            found.append(f"the combination {[round(value, 2) for value in row]}, which no training surface is near to")
+            found.append(
+                f"the combination {[round(value, 2) for value in row]} is extrapolated: no surface is near to it"
+            )
     if found:
-        logger.warning(
-            f"`ratings` lie outside what training covered: {'; '.join(found)}. Textures are extrapolated there."
-        )
+        logger.warning(f"`ratings` lie outside what training covered: {'; '.join(found)}.")
 
 
 def _statistics(config, rating_scale, names):

@@ -328,7 +328,7 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
     def _decode(self, latents, noise, generator, bar, *callback):
         """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate.
 
-        Returns them with the band levels and the modulation gain that they should have.
+        Returns them with what they are to be given back (`LCTGModel.restored`).
         """
         dtype = self.lctg.dtype
         latents = latents.to(dtype)
@@ -336,10 +336,10 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
         noise = self.prepare_latents(shape, generator, latents.device, dtype, noise, "noise")
         velocity = texture_velocity(self.lctg, latents, self.scheduler.timesteps)
         waveform = self._denoise(self.scheduler, velocity, noise, generator, bar, *callback)[:, 0]
-        return waveform, self.lctg.band_levels(latents), self.lctg.modulation_gain(latents)
+        return waveform, self.lctg.restored(latents)
 
-    def _postprocess(self, waveform, band_levels, gain, level, friction_coefficient, samples, output_type):
-        textures = self.feature_extractor.denormalize(waveform, level, samples, band_levels, gain)
+    def _postprocess(self, waveform, restored, level, friction_coefficient, samples, output_type):
+        textures = self.feature_extractor.denormalize(waveform, level, samples, **restored)
         if not np.isfinite(textures).all():
             raise FloatingPointError(
                 f"Textures overflow at `level` of up to {level.max():.4g} (log RMS in N). Look for a large "

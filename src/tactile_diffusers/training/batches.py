@@ -6,7 +6,7 @@ import torch
 
 
 def make_collate(extractor, sampling_rate):
-    """A function that turns items of a `PreparedDataset` into whitened waveforms and their features.
+    """A function that turns items of a `PreparedDataset` into what the decoder learns, and its features.
 
     Args:
         extractor (`TactileFeatureExtractor`): the pipeline's.
@@ -20,7 +20,7 @@ def make_collate(extractor, sampling_rate):
     def collate(items):
         waveform, _ = extractor.normalize(torch.stack([item["texture"] for item in items]), sampling_rate)
         return {
-            "waveform": torch.from_numpy(waveform),
+            "waveform": torch.from_numpy(extractor.evened(waveform)),
             "input_features": torch.from_numpy(extractor.features(waveform)),
         }
 

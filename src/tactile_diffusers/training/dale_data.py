@@ -5,7 +5,8 @@ import torch
 from tqdm.auto import tqdm
 
 from ..data.ratings import rating_coverage, rating_quantiles
-from ..models.dale import NUM_SCALARS, DALEModel, latent_statistics
+from ..models.dale import NUM_SCALARS, DALEModel
+from ..models.dale_state import latent_statistics
 from ..models.rating_estimator import RatingEstimator
 from .steps import rating_loss
 
@@ -64,14 +65,14 @@ def build_dale(lctg, dataset, latents, **config):
     """
     level_mean, level_std = mean_and_std(dataset.levels)
     friction_mean, friction_std = mean_and_std(np.log(np.maximum(dataset.friction_coefficients, 1e-3)))
-    levels = lctg.level_channels
-    patch_size = config.get("patch_size", 4 if levels else 1)
+    layout = {"level_channels": lctg.level_channels, "envelope_channels": lctg.config.envelope_channels}
+    layout["patch_size"] = config.get("patch_size", 4 if lctg.passed_channels else 1)
+    statistics = latent_statistics(latents, **layout)
     settings = {
-        "in_channels": lctg.base_channels + levels + NUM_SCALARS,
+        "in_channels": lctg.base_channels + lctg.level_channels + len(statistics["size_mean"]) + NUM_SCALARS,
         "latent_frames": latents.shape[-1],
-        "level_channels": levels,
-        "patch_size": patch_size,
-        **latent_statistics(latents, levels, patch_size),
+        **layout,
+        **statistics,
         "level_mean": level_mean,
         "level_std": level_std,
         "log_friction_mean": friction_mean,

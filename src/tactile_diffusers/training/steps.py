@@ -208,17 +208,10 @@ class LCTGTrainingStep(nn.Module):
         self.model, self.scheduler = model, scheduler
         self.octave_exponent, self.spectral_loss_weight = octave_exponent, spectral_loss_weight
         self.latent_penalty, self.detail_dropout = latent_penalty, detail_dropout
-        self.unsigned_features = extractor.feature_size - extractor.detail_samples
         self.rate_and_band = (extractor.sampling_rate, extractor.band)
 
     def forward(self, batch, random):
         clean, features = batch["waveform"][:, None], batch["input_features"]
-        # a texture has no polarity: the waveform and its copy in the features change sign together
-        sign = random.normal(len(clean), 1, 1).sign()
-        clean = clean * sign
-        features = torch.cat(
-            [features[:, : self.unsigned_features], features[:, self.unsigned_features :] * sign], dim=1
-        )
         latents = self.model.encode(features)
         decoder_latents = self.noisy_latents(latents, random)
         noisy, timesteps, target = noisy_batch(self.scheduler, clean, random)
@@ -236,7 +229,7 @@ class LCTGTrainingStep(nn.Module):
             loss = loss + self.spectral_loss_weight * spectral
             scalars["spectral"] = spectral.detach()
         if self.latent_penalty:
-            power = latents[:, self.model.level_channels : self.model.base_channels].square().mean()
+            power = latents[:, self.model.passed_channels : self.model.base_channels].square().mean()
             loss = loss + self.latent_penalty * power
             scalars["latent_power"] = power.detach()
         return loss, scalars
