@@ -19,7 +19,7 @@ DISTRIBUTIONS = {"PIL": "pillow", "sklearn": "scikit-learn"}
 #: Extra -> what the package imports of it, and where (one call path each; the error names the extra).
 OPTIONAL = {
     "training": {"tensorboard": "training/launch.py"},
-    "parquet": {"pyarrow": "data/folder/tables.py"},
+    "parquet": {"pyarrow": "io/parquet.py"},
 }
 #: Imported by nobody here: pandas needs it for xlsx.
 INDIRECT = {"openpyxl"}

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ...io.parquet import open_parquet
 from ...io.reading import check_archive, check_size, reading
 from ...io.wav_header import check_wav
 from .trees import Tree, open_tree
@@ -224,13 +225,8 @@ def _read_xlsx(path, sheet, header, max_rows):
 
 
 def _read_parquet(path):
-    try:
-        import pyarrow.parquet
-    except ImportError as error:
-        raise ValueError(f'{path}: parquet files need pyarrow: pip install "tactile-diffusers[parquet]"') from error
-    described = pyarrow.parquet.read_metadata(path)
-    check_size(path, 8 * described.num_rows * described.num_columns)  # equal numbers take no room
-    frame = pd.read_parquet(path)
+    with open_parquet(path) as file:
+        frame = file.read().to_pandas()
     frame.columns = [str(name) for name in frame.columns]
     return _frame_table(path, None, frame, None)
 
