@@ -15,6 +15,7 @@ from benchmarking import finish, make_parser, parse
 from tactile_diffusers.cli.program import count
 from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
+from tactile_diffusers.export.generated import find_shards
 
 #: Textures of a shard here: enough shards to see whether time grows in proportion.
 SHARD = 64
@@ -48,7 +49,7 @@ def measure(arguments, processes):
         done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"generate_dataset.py failed with {done.returncode}: {done.stderr[-1000:]}")
-        finished = np.array([path.stat().st_mtime for path in sorted(Path(folder).glob("*.h5"))])
+        finished = np.array([path.stat().st_mtime for path in find_shards(folder)])
     return growth(finished, arguments.textures, processes)
 
 

@@ -8,6 +8,7 @@ import pytest
 from tactile_diffusers.cli.export import main
 from tactile_diffusers.export import FORMATS, read_npz, write_hdf5, write_npz, write_wav
 from tactile_diffusers.export.generated import open_folder, write_shard
+from tactile_diffusers.signal import RATING_AXES
 
 COMMON = {
     "sampling_rate": 10000,
@@ -68,13 +69,14 @@ def test_folders_are_taken(source, tmp_path, texture, capsys):
 def test_generated_sets_are_taken(tmp_path, texture, speed, capsys):
     settings = {"num_textures": 2, "textures_per_shard": 2, "sampling_rate": 10000, "reference_speed": speed}
     columns = {
-        "textures": np.stack([texture, -texture]),
+        "texture": np.stack([texture, -texture]),
         "friction_coefficient": np.float32([0.5, np.nan]),
-        "ratings": np.float32([[1, 2, 3], [np.nan, 0, 1]]),
+        **dict(zip(RATING_AXES, np.float32([[1, np.nan], [2, 0], [3, 1]]), strict=True)),
         "seed": np.array([10, 11]),
     }
-    (shard,) = open_folder(tmp_path / "in", settings, {"checkpoint": "virtual-surfaces"})
-    write_shard(tmp_path / "in" / shard["file"], 2, settings, [columns])
+    (shard,) = open_folder(tmp_path / "in", settings)
+    about = {"checkpoint": "virtual-surfaces", "rating_axes": list(RATING_AXES)}
+    write_shard(tmp_path / "in" / shard["file"], 2, settings, about, [columns])
     assert _run(tmp_path / "in", tmp_path / "out", "--formats", "npz") == 0
     found, metadata = read_npz(tmp_path / "out" / "texture-00001.npz")
     np.testing.assert_array_equal(found, -texture)

@@ -7,8 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import h5py
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import torch
 
@@ -16,9 +16,11 @@ from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli.generate_dataset import main, texture_seeds
 from tactile_diffusers.evaluation.report import folder_digest
 from tactile_diffusers.export import read_generated
+from tactile_diffusers.export.generated import find_shards
 from tactile_diffusers.io.locks import fcntl, is_locked
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "generate_dataset.py"
+FILES = [f"train-0000{number}-of-00003.parquet" for number in range(3)]
 TIMEOUT = 1200  # seconds; ten are enough, but not on a machine that is busy with something else
 
 
@@ -50,12 +52,8 @@ def out(finished, tmp_path):
 
 
 def _content(folder):
-    """Every dataset of every shard, as bytes."""
-    content = {}
-    for path in sorted(folder.glob("*.h5")):
-        with h5py.File(path) as file:
-            content[path.name] = {name: values[()].tobytes() for name, values in file.items()}
-    return content
+    """The bytes of every shard."""
+    return {path.name: path.read_bytes() for path in find_shards(folder)}
 
 
 def _untouched(path):
@@ -80,15 +78,49 @@ def test_each_texture_is_what_its_seed_and_ratings_make(checkpoint, finished):
 
 def test_shards_say_what_made_them(checkpoint, tmp_path):
     assert main(_words(checkpoint, tmp_path / "out", duration_s=0.1)) == 0
-    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
-    assert [shard["count"] for shard in manifest["shards"]] == [4, 4, 2]
-    assert manifest["about"]["checkpoint"] == "pipeline"
-    with h5py.File(tmp_path / "out" / "textures-00002.h5") as file:
-        assert file["textures"].shape == (2, 1000) and file["textures"].dtype == np.float32
-        expected = {"sampling_rate": 10_000, "reference_speed": 80.0, "num_inference_steps": 2, "guidance_scale": 1.0}
-        expected |= {"checkpoint_sha256": folder_digest(checkpoint), "torch": torch.__version__, "device": "cpu"}
-        assert {name: file.attrs[name] for name in expected} == expected
-    assert not list((tmp_path / "out").glob(".*"))
+    shards = find_shards(tmp_path / "out")
+    assert [len(pq.read_table(path)) for path in shards] == [4, 4, 2]
+    table = pq.read_table(shards[2])
+    assert len(table["texture"][1]) == 1000 and str(table["texture"].type) == "list<element: float>"
+    facts = json.loads(table.schema.metadata[b"tactile_diffusers"])
+    expected = {"sampling_rate": 10_000, "reference_speed": 80.0, "num_inference_steps": 2, "guidance_scale": 1.0}
+    expected |= {"checkpoint_sha256": folder_digest(checkpoint), "torch": torch.__version__}
+    assert expected.items() <= facts["settings"].items()
+    assert {"checkpoint": "pipeline", "device": "cpu", "batch_size": 3}.items() <= facts["about"].items()
+    card = (tmp_path / "out" / "README.md").read_text()
+    for name, value in (facts["settings"] | {"checkpoint": "pipeline"}).items():
+        assert f"| {name} | {value} |" in card
+    assert not list((tmp_path / "out").rglob(".*"))
+
+
+def test_the_licence_is_that_of_the_checkpoint(checkpoint, tmp_path, capsys):
+    shutil.copytree(checkpoint, tmp_path / "licensed")
+    (tmp_path / "licensed" / "README.md").write_text("---\nlicense: other\nlicense_name: ours\n---\n# A checkpoint\n")
+    assert main(_words(tmp_path / "licensed", tmp_path / "out", num_textures=1)) == 0
+    card = (tmp_path / "out" / "README.md").read_text()
+    assert "\nlicense: other\n" in card and "\nlicense_name: ours\n" in card
+    (tmp_path / "licensed" / "README.md").write_text("---\n- a list\n---\n")
+    assert main(_words(tmp_path / "licensed", tmp_path / "out2")) == 2
+    assert "README.md" in capsys.readouterr().err and not (tmp_path / "out2").exists()
+
+
+def test_datasets_loads_the_folder(finished, tmp_path):
+    datasets = pytest.importorskip("datasets")
+    data = datasets.load_dataset(str(finished), split="train", cache_dir=str(tmp_path / "cache"))
+    arrays, ours = data.with_format("numpy")[:], read_generated(finished)
+    np.testing.assert_array_equal(arrays["texture"], ours[:])
+    for name in ("roughness", "bumpiness", "slipperiness", "level", "friction_coefficient", "seed"):
+        np.testing.assert_array_equal(arrays[name], ours.column(name))
+
+
+def test_without_pyarrow_nothing_is_begun(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    monkeypatch.setattr("tactile_diffusers.cli.generate_dataset.load_pipeline", None)  # would raise if it were called
+    assert main(_words("bundled", tmp_path / "out")) == 2
+    error = capsys.readouterr().err
+    assert 'Parquet files need pyarrow: pip install "tactile-diffusers[parquet]"' in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_shares_of_two_processes_make_the_whole(checkpoint, finished, tmp_path, monkeypatch):
@@ -113,7 +145,7 @@ def test_shares_of_two_processes_make_the_whole(checkpoint, finished, tmp_path, 
     monkeypatch.setattr("accelerate.PartialState", Process)
     monkeypatch.setattr("accelerate.utils.broadcast_object_list", broadcast)
     monkeypatch.setattr("accelerate.utils.gather_object", lambda parts: parts)
-    for shards in (["textures-00000.h5", "textures-00002.h5"], [f"textures-0000{n}.h5" for n in range(3)]):
+    for shards in (FILES[::2], FILES):
         assert main(_words(checkpoint, tmp_path / "two", batch_size=3)) == 0
         assert sorted(_content(tmp_path / "two")) == shards
     assert _content(tmp_path / "two") == _content(finished)
@@ -131,40 +163,42 @@ def test_two_processes_write_what_one_does(checkpoint, finished, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "by 2 process(es)" in done.stdout  # not each of them all
     assert _content(finished) == _content(tmp_path / "two")
-    assert (finished / "manifest.json").read_text() == (tmp_path / "two" / "manifest.json").read_text()
+    cards = [(folder / "README.md").read_text() for folder in (finished, tmp_path / "two")]
+    assert cards[0].replace("out", "two") == cards[1]  # the title
 
 
 def test_missing_shards_alone_are_generated(checkpoint, finished, out, capsys):
-    (out / "textures-00001.h5").unlink()
-    before = {path: _untouched(path) for path in out.glob("*.h5")}
+    (out / "data" / FILES[1]).unlink()
+    before = {path: _untouched(path) for path in [*find_shards(out), out / "README.md"]}
     assert main(_words(checkpoint, out)[:-1]) == 0
     printed = capsys.readouterr()
     assert "10 textures, 4 of them generated now" in printed.out and "100,000 would take" in printed.out
     assert "4/4" in printed.err and _content(out) == _content(finished)
     assert {path: _untouched(path) for path in before} == before
-    before = {path: _untouched(path) for path in out.iterdir()}
+    before = {path: _untouched(path) for path in out.rglob("*")}
     assert main(_words(checkpoint, out)[:-1]) == 0
     printed = capsys.readouterr().out
     assert "10 textures, 0 of them generated now" in printed and "hours" not in printed
-    assert {path: _untouched(path) for path in out.iterdir()} == before
+    assert {path: _untouched(path) for path in out.rglob("*")} == before
     assert main(_words(checkpoint, out)) == 0 and capsys.readouterr() == ("", "")  # quiet
 
 
 @pytest.mark.skipif(fcntl is None, reason="needs flock")
 def test_a_folder_in_which_another_call_writes_is_refused(checkpoint, out, capsys):
     assert not is_locked(out)
-    (out / "textures-00001.h5").unlink()
-    (out / ".textures-00001.h5.1.tmp").touch()
-    before = sorted(out.iterdir())
+    (out / "data" / FILES[1]).unlink()
+    (out / "data" / f".{FILES[1]}.1.tmp").touch()
+    before = sorted(out.rglob("*"))
     handle = os.open(out, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)  # what another process holds
         assert main(_words(checkpoint, out)) == 2
         assert f"error: --output {out} is in use: another process is writing" in capsys.readouterr().err
-        assert sorted(out.iterdir()) == before
+        assert sorted(out.rglob("*")) == before
     finally:
         os.close(handle)
-    assert main(_words(checkpoint, out)) == 0 and len(list(out.iterdir())) == 4
+    assert main(_words(checkpoint, out)) == 0 and sorted(_content(out)) == FILES
+    assert not list(out.rglob(".*"))
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """Headers that claim 2^40 samples, archives made to fill the memory: refused in time, before memory is asked for."""
 
 import io as streams
-import json
 import multiprocessing
 import resource
 import struct
@@ -23,6 +22,7 @@ from tactile_diffusers.cli.dataset_ratings import read_ratings_file
 from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter
 from tactile_diffusers.data.folder.tables import list_tables
 from tactile_diffusers.export import FORMATS, read_generated
+from tactile_diffusers.export.generated import plan_shards, write_shard
 from tactile_diffusers.signal import RATING_AXES
 
 HUGE = 2**40
@@ -127,16 +127,12 @@ def _stores(folder):
         file.attrs.update(format="tactile-prepared", version=3, sampling_rate=10_000, segment_samples=16_384)
         file.attrs.update(band=[20.0, 1000.0], unit="N", source="a test", limits="{}", hold_out="{}")
         _unwritten(file, "surfaces/name", (HUGE,))
-    (folder / "generated").mkdir()
-    shards = [{"file": "textures-00000.h5", "first": 0, "count": 2}]
-    settings = {"num_textures": 2, "textures_per_shard": 2, "sampling_rate": 10_000}
-    about = {"format": "tactile-generated", "version": 1, "about": {}, "settings": settings, "shards": shards}
-    (folder / "generated" / "manifest.json").write_text(json.dumps(about))
-    with h5py.File(folder / "generated" / "textures-00000.h5", "w") as file:
-        _unwritten(file, "textures", (2, HUGE))
-    (folder / "endless").mkdir()
-    settings = {**settings, "num_textures": HUGE, "textures_per_shard": 1}
-    (folder / "endless" / "manifest.json").write_text(json.dumps({**about, "settings": settings}))
+    rows = {"texture": np.zeros((2, BOMB // 8), np.float32)}
+    for name, number in (("generated", 2), ("endless", HUGE)):
+        (folder / name / "data").mkdir(parents=True)
+        settings = {"num_textures": number, "textures_per_shard": 2, "sampling_rate": 10_000}
+        shard = next(plan_shards(number, 2))
+        write_shard(folder / name / shard["file"], 2, settings, {"rating_axes": []}, [rows])
     found = [("table", "table.h5"), ("hdf5", "texture.h5"), ("recordings", "recordings.h5")]
     return found + [("prepared", "prepared.h5"), ("generated", "generated"), ("generated", "endless")]
 

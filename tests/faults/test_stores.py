@@ -6,7 +6,7 @@ import pytest
 
 from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter, prepare_recordings
 from tactile_diffusers.export import read_generated
-from tactile_diffusers.export.generated import open_folder, write_shard
+from tactile_diffusers.export.generated import open_folder, plan_shards, write_shard
 from tactile_diffusers.playback import TextureScene
 from tactile_diffusers.virtual import generate_recordings
 
@@ -99,39 +99,45 @@ def test_a_place_is_missing_or_of_another_kind(case, refusal, values):
             assert message or _sane(result), (name, attribute, odd)
 
 
+def _write_generated(folder, shard, **changes):
+    rows = np.arange(shard["first"], shard["first"] + shard["count"])
+    columns = {"texture": np.outer(rows, np.ones(50)).astype(np.float32), "seed": rows, "level": rows / 10}
+    write_shard(folder / shard["file"], shard["count"], SETTINGS, {"rating_axes": []}, [columns | changes])
+
+
 @pytest.fixture(scope="module")
 def generated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("generated") / "set"
-    for shard in open_folder(folder, SETTINGS, {"ratings": "none"}):
-        rows = np.arange(shard["first"], shard["first"] + shard["count"])
-        columns = {"textures": np.outer(rows, np.ones(50)).astype(np.float32), "seed": rows, "level": rows / 10}
-        write_shard(folder / shard["file"], shard["count"], SETTINGS, [columns])
+    for shard in open_folder(folder, SETTINGS):
+        _write_generated(folder, shard)
     return folder
 
 
 def _generated(path):
-    data = read_generated(path.parent)
+    data = read_generated(path.parents[1])
     return [data[:], data.column("seed"), data.column("level")]
 
 
-@pytest.mark.parametrize("name", ["manifest.json", "textures-00000.h5", "textures-00001.h5"])
-def test_generated_textures(generated, damaged, foreign, flips, name):
+@pytest.mark.parametrize("number", [0, 1])
+def test_generated_textures(generated, damaged, foreign, flips, number):
     def sane(arrays):
         return arrays[0].shape == (5, 50) and np.isfinite(arrays[0]).all() and len(arrays[1]) == len(arrays[2]) == 5
 
-    case = damaged(generated / name, _generated, sane=sane)
+    file = generated / f"data/train-0000{number}-of-00002.parquet"
+    case = damaged(file, _generated, sane=sane, root=generated)
     case.damage(flips, foreign.values())
 
 
 def test_shards_of_another_form_are_refused(generated, damaged):
-    case = damaged(generated / "textures-00001.h5", _generated)
-    for odd in (np.zeros((2, 49), np.float32), np.zeros((1, 50)), np.zeros(2), np.full((2, 50), np.nan), "word"):
-        case.fresh()
-        with h5py.File(case.path, "r+") as file:
-            del file["textures"]
-            file["textures"] = odd
-        with pytest.raises(ValueError, match="textures-00001.h5"):
+    case = damaged(generated / "data/train-00001-of-00002.parquet", _generated, root=generated)
+    _, shard = plan_shards(5, 3)
+    for textures in (np.zeros((2, 49), np.float32), np.zeros(2), np.full((2, 50), np.nan)):
+        _write_generated(case.fresh().parents[1], shard, texture=textures)
+        with pytest.raises(ValueError, match="train-00001-of-00002.parquet"):
             _generated(case.path)
+    _write_generated(case.fresh().parents[1], {**shard, "count": 1})
+    with pytest.raises(ValueError, match="holds 1 textures, not 2"):
+        _generated(case.path)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 
 from ..export.formats import FORMATS, round_trip, round_trip_markdown
-from ..export.generated import MANIFEST, read_generated
+from ..export.generated import find_shards, read_generated
 from ..export.png import HEIGHT, PIXEL_PITCH
 from ..signal import REFERENCE_FORCE
 from .program import Parser, add_output_argument, command, count, positive_number, program, warn
@@ -66,12 +66,12 @@ def read_textures(path):
         if path.suffix not in READERS:
             raise ValueError(f"{path} must end in {', '.join(READERS)}: these formats hold newtons and metadata.")
         yield (_stem(path), *READERS[path.suffix](path))
-    elif (path / MANIFEST).is_file():
+    elif find_shards(path):
         yield from _read_generated(path)
     else:
         files = sorted(file for file in path.glob("*.npz") if not file.name.startswith("."))  # "._a.npz" of a Mac's
         if not files:
-            raise ValueError(f"The folder {path} holds neither {MANIFEST} nor .npz files. Give one with textures.")
+            raise ValueError(f"The folder {path} holds neither data/train-*.parquet nor .npz files: give another one.")
         for file in files:
             yield (_stem(file), *FORMATS["npz"].read(file))
 

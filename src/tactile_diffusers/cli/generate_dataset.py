@@ -29,7 +29,7 @@ Run the same command again after it was stopped: it goes on with the missing sha
 Textures depend on the checkpoint, the ratings, the options of generation and --seed; the number of processes changes
 nothing. Another --batch_size or another kind of processor changes them by rounding. On a CPU each process uses one
 thread, so start one process per core: `torchrun --nproc_per_node 8 examples/generate_dataset.py ...` (accelerate
-launches several processes on GPUs only). Read the shards as one array with
+launches several processes on GPUs only). Read the textures with `datasets.load_dataset(OUTPUT)`, or as one array with
 `tactile_diffusers.export.read_generated(OUTPUT)`.
 """
 
@@ -38,13 +38,13 @@ def parse_arguments(argv=None):
     """Arguments of the command."""
     parser = Parser(
         prog=program("generate_dataset.py"),
-        description="Generate many textures into shards (HDF5), in as many processes as accelerate or torchrun starts.",
+        description="Generate many textures as Parquet shards, in as many processes as accelerate or torchrun starts.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--num_textures", type=count, required=True, metavar="N", help="in all")
-    add_output_argument(parser, "folder of the shards and manifest.json")
+    add_output_argument(parser, "folder of the data set: data/*.parquet and its card, README.md")
     add("--ratings_file", type=existing_file, metavar="FILE", help="rows of z-scores, .csv with axes as columns, .json "
         "or .npy; empty = not specified; rows are used in turn. Default: drawn as the training surfaces' "
         "ratings")  # fmt: skip
@@ -97,11 +97,14 @@ def _prepare(arguments, state):
     """Everything that can be refused: checkpoint, ratings, settings, folder. The same in every process."""
     import torch
 
+    from ..export.dataset_card import licence_of
     from ..export.generated import open_folder
     from ..io.locks import lock_folder
+    from ..io.parquet import import_pyarrow
     from ..pipelines.inputs import warn_of_novel_ratings
     from .dataset_ratings import draw_ratings, read_ratings_file
 
+    import_pyarrow(f"--output {arguments.output}")
     folder = checkpoint_folder(arguments.checkpoint)
     pipe = load_pipeline(folder, arguments.quiet or not state.is_main_process, decoder=arguments.decoder)
     pipe = pipe.to(state.device)
@@ -125,6 +128,9 @@ def _prepare(arguments, state):
         "checkpoint": checkpoint_name(arguments.checkpoint),
         "ratings": "drawn as the training surfaces'" if source is None else source.name,
         "rating_axes": list(config.rating_axes),
+        "device": str(state.device.type),
+        "batch_size": arguments.batch_size,
+        **licence_of(folder),
     }
     if state.is_main_process and not arguments.quiet:
         warn_of_novel_ratings(torch.from_numpy(ratings), config)
@@ -132,13 +138,13 @@ def _prepare(arguments, state):
     def claim():
         arguments.output.mkdir(parents=True, exist_ok=True)
         lock_folder(arguments.output, "--output")
-        return open_folder(arguments.output, settings, about)
+        return open_folder(arguments.output, settings)
 
     missing = _from_main_process(state, claim)
     if not arguments.output.is_dir():
         raise ValueError(f"--output {arguments.output} is not seen by process {state.process_index}: share the folder.")
-    attributes = settings | {"checkpoint": about["checkpoint"], "rating_axes": ", ".join(config.rating_axes)}
-    return {"pipe": pipe, "ratings": ratings, "options": options, "attributes": attributes, "missing": missing}
+    facts = {"settings": settings, "about": about}
+    return {"pipe": pipe, "ratings": ratings, "options": options, "facts": facts, "missing": missing}
 
 
 def _settings(arguments, pipe, folder, ratings, options):
@@ -160,7 +166,7 @@ def _settings(arguments, pipe, folder, ratings, options):
         "sampling_rate": pipe.feature_extractor.delivery_rate,
         "reference_speed": pipe.dale.config.reference_speed,
         "tactile_diffusers": __version__,
-        "torch": str(torch.__version__),  # a class of its own, which HDF5 does not take
+        "torch": str(torch.__version__),  # a class of its own, which compares as versions
         "diffusers": diffusers.__version__,
     }
 
@@ -192,25 +198,27 @@ def _from_main_process(state, function):
     return answer[0]
 
 
-def _run(arguments, state, pipe, ratings, options, attributes, missing):
+def _run(arguments, state, pipe, ratings, options, facts, missing):
     """Generates this process's share of the missing shards; the main process prints how fast they were."""
     from accelerate.utils import gather_object
     from tqdm.auto import tqdm
 
+    from ..export.dataset_card import write_card
     from ..export.generated import write_shard
 
     mine = missing[state.process_index :: state.num_processes]
     number = sum(shard["count"] for shard in mine)
     seeds = texture_seeds(arguments.seed, arguments.num_textures)
-    attributes = attributes | {"device": str(state.device.type), "batch_size": arguments.batch_size}
     quiet = arguments.quiet or not state.is_main_process
     start = time.perf_counter()
     with tqdm(total=number, desc=f"process 0 of {state.num_processes}", unit="texture", disable=quiet) as bar:
         for shard in mine:
             rows = slice(shard["first"], shard["first"] + shard["count"])
             batches = _batches(pipe, ratings[rows], seeds[rows], options, arguments.batch_size, bar)
-            write_shard(arguments.output / shard["file"], shard["count"], attributes, batches)
+            write_shard(arguments.output / shard["file"], shard["count"], batches=batches, **facts)
     done = gather_object([(number, time.perf_counter() - start)])
+    if state.is_main_process:
+        write_card(arguments.output, **facts)
     if quiet:
         return
     generated, seconds = sum(part[0] for part in done), max(part[1] for part in done)
@@ -232,10 +240,10 @@ def _batches(pipe, ratings, seeds, options, batch_size, bar):
         generators = [torch.Generator("cpu").manual_seed(int(seed)) for seed in seeds[rows]]
         out = pipe(ratings[rows], generator=generators, **options)
         yield {
-            "textures": out.textures,
+            "texture": out.textures,
+            **dict(zip(pipe.dale.config.rating_axes, ratings[rows].T, strict=True)),
             "level": out.level,
             "friction_coefficient": out.friction_coefficient,
-            "ratings": ratings[rows],
             "seed": seeds[rows],
         }
         bar.update(len(generators))

@@ -99,10 +99,7 @@ def read_hdf5(path):
     with reading(path, "an HDF5 file of a texture", "Write the texture again."), open_whole(path) as file:
         check_sizes(file)
         if file.attrs.get("format") != HDF5_FORMAT or "texture" not in file:
-            raise ValueError(
-                f"{path} is not a file of format {HDF5_FORMAT}. Of a folder that examples/generate_dataset.py wrote, "
-                "give the folder."
-            )
+            raise ValueError(f"{path} is not a file of format {HDF5_FORMAT}.")
         found = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in file.attrs.items()}
         for name in ("format", "version", "rating_axes"):
             found.pop(name, None)
