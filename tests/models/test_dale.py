@@ -3,7 +3,14 @@
 import pytest
 import torch
 
-from tactile_diffusers.models.dale_state import latent_statistics
+from tactile_diffusers.models.dale_state import (
+    MODULATIONS,
+    coloured,
+    latent_statistics,
+    modulation_numbers,
+    normal_scores,
+    whitened,
+)
 from tactile_diffusers.models.embeddings import RatingEmbedder, TimestepEmbedder, sinusoidal_embedding
 
 
@@ -128,7 +135,7 @@ def test_friction_that_training_never_knew_stays_unknown(make_dale):
         ({"latent_mean": [0.0]}, "`latent_mean` must hold 4 numbers, got 1"),
         ({"level_channels": 3}, r"`in_channels` must hold 6 scalars and the 3 \+ 0 `level_channels` .*, got 6"),
         ({"level_channels": 1}, "`latent_mean` must hold 2 numbers, got 4"),
-        ({"envelope_channels": 1}, "`in_channels` must hold 9 scalars and the 0 \\+ 1 `level_channels` .*, got 6"),
+        ({"envelope_channels": 1}, "`in_channels` must hold 18 scalars and the 0 \\+ 1 `level_channels` .*, got 6"),
         ({"size_mean": [0.0]}, "`size_mean` must hold 0 numbers, got 1"),
         ({"departure_std": [1.0]}, "`departure_std` must hold 0 numbers, got 1"),
         ({"patch_size": 3}, r"`latent_frames` \(32\) must be a multiple of `patch_size`, got 3"),
@@ -146,14 +153,14 @@ def test_configs_that_cannot_be_built_are_refused(make_dale, config, message):
 # --- band levels: one number a patch, and their means over the texture
 
 
-LAYERS = {"in_channels": 20, "level_channels": 3, "envelope_channels": 2, "patch_size": 4}
+LAYERS = {"in_channels": 29, "level_channels": 3, "envelope_channels": 2, "patch_size": 4}
 
 
 @pytest.fixture
 def layered(make_dale):
-    """Three band levels, two values of the envelope and two learned channels: 4 + 3 + 13 channels of state."""
+    """Three band levels, two values of the envelope and two learned channels: 4 + 3 + 22 channels of state."""
     statistics = {"latent_mean": [0.5, -0.2, 0.1, 0.3, -0.1], "latent_std": [2.0, 0.7, 0.4, 0.5, 0.6]}
-    sizes = {"size_mean": [-0.2, -0.1, *[-1.5] * 6], "size_std": [0.3, 0.1, *[0.4] * 6]}
+    sizes = {"size_mean": [-0.2, -0.1, *[-1.5] * 6, *[0.0] * 9], "size_std": [0.3, 0.1, *[0.4] * 15]}
     return make_dale(**LAYERS, **statistics, **sizes, departure_std=[0.4, 0.2, 0.1])
 
 
@@ -169,7 +176,7 @@ def _smooth(count, seed=0):
 def test_band_levels_and_the_envelope_survive_packing(layered):
     latents, level, friction = _smooth(4), torch.tensor([-6.0, -5.0, -4.2, -3.0]), torch.tensor([0.1, 0.5, 1.0, 2.5])
     state = layered.pack(latents, level, friction)
-    assert state.shape == (4, 20, 32) and layered.latent_channels == 7 and layered.num_scalars == 13
+    assert state.shape == (4, 29, 32) and layered.latent_channels == 7 and layered.num_scalars == 22
     made = layered.unpack(state)
     torch.testing.assert_close(made[0][:, 5:], latents[:, 5:], rtol=0, atol=1e-5)
     # the envelope in its order, its 64 values between quantiles straight over normal scores: ends reach too far
@@ -189,14 +196,26 @@ def test_the_envelope_has_the_quantiles_that_are_asked_for_in_the_order_that_was
     latents[:, 3:5] = (0.5 * latents[:, 3:5]).exp() * torch.tensor([0.1, 0.5, 1.0])[:, None, None]  # skewed
     state = layered.pack(latents, torch.zeros(3), torch.ones(3))
     field, scalars = layered.split_scalars(state)
-    order = _normal(*field.shape, seed=1)
-    envelope = layered.unpack(layered.append_scalars(order, scalars))[0][:, 3:5].flatten(1)
+    made = layered.append_scalars(_normal(*field.shape, seed=1), scalars)
+    envelope = layered.unpack(made)[0][:, 3:5].flatten(1)
     shares = torch.tensor([0.1, 0.5, 0.9, 0.99])
     # 8000 values; the log-normal is bent between quantiles, by up to a tenth of its spread
     wanted = latents[:, 3:5].flatten(1)
     error = (envelope.quantile(shares, 1) - wanted.quantile(shares, 1)) / wanted.std(1)
     assert error.abs().max() < 0.15
-    assert torch.equal(envelope.argsort(1), order[:, :2].flatten(1).argsort(1))
+    assert torch.equal(envelope.argsort(1), layered.parts(made)[0].flatten(1).argsort(1))
+
+
+def test_the_envelope_is_modulated_as_asked_for_whatever_was_generated():
+    series = _normal(3, 600).cumsum(-1).unflatten(-1, (300, 2)).mT  # slow: most power at low rates
+    scores = normal_scores(series)
+    numbers, white = modulation_numbers(scores), whitened(scores)
+    assert numbers.shape == (3, MODULATIONS) and (numbers[:, 0] > numbers[:, 4:].amax(1)).all()
+    # equal power in every band, and what was taken away is given back: float32 transforms of 600 values
+    torch.testing.assert_close(modulation_numbers(white), torch.zeros(3, MODULATIONS), rtol=0, atol=1e-4)
+    torch.testing.assert_close(coloured(white, numbers), scores, rtol=0, atol=1e-4)
+    other = coloured(5 * _normal(3, 2, 64, seed=1), numbers)  # another length, another amplitude
+    torch.testing.assert_close(modulation_numbers(other), numbers, rtol=0, atol=1e-4)
 
 
 def test_a_texture_that_does_not_vary_is_packed(layered):
@@ -206,30 +225,30 @@ def test_a_texture_that_does_not_vary_is_packed(layered):
 
 
 def test_statistics_bring_every_value_to_unit_variance(make_dale):
-    latents = _normal(4000, 7, 32) * 0.5
+    latents = _normal(4000, 7, 64) * 0.5
     mixed, depths = _normal(3, 3, seed=3), torch.exp(0.3 * _normal(4000, 2, 1, seed=9))
-    latents[:, :3] = mixed @ (_normal(4000, 3, 1, seed=4) + 0.3 * depths[:, :1] * _normal(4000, 3, 32, seed=5)) + 1.0
+    latents[:, :3] = mixed @ (_normal(4000, 3, 1, seed=4) + 0.3 * depths[:, :1] * _normal(4000, 3, 64, seed=5)) + 1.0
     latents[:, 3:5] = latents[:, 3:5] * depths[:, 1:] - 0.2 * depths[:, 1:]
     model = make_dale(**LAYERS, **latent_statistics(latents, 3, 2, 4))
     level, friction = -5 + 0.6 * _normal(4000, seed=6), torch.exp(-0.4 + 0.4 * _normal(4000, seed=7))
     numbers = model.pool_state(model.pack(latents, level, friction))
-    assert numbers.shape == (4000, 4 * 4 + 3 + 13, 8) and sum(model.channel_groups) == 32
+    assert numbers.shape == (4000, 4 * 4 + 3 + 22, 16) and sum(model.channel_groups) == 41
     # 4000 textures: the standard error of a deviation is 1.1 %
-    torch.testing.assert_close(numbers.std((0, 2)), torch.ones(32), rtol=0, atol=0.06)
-    torch.testing.assert_close(numbers.mean((0, 2)), torch.zeros(32), rtol=0, atol=0.06)
-    noise = model.pool_state(_normal(4000, 20, 32, seed=8))
-    torch.testing.assert_close(noise.std((0, 2)), torch.ones(32), rtol=0, atol=0.06)
+    torch.testing.assert_close(numbers.std((0, 2)), torch.ones(41), rtol=0, atol=0.06)
+    torch.testing.assert_close(numbers.mean((0, 2)), torch.zeros(41), rtol=0, atol=0.06)
+    noise = model.pool_state(_normal(4000, 29, 64, seed=8))
+    torch.testing.assert_close(noise.std((0, 2)), torch.ones(41), rtol=0, atol=0.06)
 
 
 def test_pooling_is_undone(layered):
-    pooled = layered.pool_state(_normal(2, 20, 16))
+    pooled = layered.pool_state(_normal(2, 29, 16))
     torch.testing.assert_close(layered.pool_state(layered.unpool_state(pooled)), pooled, rtol=0, atol=1e-5)
     with pytest.raises(ValueError, match=r"multiple of 4 frames \(patch_size\), got 18"):
-        layered.pool_state(_normal(2, 20, 18))
+        layered.pool_state(_normal(2, 29, 18))
 
 
 def test_the_network_reads_and_writes_pooled_values_alone(layered):
-    sample, ratings = _normal(2, 20, 32), torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])
+    sample, ratings = _normal(2, 29, 32), torch.tensor([[0.5, 0.0, 0.0], [0.0, -1.0, torch.nan]])
     velocity = _velocity(layered, ratings, sample)
     torch.testing.assert_close(layered.unpool_state(layered.pool_state(velocity)), velocity, rtol=0, atol=1e-5)
     same = layered.unpool_state(layered.pool_state(sample))  # without what is not read

@@ -238,7 +238,7 @@ def test_a_scene_costs_kilobytes(tmp_path):
         wanted = TextureProfile(texture, plain.sampling_rate, plain.reference_speed, **filling)
         position = np.linspace(0, 100, 12_500)
         a, b = (profile.read(position, np.full(12_500, 80.0)) for profile in (scene.profile(name), wanted))
-        assert np.std(a - b) < 1e-3 * np.std(b)  # -60 dB; measured: -70 at worst of 40
+        assert np.std(a - b) < 3e-3 * np.std(b)  # -50 dB; measured: -55 at worst of 3
         assert nine_band_error_db(a[None], b[None], 10_000)[0] < 0.01
 
 

@@ -15,14 +15,19 @@ from diffusers.utils import BaseOutput
 from ..signal import RATING_AXES
 from .compiling import CompileMixin
 from .dale_state import (
+    MODULATIONS,
     QUANTILES,
     cepstra,
+    coloured,
     cosines,
+    modulation_numbers,
     normal_scores,
     quantile_numbers,
     unit_shape,
+    whitened,
     with_quantiles,
 )
+from .distilled import check_distilled_steps
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
 from .rating_statistics import RatingStatistics
 from .safe_loading import SafeLoadingMixin
@@ -67,15 +72,16 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
     - the cepstrum (DCT over bands) of the band levels, LCTG's first `level_channels` latents, as departures from its
       mean over the texture: one value per patch of `patch_size` frames;
     - scalars of the whole texture: the mean cepstrum; how large the departures are, which themselves are of RMS 1 over
-      each texture; the quantiles of the fast envelope, which itself is normally distributed over each; the level and
-      the log friction coefficient.
+      each texture; the quantiles of the fast envelope and the powers of its modulation, which itself is normally
+      distributed over each and of equal power in all bands of modulation frequency; the level and the log friction
+      coefficient.
 
     Every value of the state has unit variance. A value of a patch, or of the whole texture, is spread evenly over its
     n frames and read back as their sum divided by sqrt(n) (`pool_state`), so that white noise on the frames is noise of
     unit variance on the value. This model inherits from [`ModelMixin`].
 
     Args:
-        in_channels (`int`, *optional*, defaults to 57): LCTG's base channels, and the scalars.
+        in_channels (`int`, *optional*, defaults to 66): LCTG's base channels, and the scalars.
         latent_frames (`int`, *optional*, defaults to 64): frames of one segment, the length it was trained on.
         rating_axes (`list[str]`, *optional*): names of the perceptual axes, in the order of `ratings`.
         widths (`list[int]`, *optional*): channels of the levels.
@@ -86,18 +92,20 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         kernel_size (`int`, *optional*, defaults to 3): length of all convolutions.
         level_channels (`int`, *optional*, defaults to 19): how many of LCTG's first latents are band levels.
         envelope_channels (`int`, *optional*, defaults to 4): how many after them are the fast envelope.
-        patch_size (`int`, *optional*, defaults to 4): latent frames per position of the U-Net, a power of two.
+        patch_size (`int`, *optional*, defaults to 2): latent frames per position of the U-Net, a power of two.
         latent_mean, latent_std (`list[float]`, *optional*): statistics over the training set, of the mean cepstrum of
             the band levels and of each learned latent channel (`latent_statistics`).
         departure_std (`list[float]`, *optional*): likewise of the departures of the cepstrum from its mean.
         size_mean, size_std (`list[float]`, *optional*): likewise of the log RMS of the departures and of the numbers
-            that stand for the envelope's quantiles (`dale_state.py`).
+            that stand for the envelope's quantiles and modulation (`dale_state.py`).
         level_mean, level_std (`float`, *optional*): of the level, natural log of the RMS in N; a standard deviation of
             0 = not generated, always the mean.
         log_friction_mean, log_friction_std (`float`, *optional*): of the log friction coefficient, likewise; `None` =
             unknown in training, then the friction coefficient of generated textures is NaN.
         rating_statistics (`dict`, *optional*): of the training surfaces' ratings, see [`RatingStatistics`].
         reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s; `None` = unknown.
+        distilled_steps (`int`, *optional*): most solver steps that a distilled model may take (examples/distill.py);
+            `None` = any number.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
 
     Raises:
@@ -112,7 +120,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
     @register_to_config
     def __init__(
         self,
-        in_channels: int = 57,
+        in_channels: int = 66,
         latent_frames: int = 64,
         rating_axes: tuple[str, ...] = RATING_AXES,
         widths: tuple[int, ...] = (128, 160, 192),
@@ -122,7 +130,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         kernel_size: int = 3,
         level_channels: int = 19,
         envelope_channels: int = 4,
-        patch_size: int = 4,
+        patch_size: int = 2,
         latent_mean: list[float] | None = None,
         latent_std: list[float] | None = None,
         departure_std: list[float] | None = None,
@@ -135,8 +143,10 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         rating_statistics: dict | None = None,
         reference_speed: float | None = 80.0,
         num_train_timesteps: int = 1000,
+        distilled_steps: int | None = None,
     ):
         super().__init__()
+        check_distilled_steps(distilled_steps)
         scalars = self.num_scalars
         learned = in_channels - scalars - level_channels - envelope_channels
         if in_channels <= scalars or learned < 0:
@@ -180,7 +190,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
     @property
     def num_sizes(self):
         """Scalars that say how much a texture varies: one of the departures, and quantiles of the fast envelope."""
-        return (self.config.level_channels > 0) + QUANTILES * (self.config.envelope_channels > 0)
+        return (self.config.level_channels > 0) + (QUANTILES + MODULATIONS) * (self.config.envelope_channels > 0)
 
     @property
     def num_scalars(self):
@@ -237,6 +247,29 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         scalars = torch.cat([latents[:, :levels], torch.tensor(sizes).to(like)], dim=1)
         return scalars, latents[:, levels:, None], departure_std[:, None]
 
+    def parts(self, sample):
+        """What a state stands for, as far as gradients reach: its fields, frame by frame, and its scalars.
+
+        Args:
+            sample (`torch.Tensor`): (batch, in_channels, frames).
+
+        Returns:
+            `tuple`: of the fast envelope (batch, envelope_channels, frames) what becomes its normal scores; the learned
+            latents at unit variance; by how much band levels depart from their means (batch, level_channels, frames),
+            natural log of amplitude; the scalars (batch, num_scalars) at unit variance.
+        """
+        levels, envelope = self.config.level_channels, self.config.envelope_channels
+        field, scalars = self.split_scalars(sample)
+        fast, learned, departures = field.split([envelope, field.shape[1] - envelope - levels, levels], dim=1)
+        (mean, std), _, departure_std = self._statistics(sample)
+        sizes = (scalars[:, : len(mean)] * std + mean)[:, levels:]
+        if envelope:
+            fast = coloured(fast, sizes[:, -MODULATIONS:])
+        if levels:
+            departures = departures * self.config.patch_size**0.5 * sizes[:, :1, None].exp() * departure_std
+            departures = cosines(levels, sample).T @ departures
+        return fast, learned, departures, scalars
+
     def pack(self, latents, level, friction_coefficient):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
 
@@ -255,10 +288,11 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         band_levels, envelope, learned = latents.tensor_split([levels, levels + config.envelope_channels], dim=1)
         means, departures = cepstra(band_levels, config.patch_size)
         departures, departure_size = unit_shape(departures / departure_std)
-        sizes = [means, departure_size, quantile_numbers(envelope)]
+        scores = normal_scores(envelope)
+        sizes = [means, departure_size, quantile_numbers(envelope), modulation_numbers(scores)]
         scalars = (torch.cat(sizes, dim=1) - statistics[0]) / statistics[1]
         scalars = torch.cat([scalars, torch.stack([level, torch.nan_to_num(friction)], dim=1).to(latents)], dim=1)
-        field = to_patches(torch.cat([normal_scores(envelope), (learned - mean) / std], dim=1), config.patch_size)
+        field = to_patches(torch.cat([whitened(scores), (learned - mean) / std], dim=1), config.patch_size)
         scalars = scalars[..., None].expand(-1, -1, field.shape[-1])
         return self.unpool_state(torch.cat([field, departures, scalars], dim=1))
 
@@ -272,9 +306,11 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         scalars, whole = scalars[..., 0].split([levels + self.num_sizes, NUM_SCALARS], dim=1)
         statistics, (mean, std), departure_std = self._statistics(sample)
         scalars = scalars * statistics[1] + statistics[0]
-        means, departure_size, quantiles = scalars.tensor_split([levels, levels + (levels > 0)], dim=1)
+        first = levels + (levels > 0)
+        means, departure_size, quantiles, modulation = scalars.tensor_split([levels, first, first + QUANTILES], dim=1)
         envelope, learned = from_patches(field, config.patch_size).tensor_split([config.envelope_channels], dim=1)
-        latents = torch.cat([with_quantiles(envelope, quantiles), learned * std + mean], dim=1)
+        envelope = with_quantiles(coloured(envelope, modulation), quantiles)
+        latents = torch.cat([envelope, learned * std + mean], dim=1)
         if levels:
             size = (levels, sample.shape[-1])
             departures = unit_shape(departures)[0] * departure_size.exp()[..., None] * departure_std

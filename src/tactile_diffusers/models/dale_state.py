@@ -3,7 +3,8 @@
 How much a texture varies differs far more between textures than how it varies. So the size is kept apart from the
 shape, as vector quantisers of speech keep gain and shape apart: the sizes are numbers that ratings can move. Of the
 fast envelope they are its quantiles, because a texture with a few catches and one with many small bumps may vary as
-much.
+much; and the powers of its modulation, because what varies may be slow or fast. What is left of it to diffuse is the
+order of its values in time, made white.
 """
 
 import math
@@ -12,11 +13,17 @@ import torch
 
 #: Least RMS of the departures, and least gap between quantiles of the envelope: a steady texture has no shape.
 LEAST_SPREAD, LEAST_GAP = 0.02, 0.002
+#: Least power of a band of modulation frequency.
+LEAST_POWER = 1e-3
 #: Where the quantiles of the envelope are taken, as standard normal values; closer on the side of events. The highest
 #: is as rare as one value of a segment.
 KNOTS = (-2.4, -1.2, 0.0, 0.8, 1.6, 2.1, 2.6)
 #: How many numbers they become: the median and the log gaps between them.
 QUANTILES = len(KNOTS)
+#: Between bands of modulation frequency, as shares of the highest: 2, 4, 8, 13, 20, 29, 39 and 55 Hz of the bundled
+#: checkpoint.
+MODULATION_EDGES = (0.025, 0.05, 0.1, 0.165, 0.25, 0.375, 0.5, 0.7)
+MODULATIONS = len(MODULATION_EDGES) + 1
 
 
 def cosines(count, like):
@@ -79,6 +86,50 @@ def with_quantiles(values, numbers):
     return found
 
 
+def modulation_numbers(scores):
+    """Log power of scores (batch, channels, frames) in bands of modulation frequency: (batch, MODULATIONS)."""
+    if not scores.numel():
+        return scores.new_zeros(len(scores), 0)
+    return _band_powers(_spectrum(scores)).log().to(scores)
+
+
+def whitened(scores):
+    """Scores (batch, channels, frames) at equal power in all bands of modulation frequency."""
+    return coloured(scores, scores.new_zeros(len(scores), MODULATIONS))
+
+
+def coloured(values, numbers):
+    """Values (batch, channels, frames) of which the modulation has the log powers (batch, MODULATIONS)."""
+    if not values.numel():
+        return values
+    channels, frames = values.shape[1:]
+    spectrum = _spectrum(values)
+    gains = (0.5 * numbers.float()).exp() * _band_powers(spectrum).rsqrt()
+    gains = gains[:, _band_of_bins(spectrum)]
+    spectrum = torch.cat([spectrum[:, :1], spectrum[:, 1:] * gains], dim=1)
+    series = torch.fft.irfft(spectrum, channels * frames, norm="ortho")
+    return series.unflatten(1, (frames, channels)).transpose(1, 2).to(values)
+
+
+def _spectrum(values):
+    """Spectrum of the series that the channels of one frame after the other make: (batch, bins)."""
+    return torch.fft.rfft(values.transpose(1, 2).flatten(1).float(), norm="ortho")
+
+
+def _band_of_bins(spectrum):
+    """Band of each bin but the first, the mean: (bins - 1,)."""
+    bins = spectrum.shape[1] - 1
+    shares = torch.arange(1, bins + 1, device=spectrum.device) / max(bins, 1)
+    return torch.bucketize(shares, torch.tensor(MODULATION_EDGES, device=spectrum.device))
+
+
+def _band_powers(spectrum):
+    """Mean power of the bins in each band, (batch, MODULATIONS); a short series has none in some."""
+    band, power = _band_of_bins(spectrum), spectrum[:, 1:].abs().square()
+    sums = power.new_zeros(len(power), MODULATIONS).index_add_(1, band, power)
+    return (sums / torch.bincount(band, minlength=MODULATIONS).clamp_min(1)).clamp_min(LEAST_POWER)
+
+
 def latent_statistics(latents, level_channels=0, envelope_channels=0, patch_size=1):
     """What `DALEModel`'s config keeps of the training set's latents.
 
@@ -96,7 +147,8 @@ def latent_statistics(latents, level_channels=0, envelope_channels=0, patch_size
         return values.std(dims, correction=0).clamp_min(1e-3) if values.numel() else values.new_zeros(0)
 
     departure_std = deviation(departures, (0, 2))
-    sizes = torch.cat([unit_shape(departures / departure_std[:, None])[1], quantile_numbers(envelope)], dim=1)
+    sizes = [unit_shape(departures / departure_std[:, None])[1], quantile_numbers(envelope)]
+    sizes = torch.cat([*sizes, modulation_numbers(normal_scores(envelope))], dim=1)
     found = {
         "latent_mean": torch.cat([means.mean(0), learned.mean((0, 2))]),
         "latent_std": torch.cat([deviation(means, 0), deviation(learned, (0, 2))]),

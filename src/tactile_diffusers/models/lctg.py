@@ -14,6 +14,7 @@ from torch import nn
 from ..features.low_band import synthesize
 from ..schedulers.angles import to_angle
 from .compiling import CompileMixin
+from .distilled import check_distilled_steps
 from .embeddings import TimestepEmbedder, expand_timestep
 from .safe_loading import SafeLoadingMixin
 from .unet_1d import ChannelRMSNorm, UNet1D
@@ -129,7 +130,7 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
             recordings than in textures decoded from the base layer alone (`fit_modulation_gains`). It is restored
             after decoding; `None` = left as decoded.
         distilled_steps (`int`, *optional*): most solver steps that a distilled decoder may take
-            (examples/distill_lctg.py); `None` = any number.
+            (examples/distill.py); `None` = any number.
 
     Raises:
         ValueError: if sizes do not fit each other.
@@ -163,8 +164,7 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
         distilled_steps: int | None = None,
     ):
         super().__init__()
-        if distilled_steps is not None and not distilled_steps >= 1:
-            raise ValueError(f"`distilled_steps` must be at least 1, or None, got {distilled_steps}.")
+        check_distilled_steps(distilled_steps)
         for name, value in (("level_bands", level_bands), ("envelope_channels", envelope_channels)):
             if value < 0:
                 raise ValueError(f"`{name}` must be 0 (none) or more, got {value}.")

@@ -66,7 +66,7 @@ def build_dale(lctg, dataset, latents, **config):
     level_mean, level_std = mean_and_std(dataset.levels)
     friction_mean, friction_std = mean_and_std(np.log(np.maximum(dataset.friction_coefficients, 1e-3)))
     layout = {"level_channels": lctg.level_channels, "envelope_channels": lctg.config.envelope_channels}
-    layout["patch_size"] = config.get("patch_size", 4 if lctg.passed_channels else 1)
+    layout["patch_size"] = config.get("patch_size", 2 if lctg.passed_channels else 1)
     statistics = latent_statistics(latents, **layout)
     settings = {
         "in_channels": lctg.base_channels + lctg.level_channels + len(statistics["size_mean"]) + NUM_SCALARS,
