@@ -23,12 +23,12 @@ from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.checkpoints import writing
 from tactile_diffusers.training.fitting import fit_preemphasis
 from tactile_diffusers.training.launch import (
-    add_decoder_arguments,
     make_accelerator,
     not_negative,
     parse_training_arguments,
     read_model_config,
     run,
+    share,
     starting,
     training_parser,
 )
@@ -43,8 +43,11 @@ CONFIG = Path(__file__).parent / "configs" / "lctg.json"
 
 def parse_args(argv=None):
     parser = training_parser(__doc__)
-    add_decoder_arguments(parser)
     add = parser.add_argument
+    add("--detail_dropout", type=share, default=0.5, help="share of textures without detail layer")
+    weighted = "velocity loss weighted by frequency ** -exponent; 0 = flat"
+    add("--octave_exponent", type=not_negative, default=1.0, help=weighted)
+    add("--spectral_loss_weight", type=not_negative, default=0.0, help="of the frequency-aware loss; 0 = off")
     add("--subset", choices=["full", "filtered"], default="filtered", help="segments to train on")
     add("--pretrained_model_name_or_path", help="pipeline folder to continue from (second phase)")
     add(

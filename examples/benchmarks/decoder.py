@@ -35,7 +35,7 @@ def main(argv=None):
     add = parser.add_argument
     add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
     add("--decoders", type=_named, nargs="+", default=[], metavar="NAME=FOLDER", help="output folders of "
-        "examples/distill_lctg.py; default: what the checkpoint brings")  # fmt: skip
+        "examples/distill.py; default: what the checkpoint brings")  # fmt: skip
     arguments = parse(parser, argv)
     pipe = load_pipeline(arguments.checkpoint)
     train, held_out = (PreparedDataset(arguments.data, split) for split in ("train", "test"))

@@ -31,14 +31,14 @@ def by_steps(pipe, repeats):
     """Seconds of DALE alone, of both stages, and the real-time factor, at several steps."""
     runs = {}
     for steps in STEPS:
-        common = {"ratings": [RATINGS], "num_inference_steps": steps, "num_latent_inference_steps": steps}
+        common = {"ratings": [RATINGS], "num_inference_steps": steps}
         runs[steps, "latent"] = lambda c=common: pipe(output_type="latent", **c)
         runs[steps, "np"] = lambda c=common: pipe(**c)
     times, rows = seconds_of(runs, repeats), {}
     duration = pipe([RATINGS], num_inference_steps=1).textures.shape[-1] / pipe.feature_extractor.delivery_rate
     for steps in STEPS:
         latent, whole = times[steps, "latent"], times[steps, "np"]
-        rows[f"{steps} + {steps} steps"] = {
+        rows[f"{pipe.resolve_steps(steps)[1]} + {steps} steps"] = {
             "DALE s": latent,
             "LCTG and output s": whole - latent,
             "whole s": whole,

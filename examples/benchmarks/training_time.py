@@ -27,7 +27,7 @@ PREPARE = (
 )
 LCTG = "train_lctg.py --train_data_dir prepared.h5 --max_train_steps 6000 --latent_penalty 0.002 --output_dir runs/lctg"
 DALE = (
-    "train_dale.py --train_data_dir prepared.h5 --pretrained_model_name_or_path runs/lctg --max_train_steps 12000 "
+    "train_dale.py --train_data_dir prepared.h5 --pretrained_model_name_or_path runs/lctg --max_train_steps 4000 "
     "--output_dir runs/dale"
 )
 #: Steps that are run of each training, and after which of them a step's time is taken.

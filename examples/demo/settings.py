@@ -37,7 +37,7 @@ class Settings:
 
     Args:
         steps (`int`): of LCTG; no more than a distilled decoder was made for = that decoder, where there is one.
-        latent_steps (`int`): of DALE.
+        latent_steps (`int`): of DALE; a distilled one takes no more than it was made for.
         order (`int`): of both solvers, 1 or 2; a distilled decoder keeps its own.
         guidance (`float`): 1 = off.
         seed (`int`): take k is made with seed + k.

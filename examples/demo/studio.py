@@ -145,17 +145,18 @@ class Studio:
         seeds = [settings.seed + take for take in range(settings.takes)] * len(ratings)
         with self._lock:
             pipe = self._pipeline(settings)
+            latent_steps = min(settings.latent_steps, pipe.dale.config.distilled_steps or settings.latent_steps)
             out = pipe(
                 [list(row) for row in ratings],
                 num_inference_steps=settings.steps,
-                num_latent_inference_steps=settings.latent_steps,
+                num_latent_inference_steps=latent_steps,
                 guidance_scale=settings.guidance,
                 num_textures_per_rating=settings.takes,
                 duration_s=settings.duration_s,
                 generator=[torch.Generator("cpu").manual_seed(seed) for seed in seeds],
             )
             estimated = _estimate(pipe, out.textures, out.sampling_rate, out.friction_coefficient)
-            drawn = draw_latents(pipe, ratings[0], settings.latent_steps, settings.guidance, _RANGE_SEED)
+            drawn = draw_latents(pipe, ratings[0], latent_steps, settings.guidance, _RANGE_SEED)
             likely, usual = rating_range(pipe, drawn), estimated_range(pipe, drawn)
         textures = [
             Texture(

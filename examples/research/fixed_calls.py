@@ -28,7 +28,7 @@ CALLS = {
     "takes": {"ratings": [[0.5, -1.0, 0.3]], "num_textures_per_rating": 3},
     "short": {"ratings": [[0.0, 0.0, 0.0]], "duration_s": 0.3},
     "long": {"ratings": [[0.8, 1.0, 0.2]], "duration_s": 5.2},
-    "steps": {"ratings": [[0.8, 1.0, 0.2]], "num_inference_steps": 10, "num_latent_inference_steps": 3},
+    "steps": {"ratings": [[0.8, 1.0, 0.2]], "num_inference_steps": 10, "num_latent_inference_steps": 2},
     "guidance": {"ratings": [[0.8, 1.0, 0.2]], "guidance_scale": 1.5},
     "guidance_by_axis": {"ratings": [[0.8, 1.0, 0.2]], "guidance_scale": {"bumpiness": 1.4}, "guidance_rescale": 0.5},
     "raw": {"ratings": [[6.0, 3.0, 2.0]], "rating_scale": "raw"},

@@ -50,15 +50,15 @@ def test_the_comparison_is_complete(checkpoint, tmp_path, capsys, make_lctg, mon
     report = json.loads((tmp_path / "peers.json").read_text())
     assert "not installed" in report["notes"][0] and peer_models.INSTALL in report["notes"][0]
     models, batches = report["models"], report["batches"]
-    rows = {peers.OURS, peers.ANCHOR, "ours, 5 + 5 steps", "ours, distilled, 5 + 2 steps"}
+    rows = {peers.OURS, peers.ANCHOR, "ours, default steps", "ours, distilled"}
     rows |= {"UNet1DModel, 18 M", "UNet1DModel, at our size"}
     assert set(models) == rows == set(batches["Batch 1"]) == set(batches["Batch 2"])
     sizes = [models[name]["parameters, M"] for name in (peers.OURS, "UNet1DModel, at our size")]
     assert abs(sizes[1] / sizes[0] - 1) <= peer_models.SIZE_TOLERANCE
     # half the steps, half the work but for what is prepared once a call; a distilled decoder saves its own share
     work = {name: row["multiply-adds of a segment, G"] for name, row in models.items()}
-    assert work["ours, 5 + 5 steps"] == pytest.approx(work[peers.OURS] / 2, rel=0.01)
-    assert work["ours, distilled, 5 + 2 steps"] < work["ours, 5 + 5 steps"]
+    assert work["ours, default steps"] == pytest.approx(work[peers.OURS] / 2, rel=0.01)
+    assert work["ours, distilled, 5 + 2 steps"] < work["ours, default steps"]
     assert all(_finite(row.values()) for table in batches.values() for row in table.values())
     assert "Beside other models" in capsys.readouterr().out
 

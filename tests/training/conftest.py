@@ -137,7 +137,7 @@ def runs(script, run_script, tmp_path_factory):
     dale, options = small_figures(script("train_dale")), short | {"pretrained_model_name_or_path": folder / "lctg"}
     run_script(dale, "dale", folder / "dale", conditioning_weight=0, rating_head_steps=2, **options)
     options = short | {"pretrained_model_name_or_path": folder / "dale", "model_config_name_or_path": None}
-    run_script(script("distill_lctg"), "lctg", folder / "distilled", teacher_steps=4, **options)
+    run_script(script("distill"), "lctg", folder / "distilled", model="lctg", **options)
     return folder
 
 

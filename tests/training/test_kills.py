@@ -191,7 +191,7 @@ def test_a_training_that_is_killed_a_few_times(die_and_live):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "kills", "steps"), [("train_lctg", 56, 40), ("train_dale", 20, 24), ("distill_lctg", 18, 24)]
+    ("name", "kills", "steps"), [("train_lctg", 56, 40), ("train_dale", 20, 24), ("distill", 18, 24)]
 )
 def test_a_training_that_is_killed_many_times(die_and_live, name, kills, steps):
     hits = die_and_live(name, kills, steps, aims=[None, "checkpoint", "rotation"])

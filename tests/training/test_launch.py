@@ -30,7 +30,7 @@ def refusal(script, options_of_a_tiny_training, monkeypatch, capsys):
     [
         ("train_lctg", {"train_data_dir": "recordings.h5"}, "is not a prepared data set"),
         ("train_dale", {"pretrained_model_name_or_path": "nope"}, "nope"),
-        ("distill_lctg", {"pretrained_model_name_or_path": "nope", "model_config_name_or_path": None}, "nope"),
+        ("distill", {"pretrained_model_name_or_path": "nope", "model_config_name_or_path": None}, "nope"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(refusal, prepared, tmp_path, name, changes, reason):

@@ -154,7 +154,7 @@ def add_generation_arguments(parser):
     add = parser.add_argument
     add("--decoder", metavar="NAME", help="further decoder of the checkpoint, as 'distilled'; default: its own")
     add("--num_inference_steps", type=count, metavar="N", help="diffusion steps of LCTG, the decoder; default: the "
-        "checkpoint's; bundled: 5, distilled: 2")  # fmt: skip
+        "checkpoint's; bundled: 5, distilled: 1")  # fmt: skip
     add("--num_latent_inference_steps", type=count, metavar="N", help="diffusion steps of DALE, which generates the "
         "latents; default: the checkpoint's; bundled: 5")  # fmt: skip
     add("--guidance_scale", type=float, default=1.0, metavar="W", help="weight of the ratings; default: 1, off")

@@ -42,7 +42,7 @@ def parse_arguments(argv=None):
     add(
         "--runs", type=run, nargs="+", required=True, metavar="FOLDER", help="output folders of its trainings, in order"
     )
-    add("--distilled", type=run, metavar="FOLDER", help="output folder of distill_lctg.py: its decoder goes along")
+    add("--distilled", type=run, metavar="FOLDER", help="output folder of distill.py: its decoder goes along")
     add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="what the pipeline was trained on")
     add("--output", type=Path, required=True, metavar="FOLDER", help="new, or published before: then it is replaced")
     add("--note", default="", help="a sentence on how the trainings were run, for the card")

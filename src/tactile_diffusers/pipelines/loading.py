@@ -17,7 +17,7 @@ class LoadingMixin:
         Args:
             pretrained_model_name_or_path (`str` or `Path`): a folder, or the id of a repository on the Hub.
             decoder (`str`, *optional*): a further decoder that the checkpoint brings, in the place of its own:
-                `"distilled"` loads `lctg_distilled`, which takes one or two steps.
+                `"distilled"` loads `lctg_distilled`, which needs one step or two.
             kwargs: as in diffusers: components by name (they are not looked for in the folder), `dtype`,
                 `variant`, `revision`, `token` and so on.
 

@@ -233,8 +233,8 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
                 `rating_scale`: roughness, bumpiness, slipperiness, larger = rougher, bumpier, more slippery. NaN or
                 None = not specified; `None` for all = nothing specified.
             num_inference_steps (`int`, *optional*): steps of LCTG; `None` = 5, or what it was distilled to.
-            num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = `num_inference_steps`, or 5 if that
-                is left out or LCTG is a distilled one.
+            num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = what it was distilled to, else
+                `num_inference_steps`, or 5 if that is left out or LCTG is a distilled one.
             guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): above 1 exaggerates the
                 ratings; 1.0 = off. A dict, `{"bumpiness": 1.5}`, does so for these axes alone. Above 3, levels leave
                 the range of the training data (a warning says so).

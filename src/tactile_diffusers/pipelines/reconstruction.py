@@ -15,6 +15,20 @@ from .pipeline_output import TactileLatents
 DEFAULT_STEPS = 5
 
 
+def _steps(name, steps, model, default):
+    """Steps of one stage: as asked, or what the model was distilled to, or the default."""
+    most = None if model is None else model.config.distilled_steps
+    if steps is None:
+        return default if most is None else most
+    steps = check_steps(name, steps)
+    if most is not None and steps > most:
+        raise ValueError(
+            f"`{name}` must be at most {most}, got {steps}: this {type(model).__name__} was distilled to so many steps "
+            "and gets worse beyond. Leave it out, or load its teacher."
+        )
+    return steps
+
+
 class ReconstructionMixin:
     """The part of `TactileTexturePipeline` that needs no ratings."""
 
@@ -22,21 +36,11 @@ class ReconstructionMixin:
         """Steps that a call with these arguments takes, of LCTG and of DALE: (int, int).
 
         Raises:
-            ValueError: if one is no whole number >= 1, or more than a distilled LCTG may take.
+            ValueError: if one is no whole number >= 1, or more than a distilled model may take.
         """
-        most = self.lctg.config.distilled_steps
-        decoding = DEFAULT_STEPS if most is None else most
-        if num_inference_steps is not None:
-            decoding = check_steps("num_inference_steps", num_inference_steps)
-        if most is not None and decoding > most:
-            raise ValueError(
-                f"`num_inference_steps` must be at most {most}, got {decoding}: this LCTG was distilled to so many "
-                "steps and gets worse beyond. Leave it out, or load the checkpoint without `decoder`."
-            )
-        latent = num_latent_inference_steps
-        if latent is None:
-            latent = decoding if most is None else DEFAULT_STEPS
-        latent = check_steps("num_latent_inference_steps", latent)
+        decoding = _steps("num_inference_steps", num_inference_steps, self.lctg, DEFAULT_STEPS)
+        undistilled = decoding if self.lctg.config.distilled_steps is None else DEFAULT_STEPS
+        latent = _steps("num_latent_inference_steps", num_latent_inference_steps, self.dale, undistilled)
         stages = ((self.scheduler, decoding), (self.dale_scheduler, latent))
         most = max((steps for scheduler, steps in stages if steps_settle(scheduler)), default=0)
         self._warn_once("steps", most, warn_of_many_steps, most)

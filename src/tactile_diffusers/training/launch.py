@@ -125,15 +125,6 @@ def _add_hub(add):
     add("--hub_private_repo", action="store_true", help="if the repository is new, make it private")
 
 
-def add_decoder_arguments(parser):
-    """Adds what training and distilling a decoder share, with the names of `LCTGTrainingStep`'s arguments."""
-    add = parser.add_argument
-    add("--detail_dropout", type=share, default=0.5, help="share of textures without detail layer")
-    weighted = "velocity loss weighted by frequency ** -exponent; 0 = flat"
-    add("--octave_exponent", type=not_negative, default=1.0, help=weighted)
-    add("--spectral_loss_weight", type=not_negative, default=0.0, help="of the frequency-aware loss; 0 = off")
-
-
 def parse_training_arguments(parser, argv=None):
     """Parses the command line; `args.defaults` holds the defaults, so that `training.json` can list the changes."""
     args = parser.parse_args(argv)

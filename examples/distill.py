@@ -1,0 +1,206 @@
+#!/usr/bin/env python
+"""Distils a model into one that needs one or two steps: LCTG's decoder, or DALE.
+
+    accelerate launch examples/distill.py --model dale --train_data_dir prepared.h5 \
+        --pretrained_model_name_or_path runs/dale --max_train_steps 1500 --output_dir runs/dale_distilled
+    accelerate launch examples/distill.py --model lctg --train_data_dir prepared.h5 \
+        --pretrained_model_name_or_path runs/dale_distilled --max_train_steps 3000 --output_dir runs/lctg_distilled
+
+The student begins as its teacher, walks its few steps with the pipeline's own sampler, and learns from recordings that
+its results are distributed as they are (energy scores, `tactile_diffusers.training.energy`). LCTG's encoder stays,
+so DALE's latents fit both decoders. A distilled DALE stands in a whole pipeline; a distilled decoder takes its
+teacher's place:
+
+    lctg = LCTGModel.from_pretrained("runs/lctg_distilled", subfolder="lctg_distilled")
+    pipe = TactileTexturePipeline.from_pretrained("runs/dale_distilled", lctg=lctg)
+"""
+
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers.checkpoints import DISTILLED
+from tactile_diffusers.data.dataset import PreparedDataset
+from tactile_diffusers.features.fast_envelope import envelope_gain
+from tactile_diffusers.training.batches import make_collate
+from tactile_diffusers.training.card import finish
+from tactile_diffusers.training.dale_data import encode_dataset, training_states
+from tactile_diffusers.training.energy import StateViews, energy_score, waveform_views
+from tactile_diffusers.training.launch import (
+    at_least_one,
+    make_accelerator,
+    parse_training_arguments,
+    run,
+    share,
+    starting,
+    training_parser,
+)
+from tactile_diffusers.training.loop import Trainer
+from tactile_diffusers.training.record import surfaces_of
+from tactile_diffusers.training.steps import BatchNoise, DALETrainingStep, drop_detail
+from tactile_diffusers.training.validation import Reconstructions
+
+#: Held-out textures at most by which a distilled DALE is validated.
+HELD_OUT = 1000
+
+
+def parse_args(argv=None):
+    parser = training_parser(__doc__, hub=False, learning_rate=3e-4, lr_warmup_steps=50)
+    add = parser.add_argument
+    add("--model", choices=["lctg", "dale"], default="lctg", help="that is distilled")
+    add("--pretrained_model_name_or_path", required=True, help="pipeline folder with the teacher")
+    add("--student_steps", type=at_least_one, help="that the student takes; default: lctg 1, dale 2")
+    add("--detail_dropout", type=share, default=0.7, help="lctg: share of textures without detail layer")
+    args = parse_training_arguments(parser, argv)
+    args.student_steps = args.student_steps or {"lctg": 1, "dale": 2}[args.model]
+    return args
+
+
+def sample(model, scheduler, state, condition, steps):
+    """The end of a path of `steps` from noise (batch, channels, length)."""
+    scheduler.set_timesteps(steps, device=state.device)
+    for t in scheduler.timesteps:
+        velocity = model(state, t, condition, return_dict=False)[0]
+        state = scheduler.step(velocity, t, state, return_dict=False)[0]
+    return state
+
+
+class DecoderStep(nn.Module):
+    """Energy score of two waveforms decoded from latents: `{"waveform", "input_features"}` -> (loss, scalars)."""
+
+    def __init__(self, model, scheduler, extractor, args):
+        super().__init__()
+        self.model, self.args, self.extractor = model, args, extractor
+        self.scheduler = VDDIMScheduler.from_config(scheduler.config)  # a scheduler has state
+
+    def forward(self, batch, random):
+        real = batch["waveform"]
+        with torch.no_grad():
+            latents = self.model.encode(batch["input_features"])
+            gain = self.gain(latents, real)
+            # from exact to as noisy as the teacher knows: generated latents lie between
+            amount = random.uniform(len(latents), 1, 1)
+            latents = latents + amount * self.model.config.latent_noise * random.normal(*latents.shape)
+            latents = drop_detail(latents, self.model.base_channels, self.args.detail_dropout, random)
+        views = []
+        for _ in range(2):
+            noise = random.normal(*real[:, None].shape)
+            made = sample(self.model, self.scheduler, noise, latents, self.args.student_steps)[:, 0]
+            views.append(self.views(made * gain))
+        loss = energy_score(*views, self.views(real * gain))
+        return loss, {"energy": loss.detach()}
+
+    def gain(self, latents, like):
+        """The fast envelope, which what is felt has: (batch, samples), or 1."""
+        envelope = self.model.fast_envelope(latents)
+        if envelope is None:
+            return 1.0
+        values = envelope.transpose(1, 2).flatten(1).double().cpu().numpy()
+        step = self.model.config.latent_hop // self.model.config.envelope_channels
+        return torch.from_numpy(envelope_gain(values, step)).to(like)
+
+    def views(self, waveform):
+        return waveform_views(waveform, self.extractor.sampling_rate, self.extractor.band)
+
+
+class LatentStep(nn.Module):
+    """Energy score of two states generated from ratings: rows of `training_states` -> (loss, scalars)."""
+
+    def __init__(self, model, scheduler, states, args):
+        super().__init__()
+        self.model, self.args, self.views = model, args, StateViews(model, states)
+        self.scheduler = VDDIMScheduler.from_config(scheduler.config)
+        self.teaching = DALETrainingStep(model, scheduler, None)  # draws the ratings
+
+    def forward(self, batch, random):
+        real, ratings = batch["state"], self.teaching.drawn_ratings(batch, random)
+        views = []
+        for _ in range(2):
+            made = sample(self.model, self.scheduler, random.normal(*real.shape), ratings, self.args.student_steps)
+            views.append(self.views(made))
+        loss = energy_score(*views, self.views(real), batch["weight"])
+        return loss, {"energy": loss.detach()}
+
+
+def train_decoder(args, pipe, accelerator, dataset):
+    """Distils LCTG's decoder; the result lies in the subfolder `lctg_distilled`."""
+    extractor, rate = pipe.feature_extractor, dataset.sampling_rate
+    held_out = None
+    if args.validation_samples:
+        held_out = Reconstructions(args.train_data_dir, pipe, args.validation_samples, args.eval_batch_size)
+
+    def validate(model):
+        decoded = held_out.decode(model, args.student_steps, base_only=True)
+        return {"nine_band_db": held_out.nine_band_db(decoded)}
+
+    # the student's modulation is that of recordings: nothing has to be deepened
+    pipe.lctg.register_to_config(distilled_steps=args.student_steps, modulation_gains=None)
+    pipe.lctg.encoder.requires_grad_(False)
+    step, collate = DecoderStep(pipe.lctg, pipe.scheduler, extractor, args), make_collate(extractor, rate)
+    model = Trainer(
+        accelerator, args, step, "lctg", dataset, collate, held_out and validate, surfaces_of(dataset)
+    ).run()
+    if accelerator.is_main_process:
+        pipe.register_modules(lctg=model)
+
+        def save(folder):
+            model.save_pretrained(str(Path(folder) / DISTILLED))
+            pipe.scheduler.save_pretrained(str(Path(folder) / "scheduler"))
+
+        finish(args, save, pipe, dataset, teacher=args.pretrained_model_name_or_path)
+
+
+def train_dale(args, pipe, accelerator, dataset):
+    """Distils DALE; the result is a whole pipeline."""
+    dale = pipe.dale.train()
+    states = training_states(dale, dataset, encode_dataset(pipe, dataset, args.quiet))
+    dale.register_to_config(distilled_steps=args.student_steps)
+    step = LatentStep(dale, pipe.dale_scheduler, states["state"][: 8 * HELD_OUT], args)
+    validate = _latent_validation(args, pipe, dale, step) if args.validation_samples else None
+    rows = torch.utils.data.StackDataset(**states)
+    dale = Trainer(accelerator, args, step, "dale", rows, validate=validate, surfaces=surfaces_of(dataset)).run()
+    if accelerator.is_main_process:
+        pipe.register_modules(dale=dale)
+        finish(args, pipe.save_pretrained, pipe, dataset)
+
+
+def _latent_validation(args, pipe, dale, step):
+    """The score on surfaces that training does not see, with the same noise each time."""
+    rate = pipe.feature_extractor.sampling_rate
+    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered", rate, max_samples=HELD_OUT)
+    states = training_states(dale, held_out, encode_dataset(pipe, held_out, args.quiet))
+    parts = [
+        dict(zip(states, part, strict=True)) for part in zip(*(v.split(128) for v in states.values()), strict=True)
+    ]
+
+    def validate(model):
+        device = next(model.parameters()).device
+        random = BatchNoise(torch.Generator(device).manual_seed(0), device)
+        scores = [step({name: v.to(device) for name, v in part.items()}, random)[1] for part in parts]
+        return {name: sum(score[name] for score in scores) / len(scores) for name in scores[0]}
+
+    return validate
+
+
+def main(argv=None):
+    with starting():
+        args = parse_args(argv)
+        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
+        teacher = getattr(pipe, args.model)
+        if teacher is None or teacher.config.distilled_steps is not None:
+            raise ValueError(
+                f"--pretrained_model_name_or_path {args.pretrained_model_name_or_path} must hold the teacher of "
+                f"--model {args.model}: it has none, or one that is distilled already."
+            )
+        accelerator = make_accelerator(args)
+        pipe.to(accelerator.device)
+        pipe.lctg.requires_grad_(args.model == "lctg")
+        rate = pipe.feature_extractor.sampling_rate
+        dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
+    {"lctg": train_decoder, "dale": train_dale}[args.model](args, pipe, accelerator, dataset)
+
+
+if __name__ == "__main__":
+    run(main)
