@@ -247,8 +247,27 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         scalars = torch.cat([latents[:, :levels], torch.tensor(sizes).to(like)], dim=1)
         return scalars, latents[:, levels:, None], departure_std[:, None]
 
+    def _read(self, sample):
+        """The values of a state, in the units of latents but for what is at unit variance.
+
+        Returns:
+            `tuple`: of the fast envelope (batch, channels, frames) what becomes its normal scores; the learned latents
+            at unit variance; departures of the cepstrum (batch, bands, patches); the mean cepstrum (batch, bands); the
+            numbers of the envelope's quantiles; all scalars at unit variance (batch, num_scalars).
+        """
+        config, levels = self.config, self.config.level_channels
+        field, departures, scalars = self.pool_state(sample).split(self.channel_groups, dim=1)
+        scalars, (statistics, _, departure_std) = scalars[..., 0], self._statistics(sample)
+        numbers = scalars[:, :-NUM_SCALARS] * statistics[1] + statistics[0]
+        first = levels + (levels > 0)
+        means, departure_size, quantiles, modulation = numbers.tensor_split([levels, first, first + QUANTILES], dim=1)
+        envelope, learned = from_patches(field, config.patch_size).tensor_split([config.envelope_channels], dim=1)
+        if levels:
+            departures = unit_shape(departures)[0] * departure_size.exp()[..., None] * departure_std
+        return coloured(envelope, modulation), learned, departures, means, quantiles, scalars
+
     def parts(self, sample):
-        """What a state stands for, as far as gradients reach: its fields, frame by frame, and its scalars.
+        """What `unpack` makes of a state as far as gradients reach, and frame by frame.
 
         Args:
             sample (`torch.Tensor`): (batch, in_channels, frames).
@@ -258,17 +277,9 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             latents at unit variance; by how much band levels depart from their means (batch, level_channels, frames),
             natural log of amplitude; the scalars (batch, num_scalars) at unit variance.
         """
-        levels, envelope = self.config.level_channels, self.config.envelope_channels
-        field, scalars = self.split_scalars(sample)
-        fast, learned, departures = field.split([envelope, field.shape[1] - envelope - levels, levels], dim=1)
-        (mean, std), _, departure_std = self._statistics(sample)
-        sizes = (scalars[:, : len(mean)] * std + mean)[:, levels:]
-        if envelope:
-            fast = coloured(fast, sizes[:, -MODULATIONS:])
-        if levels:
-            departures = departures * self.config.patch_size**0.5 * sizes[:, :1, None].exp() * departure_std
-            departures = cosines(levels, sample).T @ departures
-        return fast, learned, departures, scalars
+        envelope, learned, departures, _, _, scalars = self._read(sample)
+        departures = cosines(departures.shape[1], departures).T @ departures
+        return envelope, learned, departures.repeat_interleave(self.config.patch_size, dim=-1), scalars
 
     def pack(self, latents, level, friction_coefficient):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
@@ -302,22 +313,15 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         Band levels come back smooth: cubic between the values of the patches.
         """
         config, levels = self.config, self.config.level_channels
-        field, departures, scalars = self.pool_state(sample).split(self.channel_groups, dim=1)
-        scalars, whole = scalars[..., 0].split([levels + self.num_sizes, NUM_SCALARS], dim=1)
-        statistics, (mean, std), departure_std = self._statistics(sample)
-        scalars = scalars * statistics[1] + statistics[0]
-        first = levels + (levels > 0)
-        means, departure_size, quantiles, modulation = scalars.tensor_split([levels, first, first + QUANTILES], dim=1)
-        envelope, learned = from_patches(field, config.patch_size).tensor_split([config.envelope_channels], dim=1)
-        envelope = with_quantiles(coloured(envelope, modulation), quantiles)
-        latents = torch.cat([envelope, learned * std + mean], dim=1)
+        envelope, learned, departures, means, quantiles, scalars = self._read(sample)
+        mean, std = self._statistics(sample)[1]
+        latents = torch.cat([with_quantiles(envelope, quantiles), learned * std + mean], dim=1)
         if levels:
             size = (levels, sample.shape[-1])
-            departures = unit_shape(departures)[0] * departure_size.exp()[..., None] * departure_std
             smooth = F.interpolate(departures[:, None], size=size, mode="bicubic")[:, 0]
             smooth = smooth - smooth.mean(-1, keepdim=True) + means[..., None]
             latents = torch.cat([cosines(levels, smooth).T @ smooth, latents], dim=1)
-        level, friction = whole.float().unbind(1)
+        level, friction = scalars[:, -NUM_SCALARS:].float().unbind(1)
         log_friction_mean, log_friction_std = self._log_friction_statistics()
         return (
             latents,
