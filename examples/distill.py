@@ -1,10 +1,8 @@
 #!/usr/bin/env python
 """Distils a model into one that needs one or two steps: LCTG's decoder, or DALE.
 
-    accelerate launch examples/distill.py --model dale --train_data_dir prepared.h5 \
-        --pretrained_model_name_or_path runs/dale --max_train_steps 1500 --output_dir runs/dale_distilled
-    accelerate launch examples/distill.py --model lctg --train_data_dir prepared.h5 \
-        --pretrained_model_name_or_path runs/dale_distilled --max_train_steps 3000 --output_dir runs/lctg_distilled
+    accelerate launch examples/distill.py --model lctg --train_data_dir prepared.h5 --train_batch_size 8 \
+        --pretrained_model_name_or_path runs/lctg --max_train_steps 4000 --output_dir runs/lctg_distilled
 
 The student begins as its teacher, walks its few steps with the pipeline's own sampler, and learns from recordings that
 its results are distributed as they are (energy scores, `tactile_diffusers.training.energy`). LCTG's encoder stays,
@@ -12,7 +10,7 @@ so DALE's latents fit both decoders. A distilled DALE stands in a whole pipeline
 teacher's place:
 
     lctg = LCTGModel.from_pretrained("runs/lctg_distilled", subfolder="lctg_distilled")
-    pipe = TactileTexturePipeline.from_pretrained("runs/dale_distilled", lctg=lctg)
+    pipe = TactileTexturePipeline.from_pretrained("runs/dale", lctg=lctg)
 """
 
 from pathlib import Path
@@ -23,7 +21,7 @@ from torch import nn
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.checkpoints import DISTILLED
 from tactile_diffusers.data.dataset import PreparedDataset
-from tactile_diffusers.features.fast_envelope import envelope_gain
+from tactile_diffusers.features.fast_envelope import gain_of_frames
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
@@ -42,8 +40,8 @@ from tactile_diffusers.training.record import surfaces_of
 from tactile_diffusers.training.steps import BatchNoise, DALETrainingStep, drop_detail
 from tactile_diffusers.training.validation import Reconstructions
 
-#: Held-out textures at most by which a distilled DALE is validated.
-HELD_OUT = 1000
+#: Textures at most from which the scales of DALE's views are taken, and held-out ones by which it is validated.
+SCALED, HELD_OUT = 8000, 1000
 
 
 def parse_args(argv=None):
@@ -97,9 +95,7 @@ class DecoderStep(nn.Module):
         envelope = self.model.fast_envelope(latents)
         if envelope is None:
             return 1.0
-        values = envelope.transpose(1, 2).flatten(1).double().cpu().numpy()
-        step = self.model.config.latent_hop // self.model.config.envelope_channels
-        return torch.from_numpy(envelope_gain(values, step)).to(like)
+        return torch.from_numpy(gain_of_frames(envelope.double().cpu().numpy(), like.shape[-1])).to(like)
 
     def views(self, waveform):
         return waveform_views(waveform, self.extractor.sampling_rate, self.extractor.band)
@@ -157,7 +153,7 @@ def train_dale(args, pipe, accelerator, dataset):
     dale = pipe.dale.train()
     states = training_states(dale, dataset, encode_dataset(pipe, dataset, args.quiet))
     dale.register_to_config(distilled_steps=args.student_steps)
-    step = LatentStep(dale, pipe.dale_scheduler, states["state"][: 8 * HELD_OUT], args)
+    step = LatentStep(dale, pipe.dale_scheduler, states["state"][:SCALED], args)
     validate = _latent_validation(args, pipe, dale, step) if args.validation_samples else None
     rows = torch.utils.data.StackDataset(**states)
     dale = Trainer(accelerator, args, step, "dale", rows, validate=validate, surfaces=surfaces_of(dataset)).run()
@@ -178,8 +174,8 @@ def _latent_validation(args, pipe, dale, step):
     def validate(model):
         device = next(model.parameters()).device
         random = BatchNoise(torch.Generator(device).manual_seed(0), device)
-        scores = [step({name: v.to(device) for name, v in part.items()}, random)[1] for part in parts]
-        return {name: sum(score[name] for score in scores) / len(scores) for name in scores[0]}
+        scores = [step({name: v.to(device) for name, v in part.items()}, random)[0] for part in parts]
+        return {"energy": sum(scores) / len(scores)}
 
     return validate
 

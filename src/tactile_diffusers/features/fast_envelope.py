@@ -61,3 +61,9 @@ def envelope_gain(envelope, step):
     # from the middle of a value to that of the next one
     between = padded[:, :-1, None] + np.diff(padded)[..., None] * share
     return np.exp(between.reshape(len(envelope), -1)[:, step - step // 2 : -(step // 2)])
+
+
+def gain_of_frames(envelope, samples):
+    """`envelope_gain` of values as latents hold them: (batch, values per frame, frames) -> (batch, samples)."""
+    values = envelope.transpose(0, 2, 1).reshape(len(envelope), -1)
+    return envelope_gain(values, samples // values.shape[1])

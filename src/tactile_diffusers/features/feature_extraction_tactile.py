@@ -10,7 +10,7 @@ from transformers.feature_extraction_utils import BatchFeature, FeatureExtractio
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
 from ..signal.checks import check_number
 from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
-from .fast_envelope import envelope_gain, measure_fast_envelope
+from .fast_envelope import envelope_gain, gain_of_frames, measure_fast_envelope
 from .filterbank import FILTER_SCALES, filterbank
 from .low_band import sample_low_band
 
@@ -308,8 +308,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         self._check_restored("envelope", envelope, self.envelope_samples, waveform)
         self._check_restored("band_levels", band_levels, self.level_bands and self.level_bands + 1, waveform)
         if envelope is not None:
-            values = _as_float64(envelope).transpose(0, 2, 1).reshape(len(waveform), -1)
-            waveform = waveform * envelope_gain(values, self._envelope_step)
+            waveform = waveform * gain_of_frames(_as_float64(envelope), waveform.shape[-1])
         if band_levels is not None:
             shape = (len(waveform), self.level_bands + 1)
             modulation_gain = None if modulation_gain is None else _as_float64(modulation_gain)
