@@ -1,25 +1,22 @@
 #!/usr/bin/env python
-"""Distils a model into one that needs one or two steps: LCTG's decoder, or DALE.
+"""Distils a model into one that needs one step: LCTG's decoder, or DALE.
 
     accelerate launch examples/distill.py --model lctg --train_data_dir prepared.h5 --train_batch_size 8 \
         --pretrained_model_name_or_path runs/lctg --max_train_steps 4000 --output_dir runs/lctg_distilled
 
-The student begins as its teacher, walks its few steps with the pipeline's own sampler, and learns from recordings that
-its results are distributed as they are (energy scores, `tactile_diffusers.training.energy`). LCTG's encoder stays,
-so DALE's latents fit both decoders. A distilled DALE stands in a whole pipeline; a distilled decoder takes its
-teacher's place:
-
-    lctg = LCTGModel.from_pretrained("runs/lctg_distilled", subfolder="lctg_distilled")
-    pipe = TactileTexturePipeline.from_pretrained("runs/dale", lctg=lctg)
+The student begins as its teacher, takes its one step with the pipeline's own sampler, and learns from recordings that
+its results are distributed as they are (energy scores, `tactile_diffusers.training.energy`). The output folder is the
+whole pipeline. LCTG's student stands beside its teacher as `lctg_distilled` and decodes in one step; its encoder is the
+teacher's, so the same latents fit both. DALE's student takes its teacher's place: a small network learns the numbers of
+a whole texture from ratings, the U-Net the rest from these.
 """
 
-from pathlib import Path
+import copy
 
 import torch
 from torch import nn
 
-from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.checkpoints import DISTILLED
+from tactile_diffusers import DALEModel, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.features.fast_envelope import gain_of_frames
 from tactile_diffusers.training.batches import make_collate
@@ -37,11 +34,14 @@ from tactile_diffusers.training.launch import (
 )
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.record import surfaces_of
-from tactile_diffusers.training.steps import BatchNoise, DALETrainingStep, drop_detail
+from tactile_diffusers.training.scalars import fit_scalar_network
+from tactile_diffusers.training.steps import BatchNoise, drawn_ratings, drop_detail
 from tactile_diffusers.training.validation import Reconstructions
 
 #: Textures at most from which the scales of DALE's views are taken, and held-out ones by which it is validated.
 SCALED, HELD_OUT = 8000, 1000
+#: Width of DALE's network of scalars.
+SCALAR_WIDTH = 256
 
 
 def parse_args(argv=None):
@@ -49,20 +49,16 @@ def parse_args(argv=None):
     add = parser.add_argument
     add("--model", choices=["lctg", "dale"], default="lctg", help="that is distilled")
     add("--pretrained_model_name_or_path", required=True, help="pipeline folder with the teacher")
-    add("--student_steps", type=at_least_one, help="that the student takes; default: lctg 1, dale 2")
     add("--detail_dropout", type=share, default=0.7, help="lctg: share of textures without detail layer")
-    args = parse_training_arguments(parser, argv)
-    args.student_steps = args.student_steps or {"lctg": 1, "dale": 2}[args.model]
-    return args
+    add("--scalar_steps", type=at_least_one, default=8000, help="dale: updates of the network of scalars, before")
+    return parse_training_arguments(parser, argv)
 
 
-def sample(model, scheduler, state, condition, steps):
-    """The end of a path of `steps` from noise (batch, channels, length)."""
-    scheduler.set_timesteps(steps, device=state.device)
-    for t in scheduler.timesteps:
-        velocity = model(state, t, condition, return_dict=False)[0]
-        state = scheduler.step(velocity, t, state, return_dict=False)[0]
-    return state
+def one_step(model, scheduler, noise, condition):
+    """Where a single step leads from noise (batch, channels, length); `model` gives the velocity."""
+    scheduler.set_timesteps(1, device=noise.device)
+    (t,) = scheduler.timesteps
+    return scheduler.step(model(noise, t, condition), t, noise, return_dict=False)[0]
 
 
 class DecoderStep(nn.Module):
@@ -85,10 +81,13 @@ class DecoderStep(nn.Module):
         views = []
         for _ in range(2):
             noise = random.normal(*real[:, None].shape)
-            made = sample(self.model, self.scheduler, noise, latents, self.args.student_steps)[:, 0]
+            made = one_step(self.velocity, self.scheduler, noise, latents)[:, 0]
             views.append(self.views(made * gain))
         loss = energy_score(*views, self.views(real * gain))
         return loss, {"energy": loss.detach()}
+
+    def velocity(self, *inputs):
+        return self.model(*inputs, return_dict=False)[0]
 
     def gain(self, latents, like):
         """The fast envelope, which what is felt has: (batch, samples), or 1."""
@@ -102,58 +101,61 @@ class DecoderStep(nn.Module):
 
 
 class LatentStep(nn.Module):
-    """Energy score of two states generated from ratings: rows of `training_states` -> (loss, scalars)."""
+    """Energy score of two states generated from ratings and the real scalars: rows of `training_states` -> (loss,
+    scalars to log)."""
 
-    def __init__(self, model, scheduler, states, args):
+    def __init__(self, model, scheduler, states):
         super().__init__()
-        self.model, self.args, self.views = model, args, StateViews(model, states)
+        self.model, self.views = model, StateViews(model, states)
         self.scheduler = VDDIMScheduler.from_config(scheduler.config)
-        self.teaching = DALETrainingStep(model, scheduler, None)  # draws the ratings
 
     def forward(self, batch, random):
-        real, ratings = batch["state"], self.teaching.drawn_ratings(batch, random)
-        views = []
+        real, ratings, views = batch["state"], drawn_ratings(batch, random), []
+        scalars = self.model.split_scalars(real)[1]
         for _ in range(2):
-            made = sample(self.model, self.scheduler, random.normal(*real.shape), ratings, self.args.student_steps)
-            views.append(self.views(made))
+            noise = self.given(random.normal(*real.shape), scalars)
+            made = one_step(self.model.unet_velocity, self.scheduler, noise, ratings)
+            views.append(self.views(self.given(made, scalars)))
         loss = energy_score(*views, self.views(real), batch["weight"])
         return loss, {"energy": loss.detach()}
 
+    def given(self, state, scalars):
+        return self.model.append_scalars(self.model.split_scalars(state)[0], scalars)
+
 
 def train_decoder(args, pipe, accelerator, dataset):
-    """Distils LCTG's decoder; the result lies in the subfolder `lctg_distilled`."""
+    """Distils LCTG's decoder: the pipeline's `lctg_distilled`."""
     extractor, rate = pipe.feature_extractor, dataset.sampling_rate
     held_out = None
     if args.validation_samples:
         held_out = Reconstructions(args.train_data_dir, pipe, args.validation_samples, args.eval_batch_size)
 
     def validate(model):
-        decoded = held_out.decode(model, args.student_steps, base_only=True)
+        decoded = held_out.decode(model, 1, base_only=True)
         return {"nine_band_db": held_out.nine_band_db(decoded)}
 
     # the student's modulation is that of recordings: nothing has to be deepened
-    pipe.lctg.register_to_config(distilled_steps=args.student_steps, modulation_gains=None)
-    pipe.lctg.encoder.requires_grad_(False)
-    step, collate = DecoderStep(pipe.lctg, pipe.scheduler, extractor, args), make_collate(extractor, rate)
-    model = Trainer(
-        accelerator, args, step, "lctg", dataset, collate, held_out and validate, surfaces_of(dataset)
-    ).run()
+    student = copy.deepcopy(pipe.lctg)
+    student.register_to_config(distilled_steps=1, modulation_gains=None)
+    student.encoder.requires_grad_(False)
+    step, collate = DecoderStep(student, pipe.scheduler, extractor, args), make_collate(extractor, rate)
+    trainer = Trainer(accelerator, args, step, "lctg", dataset, collate, held_out and validate, surfaces_of(dataset))
+    student = trainer.run()
     if accelerator.is_main_process:
-        pipe.register_modules(lctg=model)
-
-        def save(folder):
-            model.save_pretrained(str(Path(folder) / DISTILLED))
-            pipe.scheduler.save_pretrained(str(Path(folder) / "scheduler"))
-
-        finish(args, save, pipe, dataset, teacher=args.pretrained_model_name_or_path)
+        pipe.register_modules(lctg_distilled=student)
+        finish(args, pipe.save_pretrained, pipe, dataset)
 
 
 def train_dale(args, pipe, accelerator, dataset):
     """Distils DALE; the result is a whole pipeline."""
-    dale = pipe.dale.train()
-    states = training_states(dale, dataset, encode_dataset(pipe, dataset, args.quiet))
-    dale.register_to_config(distilled_steps=args.student_steps)
-    step = LatentStep(dale, pipe.dale_scheduler, states["state"][:SCALED], args)
+    states = training_states(pipe.dale, dataset, encode_dataset(pipe, dataset, args.quiet))
+    dale = DALEModel.from_config(pipe.dale.config, distilled_steps=1, scalar_width=SCALAR_WIDTH)
+    dale.load_state_dict(pipe.dale.state_dict(), strict=False)
+    known = {name: values for name, values in states.items() if name != "state"}
+    scalars = dale.split_scalars(states["state"])[1]
+    dale.scalar_network = fit_scalar_network(dale.scalar_network, scalars, known, args, args.quiet)
+    dale.to(accelerator.device).scalar_network.requires_grad_(False)
+    step = LatentStep(dale, pipe.dale_scheduler, states["state"][:SCALED].to(accelerator.device))
     validate = _latent_validation(args, pipe, dale, step) if args.validation_samples else None
     rows = torch.utils.data.StackDataset(**states)
     dale = Trainer(accelerator, args, step, "dale", rows, validate=validate, surfaces=surfaces_of(dataset)).run()
@@ -192,7 +194,8 @@ def main(argv=None):
             )
         accelerator = make_accelerator(args)
         pipe.to(accelerator.device)
-        pipe.lctg.requires_grad_(args.model == "lctg")
+        if args.model == "dale":
+            pipe.lctg.requires_grad_(False)
         rate = pipe.feature_extractor.sampling_rate
         dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
     {"lctg": train_decoder, "dale": train_dale}[args.model](args, pipe, accelerator, dataset)

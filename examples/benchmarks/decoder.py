@@ -3,25 +3,20 @@
 `python examples/benchmarks/decoder.py --data prepared.h5 --output report`
 """
 
-import argparse
 import sys
-from pathlib import Path
 
 import numpy as np
 import torch
 from benchmarking import finish, make_parser, parse
 from tqdm.auto import tqdm
 
-from tactile_diffusers.checkpoints import DISTILLED
 from tactile_diffusers.cli.program import existing_file, load_pipeline, refuse
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.held_out import check_fit
 from tactile_diffusers.evaluation.metrics.reference import Reference
 from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
-from tactile_diffusers.models.lctg import LCTGModel, same_encoder
-from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
-from tactile_diffusers.schedulers import VDDIMScheduler
+from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.signal import nine_band_error_db, resample
 
 #: Steps of the checkpoint's own LCTG.
@@ -31,23 +26,23 @@ BATCH = 32
 
 def main(argv=None):
     """Measures and writes decoder.json and decoder.md."""
-    parser = make_parser("decoder.py", "Accuracy of few steps of LCTG, by its own decoder and by distilled ones.")
+    parser = make_parser("decoder.py", "Accuracy of few steps of LCTG, by its own decoder and by the distilled one.")
     add = parser.add_argument
     add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
-    add("--decoders", type=_named, nargs="+", default=[], metavar="NAME=FOLDER", help="output folders of "
-        "examples/distill.py; default: what the checkpoint brings")  # fmt: skip
     arguments = parse(parser, argv)
     pipe = load_pipeline(arguments.checkpoint)
     train, held_out = (PreparedDataset(arguments.data, split) for split in ("train", "test"))
     try:
         check_fit(pipe, held_out)
-        decoders = {"as trained": (pipe, STEPS), **_distilled(arguments, pipe)}
     except ValueError as error:
         return refuse("decoder.py", error)
     chosen = train.non_overlapping(1, arguments.seed)
     reference = Reference(train.textures(chosen), train.sampling_rate, train.surface_ids[chosen])
     given = _Given(pipe, held_out, reference, arguments.seed)
-    rows = {}
+    teacher, rows = TactileTexturePipeline.from_pipe(pipe, lctg_distilled=None), {}
+    decoders = {"as trained": (teacher, STEPS)}
+    if pipe.lctg_distilled is not None:
+        decoders["distilled"] = pipe, range(1, pipe.lctg_distilled.config.distilled_steps + 1)
     for name, (one, counts) in decoders.items():
         for steps in tqdm(counts, disable=arguments.quiet, desc=name):
             rows[f"{name}, {steps} step{'s' * (steps > 1)}"] = given.measure(one, steps, arguments.seed)
@@ -58,31 +53,6 @@ def main(argv=None):
         f"default steps.\n\n{markdown_table(rows, 2)}\n"
     )
     return finish(arguments, "decoder", {"machine": machine(), "rows": rows}, text)
-
-
-def _named(word):
-    name, _, folder = word.partition("=")
-    if not name or not (Path(folder) / DISTILLED).is_dir():
-        raise argparse.ArgumentTypeError(f"must be NAME=FOLDER with {folder or 'FOLDER'}/{DISTILLED}, got {word}")
-    return name, folder
-
-
-def _distilled(arguments, pipe):
-    """Pipelines with the decoders that were asked for, or with the checkpoint's own: name -> (pipeline, steps)."""
-    if not arguments.decoders:
-        pipes = {
-            name: load_pipeline(arguments.checkpoint, decoder=name) for name in find_decoders(arguments.checkpoint)
-        }
-        return {name: (one, range(1, one.lctg.config.distilled_steps + 1)) for name, one in pipes.items()}
-    found = {}
-    for name, folder in arguments.decoders:
-        lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED)
-        if not same_encoder(lctg, pipe.lctg):
-            raise ValueError(f"--decoders {name}={folder}: its encoder is not the checkpoint's; it fits another one.")
-        scheduler = VDDIMScheduler.from_pretrained(folder, subfolder="scheduler")
-        one = TactileTexturePipeline.from_pipe(pipe, lctg=lctg, scheduler=scheduler)
-        found[name] = one, range(1, lctg.config.distilled_steps + 1)
-    return found
 
 
 class _Given:

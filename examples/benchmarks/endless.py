@@ -12,10 +12,10 @@ from benchmarking import finish, make_parser, parse, resident_mib
 from stream import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion, play
 from tqdm.auto import tqdm
 
+from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli.program import load_pipeline, positive_number
 from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
-from tactile_diffusers.pipelines import find_decoders
 from tactile_diffusers.playback import EndlessProfile, EndlessStream, GeneratingProcess, on_time
 from tactile_diffusers.playback.endless import HANDOVER
 from tactile_diffusers.playback.stream import FADE_SECONDS
@@ -40,9 +40,9 @@ def main(argv=None):
     arguments = parse(parser, argv)
     checkpoint, quiet = arguments.checkpoint, arguments.quiet
     pipe = load_pipeline(checkpoint)
-    pipes = {"own decoder": pipe} | {
-        name: load_pipeline(checkpoint, decoder=name) for name in find_decoders(checkpoint)
-    }
+    pipes = {"undistilled decoder": TactileTexturePipeline.from_pipe(pipe, lctg_distilled=None)}
+    if pipe.lctg_distilled is not None:
+        pipes["distilled decoder"] = pipe
     report = {
         "machine": machine(),
         "minutes": arguments.minutes,

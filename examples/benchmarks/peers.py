@@ -12,7 +12,6 @@ from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
 from tactile_diffusers.cli.program import count, existing_folder, load_pipeline
 from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
-from tactile_diffusers.pipelines import find_decoders
 from tactile_diffusers.signal import SEGMENT_SECONDS
 
 #: Steps of both stages at which all are compared.
@@ -32,15 +31,16 @@ _ABOUT = (
 )
 
 
-def ours(checkpoint, steps=None, decoder=None):
+def ours(checkpoint, steps=None):
     """One of our pipelines: the networks that generating runs, and a function of the batch size."""
-    pipe = load_pipeline(checkpoint, decoder=decoder)
+    pipe = load_pipeline(checkpoint)
+    decoder = pipe.decoder_of(steps or pipe.resolve_steps()[0])
 
     def generate(number):
         generator = torch.Generator("cpu").manual_seed(0)
         return pipe([RATINGS] * number, num_inference_steps=steps, generator=generator).textures
 
-    return [pipe.lctg.decoder, pipe.lctg.time_embedder, pipe.dale], generate
+    return [decoder.decoder, decoder.time_embedder, pipe.dale], generate
 
 
 def other(peer):
@@ -51,8 +51,6 @@ def other(peer):
 def competitors(checkpoint, anchor=None):
     """Rows of the comparison, name -> (networks, generate), and sentences on what is missing."""
     rows, notes = {OURS: ours(checkpoint, STEPS), "ours, default steps": ours(checkpoint)}, []
-    for name in find_decoders(checkpoint):
-        rows[f"ours, {name}"] = ours(checkpoint, decoder=name)
     if anchor is not None:
         rows[ANCHOR] = ours(anchor, STEPS)
     parameters = sum(map(size, rows[OURS][0]))

@@ -11,8 +11,7 @@ from bands import BandRange, draw_latents, estimated_range, rating_range, traini
 from settings import Settings, novelty
 
 from tactile_diffusers.checkpoints import bundled_checkpoint
-from tactile_diffusers.models import LCTGModel
-from tactile_diffusers.pipelines import TactileTexturePipeline, find_decoders
+from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.signal import RATING_AXES, nine_band_error_db, resample, rms
 
 #: Seed of the draws behind the ranges of bands: they must not move while a visitor tries seeds.
@@ -99,33 +98,28 @@ class Studio:
     def __init__(self, checkpoint=None):
         folder = str(checkpoint or bundled_checkpoint())
         self._name = Path(folder).resolve().name
-        self._teacher = TactileTexturePipeline.from_pretrained(folder)
-        if self._teacher.dale is None:
+        self._shared = TactileTexturePipeline.from_pretrained(folder)
+        if self._shared.dale is None:
             raise ValueError(f"The checkpoint {folder} has no `dale`: it reconstructs, it cannot generate.")
-        self._teacher.set_progress_bar_config(disable=True)
-        distilled = find_decoders(folder).get("distilled")
-        self._distilled = None if distilled is None else LCTGModel.from_pretrained(str(distilled))
+        self._shared.set_progress_bar_config(disable=True)
         # one at a time: two at once would each take twice as long, and twice the memory
         self._lock = threading.Lock()
-        self._training = training_range(self._teacher, _RANGE_SEED)
-        self.config = self._teacher.dale.config
+        self._training = training_range(self._shared, _RANGE_SEED)
+        self.config = self._shared.dale.config
         self.generate([(0.0,) * len(RATING_AXES)])  # the first call of anything is slow
 
     @property
     def distilled_steps(self):
         """Steps up to which the distilled decoder is used; 0 = there is none."""
-        return 0 if self._distilled is None else self._distilled.config.distilled_steps
+        distilled = self._shared.lctg_distilled
+        return 0 if distilled is None else distilled.config.distilled_steps
 
     def _pipeline(self, settings):
         """A pipeline of its own for these settings; models are shared."""
-        distilled = settings.steps <= self.distilled_steps
-        parts = {}
-        for name in ("dale_scheduler",) if distilled else ("scheduler", "dale_scheduler"):
-            scheduler = getattr(self._teacher, name)
-            parts[name] = type(scheduler).from_config(scheduler.config, multistep_order=settings.order)
-        if distilled:
-            parts["lctg"] = self._distilled
-        return TactileTexturePipeline.from_pipe(self._teacher, **parts)
+        schedulers, order = ("scheduler", "dale_scheduler"), {"multistep_order": settings.order}
+        parts = {name: getattr(self._shared, name) for name in schedulers[settings.steps <= self.distilled_steps :]}
+        parts = {name: type(one).from_config(one.config, **order) for name, one in parts.items()}
+        return TactileTexturePipeline.from_pipe(self._shared, **parts)
 
     def generate(self, ratings, settings=None):
         """Textures of ratings.

@@ -3,7 +3,7 @@
     python examples/research/fixed_calls.py before          # on the old code
     python examples/research/fixed_calls.py after --compare before
 
-The calls cover generation (ratings, seeds, lengths, guidance, takes), the distilled decoder, reconstruction, the way
+The calls cover generation (ratings, seeds, lengths, guidance, takes), reconstruction, the way
 back to ratings, streams, scenes and the bytes of each export format, all of the bundled checkpoint. Results are equal
 bit for bit on one machine only: processors and thread counts round differently.
 """
@@ -41,19 +41,17 @@ def generator(seed=SEED):
     return torch.Generator("cpu").manual_seed(seed)
 
 
-def textures_of(pipe, prefix=""):
+def textures_of(pipe):
     """Arrays by name: every call of `CALLS`, and one whose rows have generators of their own."""
     found = {}
     for name, call in CALLS.items():
-        if prefix and "num_inference_steps" in call:  # a distilled decoder refuses so many
-            continue
         out = pipe(**call, generator=generator())
-        found[f"{prefix}{name}"] = out.textures
-        found[f"{prefix}{name}/scalars"] = np.stack([out.friction_coefficient, out.level])
+        found[name] = out.textures
+        found[f"{name}/scalars"] = np.stack([out.friction_coefficient, out.level])
     out = pipe([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], generator=[generator(1), generator(2)])
-    found[f"{prefix}generators"] = out.textures
+    found["generators"] = out.textures
     latents = pipe([[1.0, 0.0, 0.0]], output_type="latent", generator=generator())
-    found[f"{prefix}latents"] = latents.latents.float().cpu().numpy()
+    found["latents"] = latents.latents.float().cpu().numpy()
     return found
 
 
@@ -136,9 +134,6 @@ def main():
     pipe.set_progress_bar_config(disable=True)
     out = pipe(**CALLS["one"], generator=generator())
     found = textures_of(pipe) | recording_calls(pipe, out.textures, out.sampling_rate) | playback_calls(pipe, out)
-    distilled = TactileTexturePipeline.from_pretrained(bundled_checkpoint(), decoder="distilled")
-    distilled.set_progress_bar_config(disable=True)
-    found |= textures_of(distilled, "distilled/")
     np.savez(arguments.folder / "arrays.npz", **found)
     write_formats(out, arguments.folder)
     return int(bool(arguments.compare and compare(arguments.folder, arguments.compare)))

@@ -235,7 +235,7 @@ def main(argv=None):
         parser.error(f"argument --output: {stored} holds another study; give another folder")
     from tactile_diffusers import bundled_checkpoint
 
-    pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint(), decoder="distilled")
+    pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
     for key, (settings, seed) in tqdm(worlds().items(), desc="worlds", unit="world"):
         if key not in results["worlds"]:
             results["worlds"][key] = study(settings, size, seed, output, pipe)

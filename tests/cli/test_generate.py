@@ -28,8 +28,8 @@ class RecordingPipeline:
         self.progress_bar = {}
         self.error = None
 
-    def from_pretrained(self, folder, decoder=None):
-        self.folder, self.decoder = folder, decoder
+    def from_pretrained(self, folder):
+        self.folder = folder
         return self
 
     def set_progress_bar_config(self, **options):
@@ -109,7 +109,7 @@ def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
     # what was not asked for is left to the pipeline
     common = {"num_textures_per_rating": 1, "rating_scale": "z", "guidance_scale": 1.0}
     assert pipeline.call == {"ratings": [1.5, 0, -1], **common}
-    assert pipeline.folder == bundled_checkpoint() and pipeline.decoder is None
+    assert pipeline.folder == bundled_checkpoint()
     with np.load(output / "texture.npz") as file:
         assert (file["seed"], file["sampling_rate"], file["reference_speed"]) == (0, 10000, 80)
         assert file["checkpoint"] == "virtual-surfaces"
@@ -122,9 +122,9 @@ def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
 
 def test_options_are_passed_on(pipeline, tmp_path, capsys):
     words = "--roughness=1 --num_inference_steps=4 --num_latent_inference_steps=6 --guidance_scale=2.5 --duration_s=3"
-    words += f" --decoder=distilled --checkpoint {tmp_path} --output {tmp_path / 'out'} --quiet"
+    words += f" --checkpoint {tmp_path} --output {tmp_path / 'out'} --quiet"
     assert main(words.split()) == 0
-    assert pipeline.folder == str(tmp_path) and pipeline.decoder == "distilled"
+    assert pipeline.folder == str(tmp_path)
     assert pipeline.progress_bar == {"disable": True}
     del pipeline.call["ratings"]
     assert pipeline.call == {

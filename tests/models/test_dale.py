@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from tactile_diffusers import DALEModel
 from tactile_diffusers.models.dale_state import (
     MODULATIONS,
     coloured,
@@ -203,7 +204,7 @@ def test_the_envelope_has_the_quantiles_that_are_asked_for_in_the_order_that_was
     wanted = latents[:, 3:5].flatten(1)
     error = (envelope.quantile(shares, 1) - wanted.quantile(shares, 1)) / wanted.std(1)
     assert error.abs().max() < 0.15
-    assert torch.equal(envelope.argsort(1), layered.parts(made)[0].flatten(1).argsort(1))
+    assert torch.equal(envelope.argsort(1), layered.read(made)[0].flatten(1).argsort(1))
 
 
 def test_the_envelope_is_modulated_as_asked_for_whatever_was_generated():
@@ -274,3 +275,42 @@ def test_time_is_embedded_in_float32(randomized):
     embedder = randomized(TimestepEmbedder(8)).bfloat16()
     one, other = embedder(torch.tensor([998.0, 999.0]), torch.bfloat16)  # both are 1000 in bfloat16
     assert not torch.equal(one, other) and one.dtype == torch.bfloat16
+
+
+class TestScalarsFirst:
+    """A distilled model with a network for the numbers of a whole texture."""
+
+    @pytest.fixture
+    def dale(self):
+        torch.manual_seed(0)
+        shape = {"level_channels": 5, "envelope_channels": 4, "widths": [8, 8], "embedding_dim": 8, "rating_dim": 8}
+        return DALEModel(in_channels=36, latent_frames=32, distilled_steps=1, scalar_width=16, **shape).eval()
+
+    def test_a_step_leads_to_scalars_of_noise_and_ratings_alone(self, dale):
+        ratings, state = torch.tensor([[1.0, torch.nan, 0.0]]).repeat(3, 1), _normal(3, 36, 32)
+        field, noise = dale.split_scalars(state)
+        other = dale.append_scalars(_normal(*field.shape, seed=1), noise)
+        found = [dale.split_scalars(-dale(one, 999, ratings).sample)[1] for one in (state, other)]
+        torch.testing.assert_close(*found)
+        torch.testing.assert_close(found[0], dale.scalar_network(noise, ratings))
+        moved = dale.split_scalars(dale(state, 999, ratings + 1).sample)[1]
+        assert (moved + found[0]).abs().max() > 1e-3
+
+    def test_the_rest_is_generated_to_fit_them(self, dale):
+        ratings, state = torch.zeros(2, 3), _normal(2, 36, 32)
+        field, noise = dale.split_scalars(state)
+        given = dale.append_scalars(field, dale.scalar_network(noise, ratings))
+        expected = dale.split_scalars(dale.unet_velocity(given, 999, ratings))[0]
+        torch.testing.assert_close(dale.split_scalars(dale(state, 999, ratings).sample)[0], expected)
+
+    def test_prepared_conditions_give_the_same(self, dale):
+        ratings, state = torch.tensor([[9.0, 0.5, torch.nan]]), _normal(1, 36, 32)
+        dale.register_to_config(rating_statistics={"range": [[-2.0, 2.0]] * 3})
+        (known,) = dale.condition(ratings, torch.tensor([999.0]))
+        torch.testing.assert_close(dale(state, 999, known).sample, dale(state, 999, ratings).sample)
+        held = torch.tensor([[2.0, 0.5, torch.nan]])
+        torch.testing.assert_close(dale(state, 999, held).sample, dale(state, 999, ratings).sample)
+
+    def test_more_than_one_step_is_refused(self):
+        with pytest.raises(ValueError, match="`scalar_width` needs `distilled_steps` = 1, got None"):
+            DALEModel(scalar_width=16)

@@ -1,4 +1,4 @@
-"""What is built without arguments is the bundled checkpoint, but for what is fitted to data."""
+"""What is built without arguments is the bundled checkpoint, but for what is fitted to data or distilled."""
 
 import json
 from pathlib import Path
@@ -13,6 +13,7 @@ FITTED = {
     "dale": {
         *("latent_mean", "latent_std", "departure_std", "size_mean", "size_std", "level_mean", "level_std"),
         *("log_friction_mean", "log_friction_std", "rating_statistics", "reference_speed"),
+        *("distilled_steps", "scalar_width"),  # its teacher is built without arguments
     },
 }
 

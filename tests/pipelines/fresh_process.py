@@ -113,7 +113,8 @@ def load(attempt, tactile_diffusers, root, tiny):
     attempt("code without trust", lambda: full_name("plain", custom_pipeline="pipeline"))
 
     with open(os.path.join(root, "components.pkl"), "rb") as file:
-        attempt("pickle", lambda: {name: type(part).__name__ for name, part in pickle.load(file).items()})
+        parts = {name: part for name, part in pickle.load(file).items() if part is not None}
+        attempt("pickle", lambda: {name: type(part).__name__ for name, part in parts.items()})
 
 
 if __name__ == "__main__":

@@ -14,10 +14,11 @@ from tactile_diffusers.pipelines.hub import CODE, CODE_FILE
 
 
 @pytest.fixture
-def whole(pipe):
+def whole(pipe, make_lctg):
     """A pipeline with every component."""
     torch.manual_seed(0)
     pipe.register_modules(rating_estimator=RatingEstimator(channel_groups=[4, 0, 2]).eval())
+    pipe.register_modules(lctg_distilled=make_lctg(distilled_steps=1))
     return pipe
 
 

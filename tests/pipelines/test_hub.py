@@ -1,6 +1,5 @@
 """Checkpoints on the Hub, its calls patched or answered from its cache: what is sent, fetched, kept and refused."""
 
-import json
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +16,7 @@ from huggingface_hub.errors import (
 from huggingface_hub.utils import filter_repo_objects
 
 from tactile_diffusers import DALEModel, LCTGModel, TactileTexturePipeline
-from tactile_diffusers.checkpoints import DISTILLED, SURFACES_FILE
+from tactile_diffusers.checkpoints import SURFACES_FILE
 
 CARD = "---\nlibrary_name: diffusers\n---\n\n# ours\n\n![loss](loss.png)\n"
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -66,13 +65,12 @@ def hub(tmp_path, monkeypatch):
 
 @pytest.fixture
 def saved(pipe, tmp_path):
-    """A checkpoint with a card, a picture, its surfaces and a distilled decoder, as `publish.py` writes it."""
+    """A checkpoint with a card, a picture and its surfaces, as `publish.py` writes it."""
     folder = tmp_path / "saved"
     pipe.save_pretrained(str(folder))
     (folder / "README.md").write_text(CARD)
     (folder / "loss.png").write_bytes(b"png")
     (folder / SURFACES_FILE).write_text("{}")
-    pipe.lctg.save_pretrained(str(folder / DISTILLED))
     return folder
 
 
@@ -96,9 +94,8 @@ class TestSending:
         assert hub.created == [("someone/textures", {"private": True, "token": "secret", "exist_ok": True})]
         [(repo, options)] = hub.sent
         assert repo == "someone/textures" and options["token"] == "secret" and options["create_pr"] is True
-        assert {f"{DISTILLED}/config.json", "loss.png", "model_index.json", SURFACES_FILE} <= set(
-            files_of(hub.folder / repo)
-        )
+        sent = {"lctg/config.json", "loss.png", "model_index.json", SURFACES_FILE}
+        assert sent <= set(files_of(hub.folder / repo))
 
     def test_pushing_a_loaded_pipeline_takes_the_card_of_its_folder_along(self, hub, saved):
         before = files_of(saved)
@@ -216,10 +213,3 @@ class TestCache:
         assert of_loading(found) == []
         for model, expected in ((again.dale, pipe.dale), (lctg, pipe.lctg), (dale, pipe.dale)):
             assert_equal_weights(model, expected)
-
-    def test_the_distilled_decoder_takes_its_place(self, cache, saved, recorded_warnings):
-        config = saved.parent / "cache/models--someone--textures/snapshots" / COMMIT / DISTILLED / "config.json"
-        config.write_text(json.dumps(json.loads(config.read_text()) | {"distilled_steps": 2}))
-        with recorded_warnings() as found:
-            pipe = TactileTexturePipeline.from_pretrained("someone/textures", decoder="distilled", cache_dir=cache)
-        assert of_loading(found) == [] and pipe.resolve_steps() == (2, 5)

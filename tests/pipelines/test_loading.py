@@ -2,12 +2,13 @@
 
 import copy
 
+import numpy as np
 import pytest
 import torch
 from diffusers import ModelMixin  # noqa: F401 (diffusers looks for it in the module of a subclass)
 
 from tactile_diffusers import LCTGModel, TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.pipelines import PRESETS, find_decoders
+from tactile_diffusers.pipelines import PRESETS
 from tactile_diffusers.pipelines.inputs import parse_ratings
 
 
@@ -18,37 +19,50 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def saved(pipe, make_lctg, folder):
+    """A pipeline with a distilled decoder of other weights."""
     if not any(folder.iterdir()):
+        pipe.register_modules(lctg_distilled=make_lctg(seed=9, distilled_steps=2))
         pipe.save_pretrained(str(folder))
-        make_lctg(seed=9, distilled_steps=2).save_pretrained(str(folder / "lctg_distilled"))
     return folder
 
 
-def test_another_decoder_is_loaded_by_name(saved, recorded_warnings):
-    with recorded_warnings() as found:
-        pipe = TactileTexturePipeline.from_pretrained(saved, decoder="distilled", dtype=torch.bfloat16)
-    assert found == [] and pipe.resolve_steps() == (2, 5)
-    expected = LCTGModel.from_pretrained(saved, subfolder="lctg_distilled").state_dict()
-    assert all(torch.equal(value, expected[name].bfloat16()) for name, value in pipe.lctg.state_dict().items())
+class TestDistilledDecoder:
+    def test_it_is_a_component(self, saved, recorded_warnings):
+        with recorded_warnings() as found:
+            pipe = TactileTexturePipeline.from_pretrained(saved, dtype=torch.bfloat16)
+        assert found == [] and pipe.resolve_steps() == (2, 5)
+        expected = LCTGModel.from_pretrained(saved, subfolder="lctg_distilled").state_dict()
+        weights = pipe.lctg_distilled.state_dict().items()
+        assert all(torch.equal(value, expected[name].bfloat16()) for name, value in weights)
+
+    def test_it_decodes_in_few_steps_and_its_teacher_in_more(self, saved):
+        both, alone = TactileTexturePipeline.from_pretrained(saved), {"lctg_distilled": None}
+        teacher = TactileTexturePipeline.from_pretrained(saved, **alone)
+        student = TactileTexturePipeline.from_pretrained(saved, lctg=both.lctg_distilled, **alone)
+
+        def textures(pipe, steps):
+            return pipe([[0.5, 0.0, 0.0]], steps, 1, generator=torch.Generator().manual_seed(0)).textures
+
+        for steps, one in ((None, student), (1, student), (2, student), (3, teacher)):
+            np.testing.assert_array_equal(textures(both, steps), textures(one, steps))
+        assert not np.array_equal(textures(student, 2), textures(teacher, 2))
+
+    def test_latent_steps_follow_the_teachers_alone(self, saved):
+        pipe = TactileTexturePipeline.from_pretrained(saved)
+        assert [pipe.resolve_steps(steps) for steps in (1, 3)] == [(1, 5), (3, 3)]
+
+    def test_one_that_does_not_fit_is_refused(self, pipe, make_lctg):
+        for model, message in ((make_lctg(), "must be a distilled decoder"), (pipe.dale, "must be a LCTGModel")):
+            with pytest.raises(ValueError, match=f"`lctg_distilled` {message}"):
+                TactileTexturePipeline.from_pipe(pipe, lctg_distilled=model)
+        other = make_lctg(latent_hop=2 * pipe.lctg.config.latent_hop, distilled_steps=1)
+        with pytest.raises(ValueError, match="does not fit `lctg_distilled`: it asks for `latent_hop`"):
+            TactileTexturePipeline.from_pipe(pipe, lctg_distilled=other)
 
 
-def test_a_pipeline_with_another_decoder_saves_it_as_its_own(saved, tmp_path):
-    TactileTexturePipeline.from_pretrained(saved, decoder="distilled").save_pretrained(tmp_path)
-    assert TactileTexturePipeline.from_pretrained(tmp_path).resolve_steps() == (2, 5)
-    assert find_decoders(tmp_path) == {}
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"decoder": "fast"}, r"no `decoder` 'fast': it has \['distilled'\]"),
-        ({"decoder": "distilled", "lctg": None}, "`decoder` .* and `lctg` exclude each other"),
-        ({"subfolder": "lctg"}, "`subfolder` must be left out, got 'lctg'"),
-    ],
-)
-def test_impossible_choices_are_refused(saved, options, message):
-    with pytest.raises(ValueError, match=message):
-        TactileTexturePipeline.from_pretrained(saved, **options)
+def test_a_subfolder_is_refused(saved):
+    with pytest.raises(ValueError, match="`subfolder` must be left out, got 'lctg'"):
+        TactileTexturePipeline.from_pretrained(saved, subfolder="lctg")
 
 
 @pytest.mark.parametrize("name", ["./typo", "/no/such/folder", "a/b/c"])

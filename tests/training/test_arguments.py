@@ -61,7 +61,7 @@ REFUSED = [
     *((name, "-1", ["train_dale"]) for name in ("rating_jitter", "scalar_weight", "conditioning_weight")),
     *((name, "0", ["train_dale"]) for name in ("max_train_surfaces", "rating_head_steps")),
     ("ratings", "mixed", ["train_dale"]),
-    ("student_steps", "0", ["distill"]),
+    ("scalar_steps", "0", ["distill"]),
 ]
 
 

@@ -64,25 +64,3 @@ class TestStates:
         found, known = views(made), views(states[:6])
         energy_score(found, found, known).backward()
         assert torch.isfinite(made.grad).all() and made.grad.abs().sum() > 0
-
-    def test_parts_are_blind_to_what_is_not_read(self, dale):
-        state = _normal(3, dale.config.in_channels, 32, seed=3)
-        state[:, -1, 0] += 1.0  # of a patch and of a texture only sums count
-        same = dale.unpool_state(dale.pool_state(state))
-        for part, expected in zip(dale.parts(state), dale.parts(same), strict=True):
-            torch.testing.assert_close(part, expected, rtol=0, atol=1e-4)
-
-    def test_parts_are_those_of_a_texture(self, dale):
-        state = _normal(3, dale.config.in_channels, 32, seed=2)
-        envelope, learned, departures, scalars = dale.parts(state)
-        latents = dale.unpack(state)[0]
-        levels, count = dale.config.level_channels, dale.config.envelope_channels
-        assert departures.shape == (3, levels, 32) and scalars.shape == (3, dale.num_scalars)
-        torch.testing.assert_close(learned, latents[:, levels + count :])
-        if levels:  # cubic between patches: their means are near
-            found = latents[:, :levels] - latents[:, :levels].mean(-1, keepdim=True)
-            pairs = torch.stack([departures.flatten(), found.flatten()])
-            assert torch.corrcoef(pairs)[0, 1] > 0.9 and 0.7 < found.std() / departures.std() < 1.3
-        if count:  # ranks are all that counts
-            ranks = [values.flatten(1).argsort(dim=1) for values in (envelope, latents[:, levels : levels + count])]
-            assert torch.equal(*ranks)

@@ -1,9 +1,7 @@
-"""The checkpoint that comes with the package, and the folders in checkpoints."""
+"""The checkpoint that comes with the package."""
 
 from pathlib import Path
 
-#: Folder, beside "lctg", of a decoder for few steps.
-DISTILLED = "lctg_distilled"
 #: Names of the surfaces that a published checkpoint was trained on, in place of the trainings' `training.json`.
 SURFACES_FILE = "trained_on.json"
 

@@ -79,7 +79,7 @@ def main(argv=None):
 
     say = (lambda text: None) if arguments.quiet else print
     number = arguments.num_textures_per_rating
-    pipe = load_pipeline(arguments.checkpoint, arguments.quiet, decoder=arguments.decoder)
+    pipe = load_pipeline(arguments.checkpoint, arguments.quiet)
     # one generator per texture, so that the seed in its file reproduces it alone
     seeds = [arguments.seed + k for k in range(number)]
     generators = [torch.Generator("cpu").manual_seed(seed) for seed in seeds]

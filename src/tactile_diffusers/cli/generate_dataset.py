@@ -106,7 +106,7 @@ def _prepare(arguments, state):
 
     import_pyarrow(f"--output {arguments.output}")
     folder = checkpoint_folder(arguments.checkpoint)
-    pipe = load_pipeline(folder, arguments.quiet or not state.is_main_process, decoder=arguments.decoder)
+    pipe = load_pipeline(folder, arguments.quiet or not state.is_main_process)
     pipe = pipe.to(state.device)
     pipe.set_progress_bar_config(disable=True)
     steps, latent_steps = pipe.resolve_steps(arguments.num_inference_steps, arguments.num_latent_inference_steps)
@@ -160,7 +160,6 @@ def _settings(arguments, pipe, folder, ratings, options):
         "textures_per_shard": arguments.textures_per_shard,
         "seed": arguments.seed,
         "checkpoint_sha256": folder_digest(folder),
-        "decoder": arguments.decoder or "lctg",
         "ratings_sha256": hashlib.sha256(ratings.tobytes()).hexdigest(),
         **options,
         "sampling_rate": pipe.feature_extractor.delivery_rate,
@@ -177,7 +176,7 @@ def _align_weights(pipe):
     Mapped from a file they lie anywhere, and sums are rounded by where: textures would not be the same bit for bit in
     one process, whose device is "cpu", and in several, which copy to "cpu:0".
     """
-    for module in (pipe.lctg, pipe.dale):
+    for module in filter(None, (pipe.lctg, pipe.lctg_distilled, pipe.dale)):
         for tensor in [*module.parameters(), *module.buffers()]:
             tensor.data = tensor.data.clone()
 

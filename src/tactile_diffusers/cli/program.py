@@ -152,11 +152,8 @@ def add_output_argument(parser, purpose):
 def add_generation_arguments(parser):
     """Adds how textures are generated: `--num_inference_steps` and so on; see `generation_options`."""
     add = parser.add_argument
-    add("--decoder", metavar="NAME", help="further decoder of the checkpoint, as 'distilled'; default: its own")
-    add("--num_inference_steps", type=count, metavar="N", help="diffusion steps of LCTG, the decoder; default: the "
-        "checkpoint's; bundled: 5, distilled: 1")  # fmt: skip
-    add("--num_latent_inference_steps", type=count, metavar="N", help="diffusion steps of DALE, which generates the "
-        "latents; default: the checkpoint's; bundled: 5")  # fmt: skip
+    for name, stage in (("num_inference", "LCTG, the decoder"), ("num_latent_inference", "DALE, which makes latents")):
+        add(f"--{name}_steps", type=count, metavar="N", help=f"diffusion steps of {stage}; default: the checkpoint's")
     add("--guidance_scale", type=float, default=1.0, metavar="W", help="weight of the ratings; default: 1, off")
     add("--duration_s", type=float, metavar="SECONDS", help="of a texture, s; default: one segment of 1.6384 s")
 
@@ -186,7 +183,7 @@ def load_pipeline(name, quiet=True, **options):
     Args:
         name (`str` or `Path`): as `--checkpoint` was parsed.
         quiet (`bool`): no progress bars, of loading and of calls.
-        options: of `TactileTexturePipeline.from_pretrained`, such as `decoder` and `dtype`; errors, too.
+        options: of `TactileTexturePipeline.from_pretrained`, such as `dtype`; errors, too.
     """
     from diffusers.utils.logging import disable_progress_bar
 

@@ -7,7 +7,6 @@ import shutil
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from ..checkpoints import DISTILLED
 from ..io.files import clear_left_behind, whole_folder
 from ..io.reading import read_json, reading
 from .program import Parser, command, existing_file, existing_folder, program, refuse, warn
@@ -42,7 +41,6 @@ def parse_arguments(argv=None):
     add(
         "--runs", type=run, nargs="+", required=True, metavar="FOLDER", help="output folders of its trainings, in order"
     )
-    add("--distilled", type=run, metavar="FOLDER", help="output folder of distill.py: its decoder goes along")
     add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="what the pipeline was trained on")
     add("--output", type=Path, required=True, metavar="FOLDER", help="new, or published before: then it is replaced")
     add("--note", default="", help="a sentence on how the trainings were run, for the card")
@@ -65,7 +63,7 @@ def _check_output(arguments):
     output = arguments.output.resolve()
     if output.exists() and not output.is_dir():
         raise ValueError(f"{arguments.output} is not a folder")
-    read = (getattr(arguments, name) for name in ("checkpoint", "distilled", "data", "report", "data_card"))
+    read = (getattr(arguments, name) for name in ("checkpoint", "data", "report", "data_card"))
     for path in filter(None, [*read, *arguments.runs, Path.cwd()]):
         if output in (path.resolve(), *path.resolve().parents):
             raise ValueError(
@@ -89,17 +87,6 @@ def _check_replaceable(output):
             f"{output} would be replaced as a whole, and holds {foreign[:3]}, which no publish.py wrote; give a new "
             "folder, or move what is in it"
         )
-
-
-def _add_distilled(pipe, folder, output):
-    """Stores the distilled decoder of a training beside the pipeline, if it has the pipeline's encoder."""
-    from tactile_diffusers import LCTGModel
-    from tactile_diffusers.models.lctg import same_encoder
-
-    lctg = LCTGModel.from_pretrained(folder, subfolder=DISTILLED, dtype=pipe.lctg.dtype)
-    if not same_encoder(lctg, pipe.lctg):
-        raise ValueError(f"--distilled {folder} has another encoder than --checkpoint: DALE's latents do not fit it.")
-    lctg.save_pretrained(str(output / DISTILLED))
 
 
 def _data_warnings(folder, data):
@@ -168,13 +155,7 @@ def _fill(arguments, temporary):
     pipe.save_pretrained(str(temporary))
     forget_folders(temporary)
     digests = {folder_digest(arguments.checkpoint), folder_digest(temporary)}
-    runs = arguments.runs
-    if arguments.distilled is not None:
-        _add_distilled(pipe, arguments.distilled, temporary)
-        forget_folders(temporary)
-        digests.add(folder_digest(temporary))
-        runs = [*runs, arguments.distilled]
-    found, complete = trained_on(runs)
+    found, complete = trained_on(arguments.runs)
     write_surfaces(temporary, found, complete)
     # trainings that did not record their surfaces had those of --data
     known = [*found, surfaces_of(data)]
@@ -183,7 +164,7 @@ def _fill(arguments, temporary):
         temporary,
         pipe,
         data,
-        runs,
+        arguments.runs,
         place=arguments.push_to_hub or arguments.output.resolve().name,
         licence=arguments.licence,
         warnings=warnings,

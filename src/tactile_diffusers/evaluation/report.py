@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from tqdm.auto import tqdm
 
-from ..checkpoints import DISTILLED
 from ..io.files import write_text
 from ..io.reading import read_json
 from ..training.record import count_seen, phases, read_losses, read_record, surfaces_of, trained_on
@@ -160,7 +159,7 @@ def folder_digest(folder):
     folder, digest = Path(folder), hashlib.sha256()
     index = folder / "model_index.json"
     components = read_json(index, "the index of a checkpoint") if index.is_file() else ()
-    parts = {index.name, "training.json", DISTILLED, *components}
+    parts = {index.name, "training.json", *components}
     for path in sorted(folder.rglob("*")):
         place = path.relative_to(folder)
         if place.parts[0] in parts and path.suffix in (".json", ".safetensors"):

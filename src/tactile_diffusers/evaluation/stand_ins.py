@@ -41,9 +41,10 @@ class NothingImposed(LCTGModel):
 
 
 def with_stand_in(pipe, stand_in):
-    """A pipeline that reconstructs with `NoNetwork` or `NothingImposed` in place of its LCTG, with the same weights."""
-    lctg = stand_in.from_config(pipe.lctg.config)
-    lctg.load_state_dict(pipe.lctg.state_dict())
+    """A pipeline that reconstructs with `NoNetwork` or `NothingImposed` in place of the default decoder."""
+    decoder = pipe.decoder_of(pipe.resolve_steps()[0])
+    lctg = stand_in.from_config(decoder.config)
+    lctg.load_state_dict(decoder.state_dict())
     made = type(pipe)(
         lctg=lctg.to(pipe.lctg.device).eval(), feature_extractor=pipe.feature_extractor, scheduler=pipe.scheduler
     )

@@ -1,8 +1,6 @@
 """DALE, the Diffusion Adjective-to-Latent Encoder: ratings to latents, level and friction (paper section 2.2)."""
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -10,10 +8,10 @@ from diffusers.configuration_utils import ConfigMixin, register_to_config
 from diffusers.loaders import PeftAdapterMixin
 from diffusers.models.attention import AttentionMixin
 from diffusers.models.modeling_utils import ModelMixin
-from diffusers.utils import BaseOutput
 
 from ..signal import RATING_AXES
 from .compiling import CompileMixin
+from .dale_output import DALEConditions, DALEOutput
 from .dale_state import (
     MODULATIONS,
     QUANTILES,
@@ -31,6 +29,7 @@ from .distilled import check_distilled_steps
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
 from .rating_statistics import RatingStatistics
 from .safe_loading import SafeLoadingMixin
+from .scalar_network import ScalarNetwork
 from .unet_1d import UNet1D, from_patches, to_patches
 
 #: scalars that are generated with the latents: level and log friction coefficient
@@ -40,23 +39,6 @@ NUM_SCALARS = 2
 def _standardized(values, mean, std):
     """Values at unit variance; 0 where the standard deviation is 0."""
     return torch.zeros_like(values) if std == 0 else (values - mean) / std
-
-
-@dataclass
-class DALEOutput(BaseOutput):
-    """Output of `DALEModel`: `sample` is the velocity v, (batch, in_channels, latent_frames)."""
-
-    sample: torch.Tensor
-
-
-class DALEConditions(NamedTuple):
-    """What a velocity at one timestep does not take from the sample (`DALEModel.condition`).
-
-    Attributes:
-        blocks (`list[BlockConditions]`): of each block of the U-Net.
-    """
-
-    blocks: list
 
 
 class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
@@ -106,6 +88,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s; `None` = unknown.
         distilled_steps (`int`, *optional*): most solver steps that a distilled model may take (examples/distill.py);
             `None` = any number.
+        scalar_width (`int`, *optional*): of a network that generates the scalars first, in one step, so that the U-Net
+            generates the rest of the state to fit them; `None` = all together. Needs `distilled_steps` = 1.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
 
     Raises:
@@ -144,6 +128,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         reference_speed: float | None = 80.0,
         num_train_timesteps: int = 1000,
         distilled_steps: int | None = None,
+        scalar_width: int | None = None,
     ):
         super().__init__()
         check_distilled_steps(distilled_steps)
@@ -165,6 +150,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         ):
             if values is not None and len(values) != count:
                 raise ValueError(f"`{name}` must hold {count} numbers, got {len(values)}.")
+        if scalar_width is not None and distilled_steps != 1:
+            raise ValueError(f"`scalar_width` needs `distilled_steps` = 1, got {distilled_steps}: there is one step.")
         RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
@@ -181,6 +168,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             kernel_size=kernel_size,
             cross_attention_dim=rating_dim if cross_attention else None,
         )
+        self.scalar_network = ScalarNetwork(scalars, len(rating_axes), scalar_width) if scalar_width else None
 
     @property
     def latent_channels(self):
@@ -247,7 +235,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         scalars = torch.cat([latents[:, :levels], torch.tensor(sizes).to(like)], dim=1)
         return scalars, latents[:, levels:, None], departure_std[:, None]
 
-    def _read(self, sample):
+    def read(self, sample):
         """The values of a state, in the units of latents but for what is at unit variance.
 
         Returns:
@@ -265,21 +253,6 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         if levels:
             departures = unit_shape(departures)[0] * departure_size.exp()[..., None] * departure_std
         return coloured(envelope, modulation), learned, departures, means, quantiles, scalars
-
-    def parts(self, sample):
-        """What `unpack` makes of a state as far as gradients reach, and frame by frame.
-
-        Args:
-            sample (`torch.Tensor`): (batch, in_channels, frames).
-
-        Returns:
-            `tuple`: of the fast envelope (batch, envelope_channels, frames) what becomes its normal scores; the learned
-            latents at unit variance; by how much band levels depart from their means (batch, level_channels, frames),
-            natural log of amplitude; the scalars (batch, num_scalars) at unit variance.
-        """
-        envelope, learned, departures, _, _, scalars = self._read(sample)
-        departures = cosines(departures.shape[1], departures).T @ departures
-        return envelope, learned, departures.repeat_interleave(self.config.patch_size, dim=-1), scalars
 
     def pack(self, latents, level, friction_coefficient):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
@@ -313,7 +286,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         Band levels come back smooth: cubic between the values of the patches.
         """
         config, levels = self.config, self.config.level_channels
-        envelope, learned, departures, means, quantiles, scalars = self._read(sample)
+        envelope, learned, departures, means, quantiles, scalars = self.read(sample)
         mean, std = self._statistics(sample)[1]
         latents = torch.cat([with_quantiles(envelope, quantiles), learned * std + mean], dim=1)
         if levels:
@@ -348,10 +321,10 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         """
         dtype = self.rating_embedder.axis_tokens.dtype  # `self.dtype` searches all weights
         embeddings, tokens = self._embed(ratings, timesteps[:, None], dtype)
-        return [DALEConditions(blocks) for blocks in self.unet.condition(embeddings, tokens=tokens)]
+        return [DALEConditions(blocks, ratings) for blocks in self.unet.condition(embeddings, tokens=tokens)]
 
-    def _embed(self, ratings, timesteps, dtype):
-        """Embeddings of times and ratings (batch, dim) or (steps, batch, dim), and tokens (batch, axes, dim)."""
+    def _held(self, ratings):
+        """Ratings (batch, axes) within the training surfaces' range."""
         if ratings.shape[-1] != len(self.config.rating_axes):
             raise ValueError(
                 f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
@@ -361,7 +334,11 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         if limits is not None:  # nothing is known beyond: the response is held, it does not turn back
             low, high = torch.tensor(limits, dtype=ratings.dtype, device=ratings.device).unbind(-1)
             ratings = ratings.clamp(low, high)
-        tokens = self.rating_embedder(ratings, dtype)
+        return ratings
+
+    def _embed(self, ratings, timesteps, dtype):
+        """Embeddings of times and ratings (batch, dim) or (steps, batch, dim), and tokens (batch, axes, dim)."""
+        tokens = self.rating_embedder(self._held(ratings), dtype)
         embeddings = self.time_embedder(timesteps, dtype)
         # `to`: layers may lie on several devices (`device_map`)
         return embeddings + self.rating_pool(tokens.flatten(1)).to(embeddings.device), tokens
@@ -379,9 +356,22 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         Raises:
             ValueError: for another number of axes, or frames that are no multiple of `patch_size`.
         """
+        scalars = None
+        if self.scalar_network is not None:
+            asked = ratings.ratings if isinstance(ratings, DALEConditions) else ratings
+            field, noise = self.split_scalars(sample)
+            scalars = self.scalar_network(noise, self._held(asked))
+            sample = self.append_scalars(field, scalars)
+        velocity = self.unet_velocity(sample, timestep, ratings)
+        if scalars is not None:  # at the one step there is, the velocity is minus the clean state
+            velocity = self.append_scalars(self.split_scalars(velocity)[0], -scalars)
+        return DALEOutput(sample=velocity) if return_dict else (velocity,)
+
+    def unet_velocity(self, sample, timestep, ratings):
+        """Velocity (batch, in_channels, frames) of the U-Net alone; arguments as of `forward`."""
         embedding, tokens, blocks = None, None, None
         if isinstance(ratings, DALEConditions):
-            (blocks,) = ratings
+            blocks = ratings.blocks
         else:
             embedding, tokens = self._embed(ratings, expand_timestep(timestep, sample), sample.dtype)
         checkpointing = torch.is_grad_enabled() and self.gradient_checkpointing
@@ -392,5 +382,4 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             checkpoint=self._gradient_checkpointing_func if checkpointing else None,
             conditions=blocks,
         )
-        velocity = self.unpool_state(hidden_states)
-        return DALEOutput(sample=velocity) if return_dict else (velocity,)
+        return self.unpool_state(hidden_states)

@@ -71,15 +71,18 @@ def quantile_numbers(values):
 
 
 def with_quantiles(values, numbers):
-    """Values (batch, channels, n) in their own order, with the quantiles that the numbers (batch, QUANTILES) ask for.
+    """Values (batch, channels, n) in their own order, with the quantiles of the numbers (batch, QUANTILES)."""
+    return from_scores(normal_scores(values), numbers) if values.numel() else values
+
+
+def from_scores(scores, numbers):
+    """Values of normal scores (batch, channels, n) by the numbers of their quantiles (batch, QUANTILES).
 
     Straight between the quantiles; beyond the outermost, as between the last two.
     """
-    if not values.numel():
-        return values
-    scores, gaps = normal_scores(values), numbers[:, 1:].exp()
+    gaps = numbers[:, 1:].exp()
     found = numbers[:, 0] - gaps[:, : KNOTS.index(0.0)].sum(1)
-    found = found[:, None, None].expand_as(values)
+    found = found[:, None, None].expand_as(scores)
     for k, (low, high) in enumerate(zip(KNOTS[:-1], KNOTS[1:], strict=True)):
         inside = scores.clamp(None if k == 0 else low, None if k == len(KNOTS) - 2 else high) - low
         found = found + gaps[:, k, None, None] / (high - low) * inside

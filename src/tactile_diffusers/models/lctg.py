@@ -381,9 +381,3 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAda
         if detail is not None:
             velocity = velocity.to(detail.device) - sine * detail
         return LCTGOutput(sample=velocity) if return_dict else (velocity,)
-
-
-def same_encoder(first, second):
-    """Whether two LCTGs share their latents: their encoders have equal weights."""
-    weights, others = first.encoder.state_dict(), second.encoder.state_dict()
-    return weights.keys() == others.keys() and all(value.equal(others[name]) for name, value in weights.items())

@@ -3,7 +3,7 @@
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
 from .pipeline_tactile_texture import TactileTexturePipeline
 
-__all__ = ["PRESETS", "TactileLatents", "TactileTexturePipeline", "TactileTexturePipelineOutput", "find_decoders"]
+__all__ = ["PRESETS", "TactileLatents", "TactileTexturePipeline", "TactileTexturePipelineOutput"]
 
 
 def __getattr__(name):
@@ -12,8 +12,4 @@ def __getattr__(name):
         from .presets import PRESETS
 
         return PRESETS
-    if name == "find_decoders":
-        from .folders import find_decoders
-
-        return find_decoders
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

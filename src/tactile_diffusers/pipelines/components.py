@@ -11,6 +11,7 @@ _CLASSES = {
     "lctg": (LCTGModel, False),
     "feature_extractor": (TactileFeatureExtractor, False),
     "dale": (DALEModel, True),
+    "lctg_distilled": (LCTGModel, True),
     "rating_estimator": (RatingEstimator, True),
 }
 
@@ -29,14 +30,17 @@ def check_classes(components):
             raise ValueError(f"`{name}` must be a {cls.__name__}, got {type(component).__name__}.")
 
 
-def check_fit(lctg, feature_extractor, dale):
+def check_fit(lctg, feature_extractor, dale, lctg_distilled=None):
     """Raises a `ValueError` naming the component that does not fit the others."""
-    for name, expected in feature_extractor.lctg_geometry.items():
-        if lctg.config[name] != expected:
-            raise ValueError(
-                f"`feature_extractor` does not fit `lctg`: it asks for `{name}` = {expected}, lctg.config.{name} is "
-                f"{lctg.config[name]}. They belong to different checkpoints."
-            )
+    for model, decoder in (("lctg", lctg), ("lctg_distilled", lctg_distilled)):
+        for name, expected in feature_extractor.lctg_geometry.items():
+            if decoder is not None and decoder.config[name] != expected:
+                raise ValueError(
+                    f"`feature_extractor` does not fit `{model}`: it asks for `{name}` = {expected}, "
+                    f"{model}.config.{name} is {decoder.config[name]}. They belong to different checkpoints."
+                )
+    if lctg_distilled is not None and lctg_distilled.config.distilled_steps is None:
+        raise ValueError("`lctg_distilled` must be a distilled decoder (examples/distill.py): it has no steps.")
     if dale is not None and dale.latent_channels != lctg.base_channels:
         raise ValueError(
             f"`dale` does not fit `lctg`: it generates {dale.latent_channels} latent channels, LCTG decodes from "

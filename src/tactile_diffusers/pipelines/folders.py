@@ -1,4 +1,4 @@
-"""Local checkpoint folders: checked before they are loaded, and the decoders that they hold."""
+"""Local checkpoint folders: checked before they are loaded."""
 
 from pathlib import Path
 
@@ -11,8 +11,6 @@ from ..io.reading import read_json, reading
 from ..models import DALEModel, LCTGModel, RatingEstimator
 from ..schedulers import VDDIMScheduler
 
-#: A further decoder NAME lies in the folder `lctg_NAME`, beside `lctg`.
-DECODER_PREFIX = "lctg_"
 _AGAIN = "Copy the checkpoint again as a whole."
 # files of the components that are no models
 _CONFIGS = {
@@ -20,32 +18,6 @@ _CONFIGS = {
     "dale_scheduler": "scheduler_config.json",
     "feature_extractor": "preprocessor_config.json",
 }
-
-
-def find_decoders(folder):
-    """The further decoders of a checkpoint, for `from_pretrained(..., decoder=name)`.
-
-    Args:
-        folder (`str` or `Path`): of the checkpoint.
-
-    Returns:
-        `dict[str, Path]`: name -> folder of an [`LCTGModel`]; empty if there is none.
-    """
-    folders = sorted(path.parent for path in Path(folder).glob(f"{DECODER_PREFIX}*/config.json"))
-    return {path.name.removeprefix(DECODER_PREFIX): path for path in folders}
-
-
-def load_decoder(folder, name, **kwargs):
-    """The further decoder `name` of a checkpoint in a local folder: an [`LCTGModel`].
-
-    Raises:
-        ValueError: if the folder has no such decoder, listing those that it has.
-    """
-    decoders = find_decoders(folder)
-    if name not in decoders:
-        found = f"it has {list(decoders)}" if decoders else "it has none but its own"
-        raise ValueError(f"The checkpoint {folder} has no `decoder` {name!r}: {found}. Leave it out for its own.")
-    return LCTGModel.from_pretrained(str(folder), subfolder=decoders[name].name, **kwargs)
 
 
 def check_folder(folder, passed=()):

@@ -9,7 +9,7 @@ import huggingface_hub
 from diffusers.utils import logging
 from huggingface_hub.errors import LocalEntryNotFoundError, RepositoryNotFoundError, RevisionNotFoundError
 
-from ..checkpoints import DISTILLED, SURFACES_FILE
+from ..checkpoints import SURFACES_FILE
 from ..io.files import write_text
 from ..io.reading import reading
 
@@ -23,9 +23,9 @@ CODE = '''"""For `DiffusionPipeline.from_pretrained(folder, custom_pipeline="pip
 
 from tactile_diffusers import TactileTexturePipeline  # noqa: F401
 '''
-#: What belongs to a checkpoint beside its components: the card, its pictures, the distilled decoder, the names of
-#: the surfaces that must not judge it, and the code for `DiffusionPipeline`.
-BESIDE = (CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "report/*.png", f"{DISTILLED}/*")
+#: What belongs to a checkpoint beside its components: the card, its pictures, the names of the surfaces that
+#: must not judge it, and the code for `DiffusionPipeline`.
+BESIDE = (CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "report/*.png")
 # what is sent: a training's folder holds its optimiser and logs too, and training.json names folders of this machine
 _SENT = [CARD_FILE, SURFACES_FILE, CODE_FILE, "*.png", "model_index.json", "*/*.json", "*/*.safetensors"]
 _NOT_SENT = ["checkpoint-*", "unfinished-*"]

@@ -188,6 +188,14 @@ def warn_of_many_steps(steps):
         )
 
 
+def warn_of_distilled_steps(name, steps, model, most):
+    """Logs a warning that a model takes fewer steps than were asked for."""
+    logger.warning(
+        f"`{name}` {steps} is more than this {model} was distilled to: it takes {most}, and more would be worse. Leave "
+        "the number out."
+    )
+
+
 def warn_of_strong_guidance(guidance_scale):
     """Logs a warning if a scale, or the one of any axis, is larger than what the training data supports."""
     largest = max(guidance_scale.values(), default=1.0) if isinstance(guidance_scale, dict) else guidance_scale

@@ -11,47 +11,33 @@ class LoadingMixin:
     """
 
     @classmethod
-    def from_pretrained(cls, pretrained_model_name_or_path, decoder=None, **kwargs):
+    def from_pretrained(cls, pretrained_model_name_or_path, **kwargs):
         """Loads a checkpoint, see [`DiffusionPipeline.from_pretrained`].
 
         Args:
             pretrained_model_name_or_path (`str` or `Path`): a folder, or the id of a repository on the Hub.
-            decoder (`str`, *optional*): a further decoder that the checkpoint brings, in the place of its own:
-                `"distilled"` loads `lctg_distilled`, which needs one step or two.
-            kwargs: as in diffusers: components by name (they are not looked for in the folder), `dtype`,
-                `variant`, `revision`, `token` and so on.
+            kwargs: as in diffusers: components by name (they are not looked for in the folder; `None` leaves an
+                optional one out, such as `lctg_distilled`), `dtype`, `variant`, `revision`, `token` and so on.
 
         Raises:
             OSError: if a local folder lacks a component, naming it, or the Hub has no such repository or revision.
-            ValueError: for an unknown `decoder`, listing those that the checkpoint has, for a `subfolder`, or for a
-                damaged file, naming it.
+            ValueError: for a `subfolder`, or for a damaged file, naming it.
         """
         if kwargs.get("subfolder") is not None:
             raise ValueError(
                 f"`subfolder` must be left out, got {kwargs['subfolder']!r}: a pipeline is loaded from a whole folder. "
-                "For another decoder give `decoder`; one model alone is loaded by its own class, "
-                '`LCTGModel.from_pretrained(folder, subfolder="lctg")`.'
+                'One model alone is loaded by its own class, `LCTGModel.from_pretrained(folder, subfolder="lctg")`.'
             )
-        if decoder is not None and "lctg" in kwargs:
-            raise ValueError(f"`decoder` ({decoder!r}) and `lctg` exclude each other: both replace the decoder.")
-        from .folders import check_folder, load_decoder
+        from .folders import check_folder
 
-        check_folder(pretrained_model_name_or_path, {**kwargs, "lctg": None} if decoder is not None else kwargs)
-        if decoder is not None:
-            folder = pretrained_model_name_or_path
-            if not Path(folder).is_dir():
-                folder = cls.download(folder, **kwargs)
-            dtype = kwargs.get("dtype", kwargs.get("torch_dtype"))
-            if isinstance(dtype, dict):
-                dtype = dtype.get("lctg", dtype.get("default"))
-            kwargs["lctg"] = load_decoder(folder, decoder, variant=kwargs.get("variant"), dtype=dtype)
+        check_folder(pretrained_model_name_or_path, kwargs)
         return super().from_pretrained(pretrained_model_name_or_path, **kwargs)
 
     @classmethod
     def from_pipe(cls, pipeline, **components):
         """A pipeline that shares the models of another one and has copies of its schedulers.
 
-        So two pipelines may serve two threads, or two decoders one DALE. Models keep their dtype and device.
+        So two pipelines may serve two threads. Models keep their dtype and device.
 
         Args:
             pipeline (`TactileTexturePipeline`): its setting of the progress bar is kept, too.
@@ -107,8 +93,8 @@ class LoadingMixin:
     def push_to_hub(self, repo_id, commit_message=None, private=None, token=None, create_pr=False, **kwargs):
         """Sends this pipeline to the Hub, see [`PushToHubMixin.push_to_hub`].
 
-        The card of the folder that it was loaded from goes along, with its pictures and a distilled decoder beside
-        it. Was this pipeline changed since? Then save it, write another card, and send that folder.
+        The card of the folder that it was loaded from goes along, with its pictures. Was this pipeline changed since?
+        Then save it, write another card, and send that folder.
 
         Args:
             repo_id, commit_message, private, token, create_pr: of `upload_checkpoint`.

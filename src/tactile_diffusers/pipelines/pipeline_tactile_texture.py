@@ -64,13 +64,15 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
         dale ([`DALEModel`], *optional*): ratings to latents; `None` = a pipeline that only reconstructs.
         dale_scheduler ([`VDDIMScheduler`], *optional*): sampler of DALE, not the same object as `scheduler`.
         rating_estimator ([`RatingEstimator`], *optional*): textures to ratings, for `estimate_ratings` alone.
+        lctg_distilled ([`LCTGModel`], *optional*): decodes in the place of `lctg` where no more steps are asked for
+            than it was distilled to, which is the default then.
 
     Raises:
         ValueError: if a component is missing, of a wrong class, or does not fit the others.
     """
 
-    model_cpu_offload_seq = "dale->lctg->rating_estimator"
-    _optional_components = ["dale", "dale_scheduler", "rating_estimator"]
+    model_cpu_offload_seq = "dale->lctg->lctg_distilled->rating_estimator"
+    _optional_components = ["dale", "dale_scheduler", "rating_estimator", "lctg_distilled"]
     _callback_tensor_inputs = ["latents"]
 
     def __init__(
@@ -81,31 +83,26 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
         dale: DALEModel = None,
         dale_scheduler: VDDIMScheduler = None,
         rating_estimator: RatingEstimator = None,
+        lctg_distilled: LCTGModel = None,
     ):
         super().__init__()
         self._warned_of = deque(maxlen=100)
-        check_classes(
-            {"lctg": lctg, "feature_extractor": feature_extractor, "dale": dale, "rating_estimator": rating_estimator}
-        )
+        models = {"lctg": lctg, "dale": dale, "rating_estimator": rating_estimator, "lctg_distilled": lctg_distilled}
+        check_classes({"feature_extractor": feature_extractor, **models})
         if dale is not None and dale_scheduler is None:
             raise ValueError("`dale_scheduler` is missing: DALE needs a scheduler of its own, beside `scheduler`.")
         if scheduler is not None and scheduler is dale_scheduler:
             raise ValueError("`scheduler` and `dale_scheduler` must be two objects: a scheduler has state.")
-        check_fit(lctg, feature_extractor, dale)
+        check_fit(lctg, feature_extractor, dale, lctg_distilled)
         self.register_modules(
-            lctg=lctg,
-            feature_extractor=feature_extractor,
-            scheduler=scheduler,
-            dale=dale,
-            dale_scheduler=dale_scheduler,
-            rating_estimator=rating_estimator,
+            feature_extractor=feature_extractor, scheduler=scheduler, dale_scheduler=dale_scheduler, **models
         )
 
     @property
     def _execution_device(self):
         # diffusers' own searches all modules for hooks, once for each component and more: half a step of DALE
-        models = [model for model in (self.lctg, self.dale, self.rating_estimator) if model is not None]
-        if any(has_hooks(model) for model in models):
+        models = [self.lctg, self.dale, self.rating_estimator, self.lctg_distilled]
+        if any(has_hooks(model) for model in models if model is not None):
             return super()._execution_device
         return next(self.lctg.parameters()).device
 
@@ -232,9 +229,10 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
             ratings: `[r, b, s]`, `[[r, b, s], ...]`, `{"roughness": 1.2}`, `[dict, ...]`, array, tensor or pandas, on
                 `rating_scale`: roughness, bumpiness, slipperiness, larger = rougher, bumpier, more slippery. NaN or
                 None = not specified; `None` for all = nothing specified.
-            num_inference_steps (`int`, *optional*): steps of LCTG; `None` = 5, or what it was distilled to.
+            num_inference_steps (`int`, *optional*): steps of LCTG; `None` = what `lctg_distilled` takes, or 5 without
+                one. More steps than those are `lctg`'s.
             num_latent_inference_steps (`int`, *optional*): steps of DALE; `None` = what it was distilled to, else
-                `num_inference_steps`, or 5 if that is left out or LCTG is a distilled one.
+                `num_inference_steps`, or 5 if that is left out or a distilled decoder's.
             guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): above 1 exaggerates the
                 ratings; 1.0 = off. A dict, `{"bumpiness": 1.5}`, does so for these axes alone. Above 3, levels leave
                 the range of the training data (a warning says so).
@@ -306,7 +304,8 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
                 self.maybe_free_model_hooks()
                 return generated if return_dict else generated.to_tuple()
             # 5. LCTG: from latents to the waveform
-            decoded = self._decode(generated.latents, None, *loop, dale_steps)
+            decoder = self.decoder_of(decoding_steps)
+            decoded = self._decode(decoder, generated.latents, None, *loop, dale_steps)
 
         # 6. Post-process: newtons at the delivery rate
         out = self._postprocess(*decoded, generated.level, generated.friction_coefficient, samples, output_type)
@@ -325,18 +324,18 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
             frames = max(self.dale.config.latent_frames, math.ceil(duration_s * rate / hop / size - 1e-6) * size)
         return frames, max(1, round(duration_s * self.feature_extractor.delivery_rate))
 
-    def _decode(self, latents, noise, generator, bar, *callback):
+    def _decode(self, decoder, latents, noise, generator, bar, *callback):
         """LCTG's loop: latents (N, channels, frames) to waveforms (N, samples) at the working rate.
 
         Returns them with what they are to be given back (`LCTGModel.restored`).
         """
-        dtype = self.lctg.dtype
+        dtype = decoder.dtype
         latents = latents.to(dtype)
         shape = (len(latents), 1, latents.shape[-1] * self.lctg.config.latent_hop)
         noise = self.prepare_latents(shape, generator, latents.device, dtype, noise, "noise")
-        velocity = texture_velocity(self.lctg, latents, self.scheduler.timesteps)
+        velocity = texture_velocity(decoder, latents, self.scheduler.timesteps)
         waveform = self._denoise(self.scheduler, velocity, noise, generator, bar, *callback)[:, 0]
-        return waveform, self.lctg.restored(latents)
+        return waveform, decoder.restored(latents)
 
     def _postprocess(self, waveform, restored, level, friction_coefficient, samples, output_type):
         textures = self.feature_extractor.denormalize(waveform, level, samples, **restored)

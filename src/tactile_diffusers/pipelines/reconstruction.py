@@ -6,27 +6,21 @@ import numpy as np
 import torch
 
 from .components import check_scheduler
-from .inputs import check_decoding, check_generator, check_noise, check_steps, steps_settle, warn_of_many_steps
+from .inputs import (
+    check_decoding,
+    check_generator,
+    check_noise,
+    check_steps,
+    steps_settle,
+    warn_of_distilled_steps,
+    warn_of_many_steps,
+)
 from .pipeline_output import TactileLatents
 
 #: Steps of both stages. `examples/research/sampler.py`: with the second order, nine-band error
 #: and KTD of held-out textures stop improving at 3; at 5 the solver's error is half of DDIM's at 10, and weak bands
-#: have settled.
+#: have settled. Of models that are not distilled.
 DEFAULT_STEPS = 5
-
-
-def _steps(name, steps, model, default):
-    """Steps of one stage: as asked, or what the model was distilled to, or the default."""
-    most = None if model is None else model.config.distilled_steps
-    if steps is None:
-        return default if most is None else most
-    steps = check_steps(name, steps)
-    if most is not None and steps > most:
-        raise ValueError(
-            f"`{name}` must be at most {most}, got {steps}: this {type(model).__name__} was distilled to so many steps "
-            "and gets worse beyond. Leave it out, or load its teacher."
-        )
-    return steps
 
 
 class ReconstructionMixin:
@@ -36,15 +30,32 @@ class ReconstructionMixin:
         """Steps that a call with these arguments takes, of LCTG and of DALE: (int, int).
 
         Raises:
-            ValueError: if one is no whole number >= 1, or more than a distilled model may take.
+            ValueError: if one is no whole number >= 1.
         """
-        decoding = _steps("num_inference_steps", num_inference_steps, self.lctg, DEFAULT_STEPS)
-        undistilled = decoding if self.lctg.config.distilled_steps is None else DEFAULT_STEPS
-        latent = _steps("num_latent_inference_steps", num_latent_inference_steps, self.dale, undistilled)
+        few = None if self.lctg_distilled is None else self.lctg_distilled.config.distilled_steps
+        decoding = self._steps("num_inference_steps", num_inference_steps, self.lctg, few or DEFAULT_STEPS)
+        undistilled = decoding if self.decoder_of(decoding).config.distilled_steps is None else DEFAULT_STEPS
+        latent = self._steps("num_latent_inference_steps", num_latent_inference_steps, self.dale, undistilled)
         stages = ((self.scheduler, decoding), (self.dale_scheduler, latent))
         most = max((steps for scheduler, steps in stages if steps_settle(scheduler)), default=0)
         self._warn_once("steps", most, warn_of_many_steps, most)
         return decoding, latent
+
+    def _steps(self, name, steps, model, default):
+        """Steps of one stage: as asked, but no more than the model was distilled to, or the default."""
+        most = None if model is None else model.config.distilled_steps
+        if steps is None:
+            return default if most is None else most
+        steps = check_steps(name, steps)
+        if most is None or steps <= most:
+            return steps
+        self._warn_once(name, steps, warn_of_distilled_steps, name, steps, type(model).__name__, most)
+        return most
+
+    def decoder_of(self, steps):
+        """The [`LCTGModel`] that decodes in so many steps: `lctg_distilled` in few, `lctg` in more."""
+        few = self.lctg_distilled
+        return self.lctg if few is None or steps > few.config.distilled_steps else few
 
     @torch.no_grad()
     def encode(self, texture, sampling_rate):
@@ -82,7 +93,7 @@ class ReconstructionMixin:
                 the detail layer (the last `detail_channels`) = unknown, generated from the noise.
             level (`torch.Tensor`): (N,), natural log of the RMS in N.
             friction_coefficient (`torch.Tensor`, *optional*): (N,), passed on; `None` = NaN.
-            num_inference_steps (`int`, *optional*): steps of LCTG; `None` = 5, or what it was distilled to.
+            num_inference_steps (`int`, *optional*): steps of LCTG; `None` = what `lctg_distilled` takes, or 5.
             generator (`torch.Generator` or list, *optional*): draws LCTG's noise; a list has N entries.
             output_type (`str`, *optional*, defaults to `"np"`): `"np"`, or `"pt"`: on the pipeline's device.
             samples (`int`, *optional*): delivered samples to keep; `None` = all.
@@ -109,7 +120,7 @@ class ReconstructionMixin:
         if friction_coefficient is None:
             friction_coefficient = torch.full_like(level, torch.nan)
         with self.progress_bar(total=len(self.scheduler.timesteps)) as bar:
-            decoded = self._decode(latents, noise, generator, bar)
+            decoded = self._decode(self.decoder_of(num_inference_steps), latents, noise, generator, bar)
         out = self._postprocess(*decoded, level, friction_coefficient, samples, output_type)
         self.maybe_free_model_hooks()
         return out

@@ -40,7 +40,7 @@ class TextureScene:
         patches (`Mapping[str, Sequence[float]]`, *optional*): name -> (x, y, width, height), or (start, length) on a
             line, mm. Of patches that overlap the later surface lies above. Without one a surface is one segment.
         seed (`int`, *optional*, defaults to 0): another one gives other takes of the same surfaces.
-        num_inference_steps (`int`, *optional*): as in the pipeline; `None` = 5, or what LCTG was distilled to.
+        num_inference_steps (`int`, *optional*): as in the pipeline; `None` = its default.
         guidance_scale (`float` or `dict[str, float]`, *optional*, defaults to 1.0): as in the pipeline; 1.0 = off.
         cache_size (`int`, *optional*, defaults to 8): profiles kept, 1.4 MB for each segment, twice that with events.
         rating_scale (`str`, *optional*, defaults to `"z"`): of `surfaces`, as in the pipeline.

@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from huggingface_hub import EvalResult, ModelCard, ModelCardData
 
-from ..checkpoints import DISTILLED
 from ..io.files import atomic_path, write_text
 from ..io.locks import unlock_folder
 from ..io.reading import reading
@@ -38,7 +37,7 @@ _WITHOUT_EFFECT = {
 }
 
 
-def finish(args, save, pipe, dataset, teacher=None):
+def finish(args, save, pipe, dataset):
     """Writes the trained models, the curves of their losses and their card; sends them to the Hub if asked.
 
     For the main process. Others may write to the output folder afterwards.
@@ -46,7 +45,7 @@ def finish(args, save, pipe, dataset, teacher=None):
     Args:
         args (`argparse.Namespace`): of the training script.
         save (`Callable`): of `save_result`.
-        pipe, dataset, teacher: of `write_card`.
+        pipe, dataset: of `write_card`.
 
     Raises:
         OSError: if something cannot be written: what that is, and whether the models are saved.
@@ -56,29 +55,24 @@ def finish(args, save, pipe, dataset, teacher=None):
     save_result(output, save)
     with writing("loss.png", output, finished=True):
         plot_losses(output)
-    described = phases(output)[-1:] if teacher is not None else phases(output)
-    runs = [folder for folder, record in described if is_complete(record)]
+    runs = [folder for folder, record in phases(output) if is_complete(record)]
     with writing("The model card", output, finished=True):
-        write_card(output, pipe, dataset, runs, place=name, teacher=teacher)
+        write_card(output, pipe, dataset, runs, place=name)
     if getattr(args, "push_to_hub", False):
         forget_folders(output)
         upload_checkpoint(output, name or output.resolve().name, args.hub_token, args.hub_private_repo or None)
     unlock_folder(output)
 
 
-def write_card(
-    folder, pipe, dataset, runs, place=None, teacher=None, licence=None, warnings=None, report=None, note=""
-):
+def write_card(folder, pipe, dataset, runs, place=None, licence=None, warnings=None, report=None, note=""):
     """Writes the model card of a checkpoint, and copies the loss curves of its trainings beside it.
 
     Args:
         folder (`str` or `Path`): the checkpoint's; it gets `README.md` and `loss_<n>.png`.
-        pipe (`TactileTexturePipeline`): what is in the folder; without DALE, or with a distilled LCTG, too.
+        pipe (`TactileTexturePipeline`): what is in the folder; without DALE, too.
         dataset (`PreparedDataset`): what it was trained on: the training view.
         runs (`Sequence[str` or `Path]`): output folders of its trainings, in order, with `training.json`.
         place (`str`, *optional*): title, and what the usage loads from; defaults to the folder's name.
-        teacher (`str`, *optional*): the pipeline whose decoder is replaced, if the folder holds a distilled decoder and
-            no pipeline.
         licence (`str`, *optional*): of the weights, as the Hub names it; defaults to that of the data.
         warnings (`str`, *optional*): those of the data card, in Markdown.
         report (`str`, *optional*): results of an evaluation, in Markdown, its pictures relative to the folder.
@@ -90,8 +84,6 @@ def write_card(
     """
     folder = Path(folder)
     name = place or folder.resolve().name
-    if teacher is not None and Path(teacher).is_dir():
-        teacher = Path(teacher).resolve().name  # without the folders of this machine
     trainings = [describe_run(Path(run), folder, number) for number, run in enumerate(runs, start=1)]
     licence = licence or str(dataset.attributes.get("licence", "unknown"))
     card = ModelCard.from_template(
@@ -101,9 +93,6 @@ def write_card(
         quote=shlex.quote,
         name=name,
         copy=name.rsplit("/", 1)[-1],  # the folder of a copy, if it is on the Hub
-        teacher=teacher,
-        has_distilled=teacher is None and (folder / DISTILLED).is_dir(),
-        distilled=DISTILLED,
         pipe=pipe,
         half=pipe.dtype == torch.float16,
         models=_models(pipe),
@@ -154,7 +143,8 @@ def _in_words(value):
 def _models(pipe):
     """The rows of the table of the models."""
     dale, extractor = pipe.dale, pipe.feature_extractor
-    networks = {"LCTG": pipe.lctg, "DALE": dale, "rating estimator": pipe.rating_estimator}
+    networks = {"LCTG": pipe.lctg, "distilled LCTG": pipe.lctg_distilled, "DALE": dale}
+    networks["rating estimator"] = pipe.rating_estimator
     sizes = [f"{name} {part.num_parameters() / 1e6:.3g} million" for name, part in networks.items() if part is not None]
     samplers = {"LCTG": pipe.scheduler} | ({} if dale is None else {"DALE": pipe.dale_scheduler})
     steps = [

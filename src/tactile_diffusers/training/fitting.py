@@ -60,6 +60,7 @@ def fit_modulation_gains(pipe, dale, textures, sampling_rate, seed=0, quiet=Fals
         `list[float]` or `None`: (level_bands + 1,), each within `LIMITS`; `None` without `level_bands`.
     """
     extractor, lctg = pipe.feature_extractor, pipe.lctg
+    pipe = type(pipe).from_pipe(pipe, lctg_distilled=None)
     if not lctg.config.level_bands:
         return None
     batches = [textures[start : start + batch_size] for start in range(0, len(textures), batch_size)]

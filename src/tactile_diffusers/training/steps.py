@@ -242,11 +242,31 @@ class LCTGTrainingStep(nn.Module):
         return latents
 
 
+def drawn_ratings(batch, random, condition_dropout=0.4, unconditional=0.1, rating_jitter=0.3):
+    """Ratings (batch, axes) of one rater, or pooled ones with jitter; dropped axes are NaN.
+
+    Args:
+        batch (`dict`): "ratings" and "ratings_error" of `dale_data.training_states`. Of several raters' ratings (batch,
+            raters, axes), one rater's are drawn for each texture.
+        random (`BatchNoise`): of this batch.
+        condition_dropout, unconditional, rating_jitter (`float`): of `DALETrainingStep`.
+    """
+    ratings = batch["ratings"]
+    if ratings.ndim == 3:
+        rater = (random.uniform(len(ratings)) * ratings.shape[1]).long()
+        ratings = ratings[torch.arange(len(ratings), device=ratings.device), rater]
+    else:
+        ratings = ratings + rating_jitter * batch["ratings_error"] * random.normal(*ratings.shape)
+    dropped = random.uniform(*ratings.shape) < condition_dropout
+    dropped = dropped | (random.uniform(len(ratings), 1) < unconditional)
+    return ratings.masked_fill(dropped, torch.nan)
+
+
 class DALETrainingStep(nn.Module):
     """Loss of DALE on a batch: the v-objective in latent space with dropped ratings, and the auxiliary rating loss.
 
     `forward(batch, random)` takes rows of `dale_data.training_states` and a `BatchNoise`; it returns the loss and a
-    dict of scalars to log. Of several raters' ratings (batch, raters, axes), one rater's are drawn for each texture.
+    dict of scalars to log.
 
     Args:
         model (`DALEModel`): is trained.
@@ -278,7 +298,7 @@ class DALETrainingStep(nn.Module):
 
     def forward(self, batch, random):
         clean, knows_friction, weight = batch["state"], batch["knows_friction"], batch["weight"]
-        ratings = self.drawn_ratings(batch, random)
+        ratings = drawn_ratings(batch, random, self.condition_dropout, self.unconditional, self.rating_jitter)
         noisy, timesteps, target = noisy_batch(self.scheduler, clean, random)
         velocity = self.model(noisy, timesteps, ratings, return_dict=False)[0].float()
         latent_loss, scalar_loss = state_losses(self.model, velocity - target, knows_friction, weight)
@@ -292,15 +312,3 @@ class DALETrainingStep(nn.Module):
             loss = loss + self.conditioning_weight * conditioning
             scalars["conditioning"] = conditioning.detach()
         return loss, scalars
-
-    def drawn_ratings(self, batch, random):
-        """Ratings (batch, axes) of one rater, or pooled ones with jitter; dropped axes are NaN."""
-        ratings = batch["ratings"]
-        if ratings.ndim == 3:
-            rater = (random.uniform(len(ratings)) * ratings.shape[1]).long()
-            ratings = ratings[torch.arange(len(ratings), device=ratings.device), rater]
-        else:
-            ratings = ratings + self.rating_jitter * batch["ratings_error"] * random.normal(*ratings.shape)
-        dropped = random.uniform(*ratings.shape) < self.condition_dropout
-        dropped = dropped | (random.uniform(len(ratings), 1) < self.unconditional)
-        return ratings.masked_fill(dropped, torch.nan)

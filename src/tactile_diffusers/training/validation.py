@@ -41,7 +41,8 @@ class Reconstructions:
             steps (`int`): of the solver.
             base_only (`bool`): from the base layer alone, which is what DALE generates.
         """
-        pipe = type(self.pipe).from_pipe(self.pipe, lctg=model, dale=None, dale_scheduler=None, rating_estimator=None)
+        others = dict.fromkeys(("dale", "dale_scheduler", "rating_estimator", "lctg_distilled"))
+        pipe = type(self.pipe).from_pipe(self.pipe, lctg=model, **others)
         pipe.set_progress_bar_config(disable=True)
         decoded = []
         for start in range(0, len(self.textures), self.batch_size):

@@ -25,7 +25,7 @@ class Settings:
     takes: int = 16  # textures generated per held-out surface
     judge_takes: int = 3  # of a held-out surface in each part that the second judge gives them
     control_values: tuple = (-2.0, -1.0, 1.0, 2.0)  # of one axis, the others not specified
-    control_takes: int = 100  # textures per value
+    control_takes: int = 400  # textures per value: of 100, log friction has a standard error of the tolerance
     response_takes: int = 24  # textures per value of the response curves
     truth_candidates: int = 20_000  # fresh virtual surfaces that are rated
     truth_surfaces: int = 1500  # and explored
