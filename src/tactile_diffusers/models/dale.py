@@ -13,6 +13,7 @@ from diffusers.models.modeling_utils import ModelMixin
 from diffusers.utils import BaseOutput
 
 from ..signal import RATING_AXES
+from .calibration import Shift, check_calibration, scalar_shift
 from .compiling import CompileMixin
 from .dale_state import (
     MODULATIONS,
@@ -23,6 +24,7 @@ from .dale_state import (
     modulation_numbers,
     normal_scores,
     quantile_numbers,
+    standardized,
     unit_shape,
     whitened,
     with_quantiles,
@@ -37,11 +39,6 @@ from .unet_1d import UNet1D, from_patches, to_patches
 NUM_SCALARS = 2
 
 
-def _standardized(values, mean, std):
-    """Values at unit variance; 0 where the standard deviation is 0."""
-    return torch.zeros_like(values) if std == 0 else (values - mean) / std
-
-
 @dataclass
 class DALEOutput(BaseOutput):
     """Output of `DALEModel`: `sample` is the velocity v, (batch, in_channels, latent_frames)."""
@@ -53,10 +50,11 @@ class DALEConditions(NamedTuple):
     """What a velocity at one timestep does not take from the sample (`DALEModel.condition`).
 
     Attributes:
-        blocks (`list[BlockConditions]`): of each block of the U-Net.
+        blocks (`list[BlockConditions]`): of each block of the U-Net; shift (`torch.Tensor` or `None`): of the scalars.
     """
 
     blocks: list
+    shift: torch.Tensor | None
 
 
 class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
@@ -106,6 +104,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         reference_speed (`float`, *optional*): mean finger speed of the training segments, mm/s; `None` = unknown.
         distilled_steps (`int`, *optional*): most solver steps that a distilled model may take (examples/distill.py);
             `None` = any number.
+        calibration (`dict`, *optional*): by how much scalars are shifted, given the ratings (`calibration.py`).
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
 
     Raises:
@@ -144,6 +143,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         reference_speed: float | None = 80.0,
         num_train_timesteps: int = 1000,
         distilled_steps: int | None = None,
+        calibration: dict | None = None,
     ):
         super().__init__()
         check_distilled_steps(distilled_steps)
@@ -166,6 +166,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             if values is not None and len(values) != count:
                 raise ValueError(f"`{name}` must hold {count} numbers, got {len(values)}.")
         RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
+        check_calibration(calibration, scalars, len(rating_axes))
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(len(rating_axes), rating_dim)
@@ -293,8 +294,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             `torch.Tensor`: (batch, in_channels, frames).
         """
         config, levels = self.config, self.config.level_channels
-        friction = _standardized(friction_coefficient.clamp_min(1e-3).log(), *self._log_friction_statistics())
-        level = _standardized(level, config.level_mean, config.level_std)
+        friction = standardized(friction_coefficient.clamp_min(1e-3).log(), *self._log_friction_statistics())
+        level = standardized(level, config.level_mean, config.level_std)
         statistics, (mean, std), departure_std = self._statistics(latents)
         band_levels, envelope, learned = latents.tensor_split([levels, levels + config.envelope_channels], dim=1)
         means, departures = cepstra(band_levels, config.patch_size)
@@ -348,7 +349,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         """
         dtype = self.rating_embedder.axis_tokens.dtype  # `self.dtype` searches all weights
         embeddings, tokens = self._embed(ratings, timesteps[:, None], dtype)
-        return [DALEConditions(blocks) for blocks in self.unet.condition(embeddings, tokens=tokens)]
+        shift = scalar_shift(self.config, ratings)
+        return [DALEConditions(blocks, shift) for blocks in self.unet.condition(embeddings, tokens=tokens)]
 
     def _embed(self, ratings, timesteps, dtype):
         """Embeddings of times and ratings (batch, dim) or (steps, batch, dim), and tokens (batch, axes, dim)."""
@@ -381,16 +383,18 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         """
         embedding, tokens, blocks = None, None, None
         if isinstance(ratings, DALEConditions):
-            (blocks,) = ratings
+            blocks, shift = ratings
         else:
             embedding, tokens = self._embed(ratings, expand_timestep(timestep, sample), sample.dtype)
+            shift = scalar_shift(self.config, ratings)
+        shift = Shift(shift, timestep, sample, self.config.num_train_timesteps)
         checkpointing = torch.is_grad_enabled() and self.gradient_checkpointing
         hidden_states = self.unet(
-            self.pool_state(sample),
+            shift.of_sample(self.pool_state(sample)),
             embedding,
             tokens=tokens,
             checkpoint=self._gradient_checkpointing_func if checkpointing else None,
             conditions=blocks,
         )
-        velocity = self.unpool_state(hidden_states)
+        velocity = self.unpool_state(shift.of_velocity(hidden_states))
         return DALEOutput(sample=velocity) if return_dict else (velocity,)
