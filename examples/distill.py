@@ -25,7 +25,8 @@ from tactile_diffusers.features.fast_envelope import gain_of_frames
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
-from tactile_diffusers.training.energy import StateViews, energy_score, waveform_views
+from tactile_diffusers.training.energy import energy_score, waveform_views
+from tactile_diffusers.training.energy_step import LatentStep, sample
 from tactile_diffusers.training.launch import (
     at_least_one,
     make_accelerator,
@@ -37,7 +38,7 @@ from tactile_diffusers.training.launch import (
 )
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.record import surfaces_of
-from tactile_diffusers.training.steps import BatchNoise, DALETrainingStep, drop_detail
+from tactile_diffusers.training.steps import BatchNoise, drop_detail
 from tactile_diffusers.training.validation import Reconstructions
 
 #: Textures at most from which the scales of DALE's views are taken, and held-out ones by which it is validated.
@@ -54,15 +55,6 @@ def parse_args(argv=None):
     args = parse_training_arguments(parser, argv)
     args.student_steps = args.student_steps or {"lctg": 1, "dale": 2}[args.model]
     return args
-
-
-def sample(model, scheduler, state, condition, steps):
-    """The end of a path of `steps` from noise (batch, channels, length)."""
-    scheduler.set_timesteps(steps, device=state.device)
-    for t in scheduler.timesteps:
-        velocity = model(state, t, condition, return_dict=False)[0]
-        state = scheduler.step(velocity, t, state, return_dict=False)[0]
-    return state
 
 
 class DecoderStep(nn.Module):
@@ -101,25 +93,6 @@ class DecoderStep(nn.Module):
         return waveform_views(waveform, self.extractor.sampling_rate, self.extractor.band)
 
 
-class LatentStep(nn.Module):
-    """Energy score of two states generated from ratings: rows of `training_states` -> (loss, scalars)."""
-
-    def __init__(self, model, scheduler, states, args):
-        super().__init__()
-        self.model, self.args, self.views = model, args, StateViews(model, states)
-        self.scheduler = VDDIMScheduler.from_config(scheduler.config)
-        self.teaching = DALETrainingStep(model, scheduler, None)  # draws the ratings
-
-    def forward(self, batch, random):
-        real, ratings = batch["state"], self.teaching.drawn_ratings(batch, random)
-        views = []
-        for _ in range(2):
-            made = sample(self.model, self.scheduler, random.normal(*real.shape), ratings, self.args.student_steps)
-            views.append(self.views(made))
-        loss = energy_score(*views, self.views(real), batch["weight"])
-        return loss, {"energy": loss.detach()}
-
-
 def train_decoder(args, pipe, accelerator, dataset):
     """Distils LCTG's decoder; the result lies in the subfolder `lctg_distilled`."""
     extractor, rate = pipe.feature_extractor, dataset.sampling_rate
@@ -153,7 +126,7 @@ def train_dale(args, pipe, accelerator, dataset):
     dale = pipe.dale.train()
     states = training_states(dale, dataset, encode_dataset(pipe, dataset, args.quiet))
     dale.register_to_config(distilled_steps=args.student_steps)
-    step = LatentStep(dale, pipe.dale_scheduler, states["state"][:SCALED], args)
+    step = LatentStep(dale, pipe.dale_scheduler, states["state"][:SCALED], args.student_steps)
     validate = _latent_validation(args, pipe, dale, step) if args.validation_samples else None
     rows = torch.utils.data.StackDataset(**states)
     dale = Trainer(accelerator, args, step, "dale", rows, validate=validate, surfaces=surfaces_of(dataset)).run()

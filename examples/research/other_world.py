@@ -5,10 +5,9 @@
     python examples/prepare_data.py --source recordings --recordings recordings.h5 --prepared prepared.h5 --test 50
 
 What differs: the finger circles at the edge of a plate; friction falls with the load as adhesion of a soft sphere
-(Adams et al. 2013, 10.1098/rsif.2012.0467) and with speed (Stribeck); its fluctuations over distance have a power law
-(Wiertlewski et al. 2011, 10.1109/TRO.2011.2107271), lines of a weave (Weber et al. 2013, 10.1073/pnas.1305509110), domes, or
-stick and slip; the fingertip is a damped resonator (Wiertlewski and Hayward 2012, 10.1016/j.jbiomech.2012.05.045). Raters follow
-powers of what vibrates, weighted as the Pacinian channel does (Bolanowski et al. 1988, 10.1121/1.397184).
+(Adams et al. 2013) and with speed (Stribeck); its fluctuations over distance have a power law (Wiertlewski et al.
+2011), lines of a weave (Weber et al. 2013), domes, or stick and slip; the fingertip is a damped resonator (Wiertlewski
+and Hayward 2012). Raters follow powers of what vibrates, weighted as the Pacinian channel does (Bolanowski 1988).
 """
 
 import argparse
@@ -75,8 +74,8 @@ def fluctuations(surface, length, rng):
     """Share by which the lateral force departs from its mean along a path of `length` mm: (points,) at `STEP`."""
     points = int(np.ceil(length / STEP)) + 1
     frequencies = np.fft.rfftfreq(points, STEP)  # 1/mm
-    # the patch of contact averages over a quarter of a millimetre; slower than the circle there is no texture
-    gains = np.maximum(frequencies, 0.05) ** -surface.exponent * np.exp(-frequencies * 0.12)
+    # the patch of contact averages over a tenth of a millimetre; slower than the circle there is no texture
+    gains = np.maximum(frequencies, 0.05) ** -surface.exponent * np.exp(-frequencies * 0.06)
     white = rng.normal(size=(len(frequencies), 2)).view(np.complex128)[:, 0]
     rough = np.fft.irfft(white * gains, points)
     place = np.arange(points) * STEP
@@ -119,7 +118,7 @@ def explore(surface, seconds, rng):
     # the fingertip: a resonator near 180 Hz, damped at half its critical value, beside what is rigid
     w, damping = 2 * np.pi * 180, 0.5
     filtered = signal.lfilter(*signal.bilinear([2 * damping * w, w * w], [1, 2 * damping * w, w * w], RATE), share)
-    lateral = lateral * (1 + filtered) + 2e-4 * rng.normal(size=samples)
+    lateral = lateral * (1 + 0.7 * filtered + 0.3 * share) + 2e-4 * rng.normal(size=samples)
     angle = path / RADIUS
     towards = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
     force = np.column_stack([lateral[:, None] * towards, load])

@@ -95,7 +95,7 @@ class TestLearning:
         module, pipe = script("distill"), make_pipeline()
         states = torch.randn((32, pipe.dale.config.in_channels, 32), generator=torch.Generator().manual_seed(0))
         args = module.parse_args([*_WORDS, "--model", "dale"])
-        step = module.LatentStep(pipe.dale.train(), VDDIMScheduler(), states, args)
+        step = module.LatentStep(pipe.dale.train(), VDDIMScheduler(), states, args.student_steps)
         batch = {"state": states[:16], "ratings": torch.zeros(16, 3), "ratings_error": torch.zeros(16, 3)}
         losses = _losses(step, pipe.dale, batch | {"weight": torch.ones(16)})
         assert losses[-1] < 0.9 * losses[0]

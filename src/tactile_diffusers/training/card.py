@@ -38,7 +38,7 @@ _WITHOUT_EFFECT = {
 }
 
 
-def finish(args, save, pipe, dataset, teacher=None):
+def finish(args, save, pipe, dataset, teacher=None, note="", base=None):
     """Writes the trained models, the curves of their losses and their card; sends them to the Hub if asked.
 
     For the main process. Others may write to the output folder afterwards.
@@ -46,7 +46,7 @@ def finish(args, save, pipe, dataset, teacher=None):
     Args:
         args (`argparse.Namespace`): of the training script.
         save (`Callable`): of `save_result`.
-        pipe, dataset, teacher: of `write_card`.
+        pipe, dataset, teacher, note, base: of `write_card`.
 
     Raises:
         OSError: if something cannot be written: what that is, and whether the models are saved.
@@ -59,7 +59,7 @@ def finish(args, save, pipe, dataset, teacher=None):
     described = phases(output)[-1:] if teacher is not None else phases(output)
     runs = [folder for folder, record in described if is_complete(record)]
     with writing("The model card", output, finished=True):
-        write_card(output, pipe, dataset, runs, place=name, teacher=teacher)
+        write_card(output, pipe, dataset, runs, place=name, teacher=teacher, note=note, base=base)
     if getattr(args, "push_to_hub", False):
         forget_folders(output)
         upload_checkpoint(output, name or output.resolve().name, args.hub_token, args.hub_private_repo or None)
@@ -67,7 +67,7 @@ def finish(args, save, pipe, dataset, teacher=None):
 
 
 def write_card(
-    folder, pipe, dataset, runs, place=None, teacher=None, licence=None, warnings=None, report=None, note=""
+    folder, pipe, dataset, runs, place=None, teacher=None, licence=None, warnings=None, report=None, note="", base=None
 ):
     """Writes the model card of a checkpoint, and copies the loss curves of its trainings beside it.
 
@@ -83,6 +83,7 @@ def write_card(
         warnings (`str`, *optional*): those of the data card, in Markdown.
         report (`str`, *optional*): results of an evaluation, in Markdown, its pictures relative to the folder.
         note (`str`): a sentence on how the trainings were run.
+        base (`str`, *optional*): name of the checkpoint that was adapted.
 
     Raises:
         OSError: if the folder cannot be written to.
@@ -95,7 +96,7 @@ def write_card(
     trainings = [describe_run(Path(run), folder, number) for number, run in enumerate(runs, start=1)]
     licence = licence or str(dataset.attributes.get("licence", "unknown"))
     card = ModelCard.from_template(
-        _metadata(licence, name, dataset, trainings),
+        _metadata(licence, name, dataset, trainings, base),
         template_path=str(TEMPLATE),
         version=__version__,
         quote=shlex.quote,
@@ -123,10 +124,12 @@ def write_card(
     write_text(folder / CARD_FILE, f"{str(card).strip()}\n")
 
 
-def _metadata(licence, name, dataset, trainings):
+def _metadata(licence, name, dataset, trainings, base):
     """The YAML block; the last validation stands for the results until somebody evaluates the checkpoint."""
     known = HUB_LICENCES.fullmatch(licence.strip().lower().replace(" ", "-"))
     facts = {"license": known[0]} if known else {"license": "other", "license_name": licence}
+    if base is not None:
+        facts["base_model"] = base
     scores = trainings[-1]["scores"] if trainings else {}
     source = {"dataset_type": "tactile-recordings", "dataset_name": dataset.source, "dataset_split": "validation"}
     results = [EvalResult("other", metric_type=key, metric_value=value, **source) for key, value in scores.items()]
