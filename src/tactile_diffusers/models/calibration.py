@@ -4,6 +4,7 @@ A network that was trained on x0 knows x0 + d, too: at the angle phi its sample 
 -sin(phi) d. So a shift costs no training, and holds for every sampler, number of steps, guidance and length.
 """
 
+import numpy as np
 import torch
 
 from ..schedulers.angles import to_angle
@@ -22,8 +23,8 @@ def check_calibration(calibration, scalars, axes):
     if set(calibration) != set(shapes):
         raise ValueError(f"`calibration` must hold {sorted(shapes)}, got {sorted(calibration)}.")
     for name, shape in shapes.items():
-        values = torch.tensor(calibration[name], dtype=torch.float64)
-        if values.shape != shape or not values.isfinite().all():
+        values = np.array(calibration[name], dtype=np.float64)  # models are built without memory, too
+        if values.shape != shape or not np.isfinite(values).all():
             raise ValueError(f"`calibration`: `{name}` must be finite numbers of shape {shape}, got {values.shape}.")
 
 

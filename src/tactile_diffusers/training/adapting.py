@@ -102,7 +102,8 @@ def adapt(pipe, dataset, output_dir, args=None, **options):
 
 def _name(args, pipe):
     """What to call the given checkpoint: its Hub id, or the name of its folder."""
-    given = str(getattr(args, "pretrained_model_name_or_path", None) or pipe.config._name_or_path or "a pipeline")
+    given = str(getattr(args, "pretrained_model_name_or_path", None) or "")
+    given = given or str(getattr(pipe.config, "_name_or_path", None) or "a pipeline")
     return Path(given).name if Path(given).is_dir() else given
 
 
@@ -315,10 +316,15 @@ def run_trial(lab, args):
         for entry in read_log(folder)
         if "validation/energy" in entry
     }
-    best = min(scores, key=lambda step: scores[step]["energy"])
+    best = best_step(scores)
     errors = np.array([scores[best][f"surface_{number}_db"] for number in range(len(out))])
     given = lab.generated.mean(spectra_db(lab.pipe.dale, scalars_of(lab.pipe.dale, lab.generated)))
     return best, Errors(errors, _errors(lab.pipe.dale, lab, given)[out])
+
+
+def best_step(scores):
+    """The number of updates with the least energy score; `scores` are those of `make_validation`, by step."""
+    return min(scores, key=lambda step: scores[step]["energy"])
 
 
 def _trainer(lab, dale, chosen, args, accelerator, validate):

@@ -146,7 +146,9 @@ class Recalibration:
         """Sets the entries of DALE's config; one that is calibrated already is calibrated further."""
         config, levels = dale.config, dale.config.level_channels
         shift, size, departures = self.shapes
-        mean, std = (np.array(config.get(name) or [], float) for name in ("latent_mean", "latent_std"))
+        count = dale.latent_channels - config.envelope_channels
+        mean = np.array(config.latent_mean or [0.0] * count)
+        std = np.array(config.latent_std or [1.0] * count)
         mean[levels:] += std[levels:] * shift
         std = std * np.concatenate([self.factor[:levels], size])
         earlier = config.calibration or {"offset": 0.0, "slopes": 0.0}
@@ -160,8 +162,8 @@ class Recalibration:
         changes = {
             "latent_mean": mean.tolist(),
             "latent_std": std.tolist(),
-            "departure_std": (np.array(config.departure_std or []) * departures).tolist(),
-            "size_std": (np.array(config.size_std or []) * sizes).tolist(),
+            "departure_std": (np.array(config.departure_std or [1.0] * levels) * departures).tolist(),
+            "size_std": (np.array(config.size_std or [1.0] * dale.num_sizes) * sizes).tolist(),
             "level_std": float(config.level_std * self.factor[-2]),
             "calibration": {name: value.tolist() for name, value in calibration.items()},
         }
@@ -180,7 +182,8 @@ def recalibrate(dale, real, generated):
     """
     values, made = scalars_of(dale, real), scalars_of(dale, generated)
     made_means, count, axes = generated.mean(made), len(real), real.ratings.shape[1]
-    scale = np.sqrt(np.square(made - made_means[generated.owners]).mean(0)).clip(1e-3)
+    takes = len(made) / count
+    scale = np.sqrt(np.square(made - made_means[generated.owners]).sum(0) / (len(made) - count)).clip(1e-3)
     centre, covariance = _rating_distribution(dale, real.ratings)
     inputs = _filled(real.ratings, centre, covariance)
     inputs[:, np.isnan(real.ratings).all(0)] = 0.0  # sliders that nobody rated stay as they are
@@ -193,7 +196,7 @@ def recalibrate(dale, real, generated):
             offset[columns], slopes[:, columns] = found
     left = values - (made_means + offset + inputs @ slopes)[real.owners]
     variance = np.nanmean(real.mean(np.square(np.nan_to_num(left))), axis=0)
-    ratio = np.sqrt(variance.clip(1e-12)) / scale
+    ratio = np.sqrt((variance / scale**2 - 1 / takes).clip(1e-6))  # without what the takes' own mean scatters
     factor = _limited(np.where(np.isfinite(values).all(0), ratio, 1.0), count / (count + SPREAD_SURFACES))
     # a wider spread must not make the pretrained mapping steeper: what it adds along the ratings is taken away
     apart = inputs - inputs.mean(0)
