@@ -9,7 +9,7 @@ from tactile_diffusers.pipelines import PRESETS
 def test_answers_follow_what_presets_ask(studio):
     """With the page's own settings, over 16 takes: estimates shrink towards the middle.
 
-    A take differs by 0.4; friction, which carries slipperiness, differs most, so two lots of 16 correlate at 0.80, 0.93.
+    A take differs by 0.4; friction, which carries slipperiness, differs most, two lots of 16 gave r 0.80 and 0.93.
     """
     made = [studio.generate(list(PRESETS.values()), Settings(duration_s=1.0, seed=seed)).textures for seed in range(16)]
     asked = np.array([t.ratings for t in made[0]], float)
