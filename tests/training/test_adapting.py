@@ -1,6 +1,7 @@
 """Adapting a pipeline: recalibration in closed form, what it leaves alone, the whole of `adapt` on tiny data."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli import adapt as command
+from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.models.calibration import scalar_shift
 from tactile_diffusers.training import adapting
@@ -187,6 +189,7 @@ class TestAdapting:
         printed = capsys.readouterr().out
         assert printed.index("As it is, the given checkpoint") < printed.index("Recalibrated, it")
         card = (tmp_path / "a" / "README.md").read_text()
+        assert "From their base layer the decoder (LCTG) gives nine bands back within" in card
         assert verdict in card and "base_model:" in card and dataset.surfaces[dataset.surface_ids[0]] in card
         record = json.loads((tmp_path / "a" / "training.json").read_text())
         assert record["steps"] == 0 and len(record["trained_on"]["surfaces"]) == 4
@@ -219,6 +222,27 @@ class TestAdapting:
         resumed, _ = adapt(make_pipeline(), dataset, tmp_path / "cut", **options)
         ours, theirs = _weights(whole), _weights(resumed)
         assert all(torch.equal(ours[name], theirs[name]) for name in ours)
+
+
+@pytest.mark.parametrize(("rate", "samples", "fits"), [(2200, 4095, True), (2500, 4095, True), (2500, 4094, False)])
+def test_segments_fit_within_a_sample_of_the_recordings(make_pipeline, rate, samples, fits):
+    pipe = make_pipeline()
+    pipe.lctg.register_to_config(segment_samples=4096)
+    extractor = pipe.feature_extractor
+    data = {"band": tuple(map(float, extractor.band)), "sampling_rate": 2500, "segment_samples": samples}
+    data = SimpleNamespace(**data, attributes={"sampling_rate": rate})
+    if fits:
+        check_fit(pipe, data)
+    else:
+        with pytest.raises(ValueError, match="was trained on segments of"):
+            check_fit(pipe, data)
+
+
+def test_a_decoder_that_knows_textures_less_well_is_named(make_pipeline, dataset, monkeypatch):
+    errors = iter([np.array([0.5, 0.7]), np.array([0.2])])
+    monkeypatch.setattr(adapting, "decoder_errors", lambda *args: next(errors))
+    words = adapting.decoder_words(make_pipeline(), dataset, 0)
+    assert "within 0.60 dB, of its own textures within 0.20 dB: it knows yours less well" in words
 
 
 class TestRefusals:

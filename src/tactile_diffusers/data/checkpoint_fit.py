@@ -16,8 +16,10 @@ def check_fit(pipe, dataset, name="checkpoint"):
             f"{extractor.delivery_rate} Hz. Resample the recordings to the {name}'s rate."
         )
     seconds = pipe.lctg.config.segment_samples / extractor.sampling_rate
-    if abs(seconds - dataset.segment_samples / dataset.sampling_rate) > 1 / extractor.sampling_rate:
+    # a sample of the coarser rate: of the two, or of the recordings
+    rate = min(extractor.sampling_rate, dataset.attributes["sampling_rate"])
+    if abs(seconds - dataset.segment_samples / dataset.sampling_rate) * rate > 1 + 1e-6:
         raise ValueError(
             f"The {name} was trained on segments of {seconds:g} s, `data` holds segments of "
-            f"{dataset.segment_samples / dataset.sampling_rate:g} s. Prepare the data again with `--segment-seconds`."
+            f"{dataset.segment_samples / dataset.sampling_rate:g} s. Prepare the data again with `--segment_seconds`."
         )
