@@ -39,7 +39,8 @@ class Conv1d(nn.Conv1d):
 
     def forward(self, hidden_states):
         (size,), (stride,), (padding,) = self.kernel_size, self.stride, self.padding
-        if hidden_states.shape[-1] + 2 * padding - size >= FEW_POSITIONS * stride:
+        # a compiled or exported graph has one form for all lengths
+        if torch.compiler.is_compiling() or hidden_states.shape[-1] + 2 * padding - size >= FEW_POSITIONS * stride:
             return super().forward(hidden_states)
         patches = F.pad(hidden_states, (padding, padding)).unfold(2, size, stride).transpose(1, 2).flatten(2)
         return F.linear(patches, self.weight.flatten(1), self.bias).transpose(1, 2)
