@@ -353,7 +353,8 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         spectrum = np.fft.rfft(padded, axis=-1) * 10 ** (sign * gains_db / 20)
         return np.fft.irfft(spectrum, n=padded.shape[-1], axis=-1)[:, margin : margin + waveform.shape[-1]]
 
-    def _check(self, texture, sampling_rate):
+    def check_sampling_rate(self, sampling_rate):
+        """Raises a `ValueError` unless this is a whole number of Hz that holds the band."""
         if sampling_rate is None:
             raise ValueError(
                 "`sampling_rate` is missing: pass the rate of `texture` in Hz; a wrong guess would go unnoticed."
@@ -365,6 +366,9 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
                 f"`sampling_rate` must be at least {least:g} Hz, to hold the band {self.band} Hz, at most {MOST_RATE} "
                 f"Hz and a whole number, got {sampling_rate}."
             )
+
+    def rows(self, texture):
+        """Textures in any form as (batch, samples) float64, NaN and infinities kept; a `ValueError` if they are none."""
         texture = _real(texture)
         texture = texture[None] if texture.ndim == 1 else texture
         if texture.ndim != 2 or 0 in texture.shape:
@@ -374,6 +378,11 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
                 f"`texture` must be (samples,) or (batch, samples), got {texture.shape}: more textures than samples. "
                 "Transpose it, or pass one column as (samples,)."
             )
+        return texture
+
+    def _check(self, texture, sampling_rate):
+        self.check_sampling_rate(sampling_rate)
+        texture = self.rows(texture)
         usable = np.abs(texture) <= LARGEST_SAMPLE  # NaN is not
         if not usable.all():
             rows = np.flatnonzero(~usable.all(-1)).tolist()

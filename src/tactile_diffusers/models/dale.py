@@ -367,6 +367,10 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             velocity = self.append_scalars(self.split_scalars(velocity)[0], -scalars)
         return DALEOutput(sample=velocity) if return_dict else (velocity,)
 
+    def mean_scalars(self, noise, ratings):
+        """Scalars of ratings (axes,), of the network that generates them first, averaged over noise (n, scalars)."""
+        return self.scalar_network(noise, self._held(ratings.expand(len(noise), -1))).mean(0)
+
     def unet_velocity(self, sample, timestep, ratings):
         """Velocity (batch, in_channels, frames) of the U-Net alone; arguments as of `forward`."""
         embedding, tokens, blocks = None, None, None
