@@ -368,7 +368,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
             )
 
     def rows(self, texture):
-        """Textures in any form as (batch, samples) float64, NaN and infinities kept; a `ValueError` if they are none."""
+        """Textures in any form as (batch, samples) float64, NaN kept; a `ValueError` if they are none."""
         texture = _real(texture)
         texture = texture[None] if texture.ndim == 1 else texture
         if texture.ndim != 2 or 0 in texture.shape:

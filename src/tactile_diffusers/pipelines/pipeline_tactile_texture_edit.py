@@ -19,14 +19,14 @@ from .recordings import check_recording, target_ratings
 
 #: Powers of `strength`, beyond 1 for late: how a recording gives up its waveform and course; and its character, the
 #: scalars that set it apart from others of its ratings.
-COURSE_POWER, CHARACTER_POWER = 2, 6
+COURSE_POWER, CHARACTER_POWER = 4, 20
 #: How far the scalars are moved, in units of what DALE's scalars move by on average: DALE falls short of real surfaces
 #: (`examples/research/editing.py`).
 GAIN = 1.25
 #: The strength at which a take's scalars differ from the recording's as those of two real takes of a surface do.
-VARIATION = 0.9
+VARIATION = 0.95
 #: Draws over which the scalars of ratings are averaged: by a network of their own, or by all of DALE.
-DRAWS, FEW_DRAWS = 256, 8
+DRAWS, FEW_DRAWS = 64, 8
 #: Latent frames over which what is drawn anew takes over inside of a gap: 0.1 s.
 RAMP = 4
 
@@ -162,7 +162,7 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
             texture (`np.ndarray` or `torch.Tensor`): (samples,), N.
             sampling_rate (`int`): Hz.
             n (`int`, *optional*, defaults to 4): how many.
-            strength (`float`, *optional*, defaults to 0.9): less keeps more of the recording.
+            strength (`float`, *optional*, defaults to 0.95): less keeps more of the recording.
             options: of a call: `source_ratings`, `friction_coefficient`, `generator` (one, or a list of n), ...
 
         Returns:
