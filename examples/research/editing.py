@@ -87,9 +87,9 @@ class Edits:
         textures = np.concatenate([resample(out.textures, out.sampling_rate, self.rate) for out in made])
         return textures, np.concatenate([out.friction_coefficient for out in made])
 
-    def _difference_added(self, asked, rows, generators):
+    def _difference_added(self, asked, rows, own_generators):
         """The baseline: the difference of two generations from one seed, added to the recording's latents."""
-        pipe, seeds = self.context.pipe, [generator.initial_seed() for generator in generators]
+        pipe, seeds = self.context.pipe, [generator.initial_seed() for generator in own_generators]
         own = pipe.encode(self.textures[rows], self.rate)
         before, after = (
             pipe(ratings, generator=generators(seeds), output_type="latent")

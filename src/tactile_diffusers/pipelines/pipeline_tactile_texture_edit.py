@@ -10,6 +10,7 @@ from ..schedulers import draw_noise
 from ..signal import level as measured_level
 from ..signal import resample
 from ..signal.checks import check_number, check_whole_number
+from ..signal.rows import texture_rows
 from .filling import LEAST_SECONDS, guessed, joined, lay_out, share_drawn
 from .inputs import LARGEST_RATING, check_generator, parse_ratings
 from .pipeline_output import TactileTexturePipelineOutput
@@ -123,7 +124,7 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
             raise ValueError("`ratings` must be left out with `mask`, `continue_s` or `loop`: edit in a call before.")
         extractor, config = self.feature_extractor, self.dale.config
         extractor.check_sampling_rate(sampling_rate)
-        guesses = rows = extractor.rows(texture)
+        guesses = rows = texture_rows(texture)
         generator = check_generator(generator, len(rows))
         if rows.shape[-1] < LEAST_SECONDS * sampling_rate:
             seconds = rows.shape[-1] / sampling_rate
@@ -171,7 +172,7 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
         Raises:
             ValueError: as of a call, and for more than one texture.
         """
-        n, row = check_whole_number("n", n), self.feature_extractor.rows(texture)
+        n, row = check_whole_number("n", n), texture_rows(texture)
         if len(row) != 1:
             raise ValueError(f"`texture` must be one, (samples,), got {len(row)}.")
         return self(np.repeat(row, n, axis=0), sampling_rate, strength=strength, **options)
