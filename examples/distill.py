@@ -22,7 +22,8 @@ from tactile_diffusers.features.fast_envelope import gain_of_frames
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
-from tactile_diffusers.training.energy import StateViews, energy_score, waveform_views
+from tactile_diffusers.training.energy import energy_score, waveform_views
+from tactile_diffusers.training.energy_step import LatentStep, one_step
 from tactile_diffusers.training.launch import (
     at_least_one,
     make_accelerator,
@@ -35,7 +36,7 @@ from tactile_diffusers.training.launch import (
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.record import surfaces_of
 from tactile_diffusers.training.scalars import fit_scalar_network
-from tactile_diffusers.training.steps import BatchNoise, drawn_ratings, drop_detail
+from tactile_diffusers.training.steps import BatchNoise, drop_detail
 from tactile_diffusers.training.validation import Reconstructions
 
 #: Textures at most from which the scales of DALE's views are taken, and held-out ones by which it is validated.
@@ -52,13 +53,6 @@ def parse_args(argv=None):
     add("--detail_dropout", type=share, default=0.7, help="lctg: share of textures without detail layer")
     add("--scalar_steps", type=at_least_one, default=8000, help="dale: updates of the network of scalars, before")
     return parse_training_arguments(parser, argv)
-
-
-def one_step(model, scheduler, noise, condition):
-    """Where a single step leads from noise (batch, channels, length); `model` gives the velocity."""
-    scheduler.set_timesteps(1, device=noise.device)
-    (t,) = scheduler.timesteps
-    return scheduler.step(model(noise, t, condition), t, noise, return_dict=False)[0]
 
 
 class DecoderStep(nn.Module):
@@ -98,29 +92,6 @@ class DecoderStep(nn.Module):
 
     def views(self, waveform):
         return waveform_views(waveform, self.extractor.sampling_rate, self.extractor.band)
-
-
-class LatentStep(nn.Module):
-    """Energy score of two states generated from ratings and the real scalars: rows of `training_states` -> (loss,
-    scalars to log)."""
-
-    def __init__(self, model, scheduler, states):
-        super().__init__()
-        self.model, self.views = model, StateViews(model, states)
-        self.scheduler = VDDIMScheduler.from_config(scheduler.config)
-
-    def forward(self, batch, random):
-        real, ratings, views = batch["state"], drawn_ratings(batch, random), []
-        scalars = self.model.split_scalars(real)[1]
-        for _ in range(2):
-            noise = self.given(random.normal(*real.shape), scalars)
-            made = one_step(self.model.unet_velocity, self.scheduler, noise, ratings)
-            views.append(self.views(self.given(made, scalars)))
-        loss = energy_score(*views, self.views(real), batch["weight"])
-        return loss, {"energy": loss.detach()}
-
-    def given(self, state, scalars):
-        return self.model.append_scalars(self.model.split_scalars(state)[0], scalars)
 
 
 def train_decoder(args, pipe, accelerator, dataset):

@@ -42,7 +42,7 @@ def test_more_steps_than_the_distilled_decoder_takes_are_the_teachers(studio):
     made = studio.generate([RATINGS], Settings(steps=5, order=2, seed=1)).textures[0]
     pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
     pipe.set_progress_bar_config(disable=True)
-    out = pipe([list(RATINGS)], duration_s=1.6, generator=torch.Generator().manual_seed(1))
+    out = pipe([list(RATINGS)], 5, duration_s=1.6, generator=torch.Generator().manual_seed(1))
     np.testing.assert_allclose(made.samples, out.textures[0], atol=1e-5)
     first_order = studio.generate([RATINGS], Settings(steps=5, order=1, seed=1)).textures[0]
     assert np.abs(first_order.samples - made.samples).max() > 1e-3
@@ -120,7 +120,8 @@ def test_strip_holds_the_profile_and_nothing_from_elsewhere(result):
     spectrum = np.fft.rfft(found)
     frequencies = np.fft.rfftfreq(len(found), 1 / texture.sampling_rate)
     spectrum[(frequencies < 22) | (frequencies > 1100)] = 0
-    assert rms(np.fft.irfft(spectrum) - felt) < 0.15 * rms(felt)
+    # 20 % of the RMS: what lies between the edge here, a wall, and the slopes of the profile's filters
+    assert rms(np.fft.irfft(spectrum) - felt) < 0.2 * rms(felt)
     assert data["friction"] == texture.friction_coefficient and data["pitch"] == profile.pitch
 
 

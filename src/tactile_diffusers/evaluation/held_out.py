@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ..data import PreparedDataset
+from ..data.checkpoint_fit import check_fit  # noqa: F401 (where evaluations look for it)
 from ..data.splits import SPLITS
 from ..signal import band_edges, band_levels_db
 from .baselines import BaselineRequest, TrainingTextures
@@ -170,26 +171,4 @@ def check_unseen(held_out, train):
         raise ValueError(
             f"{held_out.path} has {len(shared)} surfaces of the split {held_out.split!r} in training too, first "
             f"{held_out.surfaces[shared[0]]!r}: nothing would be unseen. Hold out surfaces when preparing the data."
-        )
-
-
-def check_fit(pipe, dataset, name="checkpoint"):
-    """A ValueError if bands, rates or lengths of checkpoint and data differ; `name` is the checkpoint's in it."""
-    extractor = pipe.feature_extractor
-    band = tuple(float(edge) for edge in extractor.band)
-    if band != tuple(dataset.band):
-        raise ValueError(
-            f"The {name}'s band is {band} Hz, `data` was prepared with {tuple(dataset.band)} Hz. Prepare the data "
-            f"again with the {name}'s band (`--band` of examples/prepare_data.py), or train on this data."
-        )
-    if dataset.sampling_rate > extractor.delivery_rate:
-        raise ValueError(
-            f"`data` has a sampling rate of {dataset.sampling_rate} Hz, the {name} delivers only "
-            f"{extractor.delivery_rate} Hz. Resample the recordings to the {name}'s rate."
-        )
-    seconds = pipe.lctg.config.segment_samples / extractor.sampling_rate
-    if abs(seconds - dataset.segment_samples / dataset.sampling_rate) > 1 / extractor.sampling_rate:
-        raise ValueError(
-            f"The {name} was trained on segments of {seconds:g} s, `data` holds segments of "
-            f"{dataset.segment_samples / dataset.sampling_rate:g} s. Prepare the data again with `--segment-seconds`."
         )

@@ -9,7 +9,9 @@ from diffusers.loaders import PeftAdapterMixin
 from diffusers.models.attention import AttentionMixin
 from diffusers.models.modeling_utils import ModelMixin
 
+from ..schedulers.angles import to_angle
 from ..signal import RATING_AXES
+from .calibration import check_calibration, scalar_shift
 from .compiling import CompileMixin
 from .dale_output import DALEConditions, DALEOutput
 from .dale_state import (
@@ -21,6 +23,7 @@ from .dale_state import (
     modulation_numbers,
     normal_scores,
     quantile_numbers,
+    standardized,
     unit_shape,
     whitened,
     with_quantiles,
@@ -34,11 +37,6 @@ from .unet_1d import UNet1D, from_patches, to_patches
 
 #: scalars that are generated with the latents: level and log friction coefficient
 NUM_SCALARS = 2
-
-
-def _standardized(values, mean, std):
-    """Values at unit variance; 0 where the standard deviation is 0."""
-    return torch.zeros_like(values) if std == 0 else (values - mean) / std
 
 
 class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
@@ -90,6 +88,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             `None` = any number.
         scalar_width (`int`, *optional*): of a network that generates the scalars first, in one step, so that the U-Net
             generates the rest of the state to fit them; `None` = all together. Needs `distilled_steps` = 1.
+        calibration (`dict`, *optional*): by how much scalars are shifted, given the ratings (`calibration.py`).
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
 
     Raises:
@@ -129,6 +128,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         num_train_timesteps: int = 1000,
         distilled_steps: int | None = None,
         scalar_width: int | None = None,
+        calibration: dict | None = None,
     ):
         super().__init__()
         check_distilled_steps(distilled_steps)
@@ -153,6 +153,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         if scalar_width is not None and distilled_steps != 1:
             raise ValueError(f"`scalar_width` needs `distilled_steps` = 1, got {distilled_steps}: there is one step.")
         RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
+        check_calibration(calibration, scalars, len(rating_axes))
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(len(rating_axes), rating_dim)
@@ -266,8 +267,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
             `torch.Tensor`: (batch, in_channels, frames).
         """
         config, levels = self.config, self.config.level_channels
-        friction = _standardized(friction_coefficient.clamp_min(1e-3).log(), *self._log_friction_statistics())
-        level = _standardized(level, config.level_mean, config.level_std)
+        friction = standardized(friction_coefficient.clamp_min(1e-3).log(), *self._log_friction_statistics())
+        level = standardized(level, config.level_mean, config.level_std)
         statistics, (mean, std), departure_std = self._statistics(latents)
         band_levels, envelope, learned = latents.tensor_split([levels, levels + config.envelope_channels], dim=1)
         means, departures = cepstra(band_levels, config.patch_size)
@@ -321,7 +322,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         """
         dtype = self.rating_embedder.axis_tokens.dtype  # `self.dtype` searches all weights
         embeddings, tokens = self._embed(ratings, timesteps[:, None], dtype)
-        return [DALEConditions(blocks, ratings) for blocks in self.unet.condition(embeddings, tokens=tokens)]
+        shift = scalar_shift(self.config, ratings)
+        return [DALEConditions(blocks, ratings, shift) for blocks in self.unet.condition(embeddings, tokens=tokens)]
 
     def _held(self, ratings):
         """Ratings (batch, axes) within the training surfaces' range."""
@@ -356,20 +358,28 @@ class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, Attenti
         Raises:
             ValueError: for another number of axes, or frames that are no multiple of `patch_size`.
         """
-        scalars = None
-        if self.scalar_network is not None:
-            asked = ratings.ratings if isinstance(ratings, DALEConditions) else ratings
+        prepared = isinstance(ratings, DALEConditions)
+        asked = ratings.ratings if prepared else ratings
+        shift = ratings.shift if prepared else scalar_shift(self.config, ratings)
+        if self.scalar_network is not None:  # at the one step there is, the velocity is minus the clean state
             field, noise = self.split_scalars(sample)
             scalars = self.scalar_network(noise, self._held(asked))
-            sample = self.append_scalars(field, scalars)
-        velocity = self.unet_velocity(sample, timestep, ratings)
-        if scalars is not None:  # at the one step there is, the velocity is minus the clean state
-            velocity = self.append_scalars(self.split_scalars(velocity)[0], -scalars)
+            velocity = self.unet_velocity(self.append_scalars(field, scalars), timestep, ratings)
+            velocity = self.shifted(self.append_scalars(self.split_scalars(velocity)[0], -scalars), shift, -1)
+        elif shift is None:
+            velocity = self.unet_velocity(sample, timestep, ratings)
+        else:
+            angle = to_angle(expand_timestep(timestep, sample), self.config.num_train_timesteps)[:, None]
+            velocity = self.unet_velocity(self.shifted(sample, shift, -angle.cos()), timestep, ratings)
+            velocity = self.shifted(velocity, shift, -angle.sin())
         return DALEOutput(sample=velocity) if return_dict else (velocity,)
 
-    def mean_scalars(self, noise, ratings):
-        """Scalars of ratings (axes,), of the network that generates them first, averaged over noise (n, scalars)."""
-        return self.scalar_network(noise, self._held(ratings.expand(len(noise), -1))).mean(0)
+    def shifted(self, sample, shift, share):
+        """A state (or velocity) whose scalars hold `share` of a shift (batch, num_scalars) more, or `None` of it."""
+        if shift is None:
+            return sample
+        field, scalars = self.split_scalars(sample)
+        return self.append_scalars(field, scalars + (share * shift).to(scalars))
 
     def unet_velocity(self, sample, timestep, ratings):
         """Velocity (batch, in_channels, frames) of the U-Net alone; arguments as of `forward`."""

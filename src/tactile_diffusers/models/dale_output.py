@@ -20,7 +20,9 @@ class DALEConditions(NamedTuple):
     Attributes:
         blocks (`list[BlockConditions]`): of each block of the U-Net.
         ratings (`torch.Tensor`): (batch, axes) in z-scores.
+        shift (`torch.Tensor` or `None`): of the scalars, (batch, num_scalars), if the model is calibrated.
     """
 
     blocks: list
     ratings: torch.Tensor
+    shift: torch.Tensor | None

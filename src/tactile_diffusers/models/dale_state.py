@@ -45,6 +45,11 @@ def cepstra(levels, patch_size):
     return means, (values - means[..., None]).unflatten(-1, (-1, patch_size)).mean(-1)
 
 
+def standardized(values, mean, std):
+    """Values at unit variance; 0 where the standard deviation is 0."""
+    return torch.zeros_like(values) if std == 0 else (values - mean) / std
+
+
 def unit_shape(values):
     """What varies over a texture (batch, channels, n) as shape, of RMS 1, and log RMS (batch, 0 or 1)."""
     if not values.numel():

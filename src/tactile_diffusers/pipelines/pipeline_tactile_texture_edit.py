@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from diffusers.utils import replace_example_docstring
 
+from ..models.calibration import scalar_shift
 from ..schedulers import draw_noise
 from ..signal import level as measured_level
 from ..signal import resample
@@ -21,8 +22,8 @@ from .recordings import check_recording, target_ratings
 #: Powers of `strength`, beyond 1 for late: how a recording gives up its waveform and course; and its character, the
 #: scalars that set it apart from others of its ratings.
 COURSE_POWER, CHARACTER_POWER = 4, 20
-#: How far the scalars are moved, in units of what DALE's scalars move by on average: DALE falls short of real surfaces
-#: (`examples/research/editing.py`).
+#: How far the scalars are moved, in units of what DALE's scalars move by on average: one that is not calibrated falls
+#: short of real surfaces (`examples/research/editing.py`).
 GAIN = 1.25
 #: The strength at which a take's scalars differ from the recording's as those of two real takes of a surface do.
 VARIATION = 0.95
@@ -204,7 +205,8 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
         before, after = self._mean_scalars(source, latent), self._mean_scalars(target, latent)
         keep, draw = _turned(strength**CHARACTER_POWER)
         character = keep * (scalars - before) + draw * (new_scalars - after)
-        scalars = before + GAIN * asked * (after - before) + character
+        gain = GAIN if self.dale.config.calibration is None else 1.0
+        scalars = before + gain * asked * (after - before) + character
         state = self.dale.append_scalars(cos * field + sin * new_field, scalars)
         latents, level, moved = self.dale.unpack(state)
         latents = self.lctg.pad_detail((latents + cos * rest + sin * new_rest)[..., :frames])
@@ -244,8 +246,10 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
         dale, device, random = self.dale, self._execution_device, torch.Generator("cpu").manual_seed(0)
         if dale.scalar_network is not None:
             noise = torch.randn(DRAWS, dale.num_scalars, generator=random).to(device, dale.dtype)
-            means = [dale.mean_scalars(noise, row) for row in ratings.to(device)]
-            return torch.stack(means)
+            held = dale._held(ratings.to(device)).repeat_interleave(DRAWS, dim=0)
+            means = dale.scalar_network(noise.repeat(len(ratings), 1), held).unflatten(0, (-1, DRAWS)).mean(1)
+            shift = scalar_shift(dale.config, ratings.to(device))
+            return means if shift is None else means + shift
         noise = draw_noise((FEW_DRAWS, dale.config.in_channels, dale.config.latent_frames), random, "cpu", dale.dtype)
         options = {"num_latent_inference_steps": latent_steps, "num_textures_per_rating": FEW_DRAWS}
         takes = super().__call__(ratings, latents=noise.repeat(len(ratings), 1, 1), output_type="latent", **options)

@@ -37,7 +37,7 @@ _WITHOUT_EFFECT = {
 }
 
 
-def finish(args, save, pipe, dataset):
+def finish(args, save, pipe, dataset, note="", base=None):
     """Writes the trained models, the curves of their losses and their card; sends them to the Hub if asked.
 
     For the main process. Others may write to the output folder afterwards.
@@ -45,7 +45,7 @@ def finish(args, save, pipe, dataset):
     Args:
         args (`argparse.Namespace`): of the training script.
         save (`Callable`): of `save_result`.
-        pipe, dataset: of `write_card`.
+        pipe, dataset, note, base: of `write_card`.
 
     Raises:
         OSError: if something cannot be written: what that is, and whether the models are saved.
@@ -57,14 +57,14 @@ def finish(args, save, pipe, dataset):
         plot_losses(output)
     runs = [folder for folder, record in phases(output) if is_complete(record)]
     with writing("The model card", output, finished=True):
-        write_card(output, pipe, dataset, runs, place=name)
+        write_card(output, pipe, dataset, runs, place=name, note=note, base=base)
     if getattr(args, "push_to_hub", False):
         forget_folders(output)
         upload_checkpoint(output, name or output.resolve().name, args.hub_token, args.hub_private_repo or None)
     unlock_folder(output)
 
 
-def write_card(folder, pipe, dataset, runs, place=None, licence=None, warnings=None, report=None, note=""):
+def write_card(folder, pipe, dataset, runs, place=None, licence=None, warnings=None, report=None, note="", base=None):
     """Writes the model card of a checkpoint, and copies the loss curves of its trainings beside it.
 
     Args:
@@ -77,6 +77,7 @@ def write_card(folder, pipe, dataset, runs, place=None, licence=None, warnings=N
         warnings (`str`, *optional*): those of the data card, in Markdown.
         report (`str`, *optional*): results of an evaluation, in Markdown, its pictures relative to the folder.
         note (`str`): a sentence on how the trainings were run.
+        base (`str`, *optional*): name of the checkpoint that was adapted.
 
     Raises:
         OSError: if the folder cannot be written to.
@@ -87,7 +88,7 @@ def write_card(folder, pipe, dataset, runs, place=None, licence=None, warnings=N
     trainings = [describe_run(Path(run), folder, number) for number, run in enumerate(runs, start=1)]
     licence = licence or str(dataset.attributes.get("licence", "unknown"))
     card = ModelCard.from_template(
-        _metadata(licence, name, dataset, trainings),
+        _metadata(licence, name, dataset, trainings, base),
         template_path=str(TEMPLATE),
         version=__version__,
         quote=shlex.quote,
@@ -112,10 +113,12 @@ def write_card(folder, pipe, dataset, runs, place=None, licence=None, warnings=N
     write_text(folder / CARD_FILE, f"{str(card).strip()}\n")
 
 
-def _metadata(licence, name, dataset, trainings):
+def _metadata(licence, name, dataset, trainings, base):
     """The YAML block; the last validation stands for the results until somebody evaluates the checkpoint."""
     known = HUB_LICENCES.fullmatch(licence.strip().lower().replace(" ", "-"))
     facts = {"license": known[0]} if known else {"license": "other", "license_name": licence}
+    if base is not None:
+        facts["base_model"] = base
     scores = trainings[-1]["scores"] if trainings else {}
     source = {"dataset_type": "tactile-recordings", "dataset_name": dataset.source, "dataset_split": "validation"}
     results = [EvalResult("other", metric_type=key, metric_value=value, **source) for key, value in scores.items()]

@@ -81,7 +81,8 @@ def plot_losses(folder):
         if prefix == "train/":
             axis.set_yscale("log")
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=8)
+        if axis.lines:
+            axis.legend(fontsize=8)
     _save(figure, Path(folder) / "loss.png")
 
 

@@ -1,0 +1,163 @@
+#!/usr/bin/env python
+"""How many surfaces does adapting need? Errors on unseen surfaces of a world, against the number of its surfaces.
+
+    python examples/research/other_world.py other.h5
+    python examples/prepare_data.py --source recordings --recordings other.h5 --prepared other_prepared.h5 \
+        --validation 0 --test 50
+    python examples/research/few_surfaces.py "another world"=other_prepared.h5 --output examples/results/adaptation
+
+Writes `figures.json` and `curve.png` into the output folder, and the page beside it, `<output>.md`.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from accelerate.state import AcceleratorState, GradientState
+from sklearn.linear_model import Ridge
+
+from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.evaluation.envelopes import surface_means
+from tactile_diffusers.evaluation.held_out import open_held_out
+from tactile_diffusers.evaluation.metrics.statistics import leaf
+from tactile_diffusers.evaluation.sampling import generate, noise_seeds
+from tactile_diffusers.evaluation.sections.generation import surface_correlation, unseen_errors
+from tactile_diffusers.evaluation.sections.regression import best_polynomial
+from tactile_diffusers.signal import band_levels_db
+from tactile_diffusers.training.adapting import adapt
+
+COUNTS = (3, 5, 10, 20, 50)
+PER_SURFACE = 4
+INTRO = """# How many surfaces does adapting need?
+
+The bundled checkpoint was trained on simulated surfaces. What does it do on surfaces of another world, as it is,
+recalibrated in closed form, and trained further (`tactile-diffusers adapt`), against regressions on the same surfaces?
+All judge by {surfaces} unseen surfaces: the error of the mean spectrum of {takes} takes from a surface's ratings (nine
+bands, dB), the kernel distance (KTD) over that of real textures, and the correlation of log friction. Intervals are
+over surfaces (95 %); "over ridge" is paired. A row is one draw of surfaces; the decoder takes one step.
+
+    python examples/research/few_surfaces.py {words} --output {output}
+"""
+
+
+def measure(pipe, data, takes, seed):
+    """Errors per surface (surfaces,), and leaves of KTD over real and of log friction."""
+    ids = np.unique(data.surfaces)
+    groups = np.repeat(ids, takes)
+    ratings = data.dataset.ratings.mean[groups]
+    made = generate(pipe, ratings, noise_seeds(seed, len(groups)), data.rate, data.dataset.segment_samples, steps=None)
+    few = np.concatenate([np.flatnonzero(groups == one)[:PER_SURFACE] for one in ids])  # as many as there are real ones
+    points = data.reference.embed(made.textures[few])
+    distances = data.reference.distances(points, groups[few], (data.points, data.surfaces))
+    friction = surface_correlation(np.log(made.friction_coefficients), groups, np.log(data.frictions), data.surfaces)
+    return unseen_errors(data, made.textures, groups), distances["ktd_excess"], friction
+
+
+def regressions(data, count):
+    """Errors per surface of regressions on the mean levels of so many training surfaces."""
+    train = PreparedDataset(data.train.path, "train", max_surfaces=count)
+    rows = train.non_overlapping(data.per_surface, data.seed)
+    ids = train.surface_ids[rows]
+    ratings = train.ratings.mean[np.unique(ids)]
+    targets = surface_means(band_levels_db(train.textures(rows), data.rate, data.edges), ids)
+    wanted, real = data.dataset.ratings.mean[np.unique(data.surfaces)], surface_means(data.bands, data.surfaces)
+    predicted = {
+        "mean spectrum": np.tile(targets.mean(0), (len(real), 1)),
+        "ridge": Ridge(1.0).fit(ratings, targets).predict(wanted),
+        "best polynomial": best_polynomial(ratings, targets, data.seed)[0](wanted),
+    }
+    return {name: np.abs(values - real).mean(-1) for name, values in predicted.items()}
+
+
+def adapted(path, count, fine_tuning):
+    """The bundled pipeline, adapted to so many training surfaces."""
+    pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
+    pipe.set_progress_bar_config(disable=True)
+    if count:
+        AcceleratorState._reset_state(reset_partial_state=True)
+        GradientState._reset_state()
+        dataset = PreparedDataset(path, "train", "filtered", pipe.feature_extractor.sampling_rate, max_surfaces=count)
+        with TemporaryDirectory() as folder:
+            adapt(pipe, dataset, folder, fine_tuning=fine_tuning)
+    return pipe
+
+
+def rows_of(path, counts, takes, seed):
+    """One row for each count and method: dicts of "surfaces", "method", leaves."""
+    data, found = open_held_out(path, "test", PER_SURFACE, seed), []
+    zero = measure(adapted(path, 0, "no"), data, takes, seed)
+    for count in counts:
+        fits = regressions(data, count)
+        methods = {"zero-shot": zero, "recalibrated": measure(adapted(path, count, "no"), data, takes, seed)}
+        if count >= 20:
+            methods["and trained further"] = measure(adapted(path, count, "yes"), data, takes, seed)
+        methods |= {name: (errors, None, None) for name, errors in fits.items()}
+        for name, (errors, distance, friction) in methods.items():
+            row = {"surfaces": count, "method": name, "nine_band_db": leaf(errors), "ktd_over_real": distance}
+            found.append(row | {"over_ridge_db": leaf(errors - fits["ridge"]), "log_friction_r": friction})
+            print(count, name, *(round(row[key]["mean"], 2) for key in list(row)[2:] if row[key]), flush=True)
+    return found
+
+
+def cell(entry):
+    """A leaf as text: mean and interval."""
+    if entry is None or entry["mean"] is None:
+        return "–"
+    interval = "" if entry["interval"] is None else " [{:.2f}, {:.2f}]".format(*entry["interval"])
+    return f"{entry['mean']:.2f}{interval}"
+
+
+def table(rows):
+    """The rows of a world as Markdown."""
+    keys = ["nine_band_db", "over_ridge_db", "ktd_over_real", "log_friction_r"]
+    lines = [
+        "| surfaces | method | unseen surfaces, dB | over ridge, dB | KTD over real | log friction, r |",
+        "|---" * 6 + "|",
+    ]
+    lines += [f"| {r['surfaces']} | {r['method']} | " + " | ".join(cell(r[key]) for key in keys) + " |" for r in rows]
+    return "\n".join(lines)
+
+
+def plot(worlds, path):
+    """Error of unseen surfaces against the number of surfaces, a panel for each world."""
+    from matplotlib.figure import Figure
+
+    figure = Figure((5 * len(worlds), 3.6), layout="constrained")
+    panels = figure.subplots(1, len(worlds), squeeze=False)[0]
+    for axis, (name, rows) in zip(panels, worlds.items(), strict=True):
+        for method in dict.fromkeys(row["method"] for row in rows):
+            own = [row for row in rows if row["method"] == method]
+            axis.plot([r["surfaces"] for r in own], [r["nine_band_db"]["mean"] for r in own], marker="o", label=method)
+        axis.set(xscale="log", title=name, xlabel="surfaces", ylabel="error of mean spectra, dB")
+        axis.set_xticks([row["surfaces"] for row in rows], [str(row["surfaces"]) for row in rows], minor=False)
+        axis.grid(alpha=0.3)
+    panels[0].legend(fontsize=8)
+    figure.savefig(path, dpi=120)
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("worlds", nargs="+", metavar="NAME=PREPARED.h5", help="with test surfaces, best 50")
+    parser.add_argument("--counts", type=int, nargs="+", default=list(COUNTS), help="training surfaces")
+    parser.add_argument("--takes", type=int, default=16, help="textures of each unseen surface")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--output", type=Path, required=True, help="folder; the page lies beside it")
+    args = parser.parse_args(argv)
+    worlds, args.output = dict(word.rsplit("=", 1) for word in args.worlds), args.output
+    args.output.mkdir(parents=True, exist_ok=True)
+    found = {name: rows_of(path, args.counts, args.takes, args.seed) for name, path in worlds.items()}
+    (args.output / "figures.json").write_text(json.dumps(found, indent=1) + "\n")
+    plot(found, args.output / "curve.png")
+    words = " ".join(f'"{name}"={Path(path).name}' for name, path in worlds.items())
+    surfaces = "/".join(str(rows[0]["nine_band_db"]["n"]) for rows in found.values())
+    page = INTRO.format(surfaces=surfaces, takes=args.takes, words=words, output=args.output)
+    page += f"\n![errors over the number of surfaces]({args.output.name}/curve.png)\n"
+    page += "".join(f"\n## {name}\n\n{table(rows)}\n" for name, rows in found.items())
+    args.output.with_suffix(".md").write_text(page)
+
+
+if __name__ == "__main__":
+    main()
