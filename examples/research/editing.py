@@ -214,14 +214,14 @@ class Edits:
         return tactile_features(cut.reshape(-1, cut.shape[-1]), self.rate).reshape(*cut.shape[:2], -1)
 
     def time(self):
-        """Median seconds of an edit over those of a generation, in turn: a leaf of ratios."""
+        """Median CPU time of an edit over that of a generation, in turn, and the least and largest ratio."""
         ratios, texture = [], self.textures[0]
         for _ in range(TIMED):
-            start = time.perf_counter()
+            start = time.process_time()
             self.context.pipe([[0.5, 0.0, 0.0]])
-            between = time.perf_counter()
+            between = time.process_time()
             self.pipe(texture, self.rate, {"roughness": 0.5}, rating_scale="difference")
-            ratios.append((time.perf_counter() - between) / (between - start))
+            ratios.append((time.process_time() - between) / (between - start))
         return {"ratio": float(np.median(ratios)), "low": float(min(ratios)), "high": float(max(ratios))}
 
 
@@ -263,14 +263,14 @@ def markdown(result):
         f"Over strength ({few} recordings, all axes and both signs); 0 is the reconstruction, 1 a fresh take. Of the "
         "nine bands, what recordings change by together is taken for what was asked for. Envelopes are RMS over 10 ms.",
         markdown_table(rows, labels=strength),
-        "![over strength](editing.png)",
+        "![over strength](editing/editing.png)",
         f"Variations (strength {VARIATION}) and real takes, beside the recording: mean difference of nine bands, dB.",
         markdown_table(takes, labels={"bands": "nine bands, dB"}, interval=True),
         f"Seams: how often the second judge tells a window of {WINDOW_S} s, with the seam in its middle, from a real "
         "take (0.5 = never), and whether all samples that were not to change are the same.",
         markdown_table(seams, labels={"auc": "told apart", "same": "the rest bit for bit"}, interval=True),
         f"An edit takes {text(ratio['ratio'])} times as long as a generation, ratings estimated (median of {TIMED} "
-        f"pairs in turn on a busy machine; {text(ratio['low'])} to {text(ratio['high'])}).",
+        f"pairs in turn, CPU time on a busy machine; {text(ratio['low'])} to {text(ratio['high'])}).",
         "    python examples/research/editing.py --data prepared.h5 --output editing",
     ]
     return "\n\n".join(parts)

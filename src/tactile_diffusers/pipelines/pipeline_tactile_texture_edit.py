@@ -21,7 +21,7 @@ from .recordings import check_recording, target_ratings
 
 #: Powers of `strength`, beyond 1 for late: how a recording gives up its waveform and course; and its character, the
 #: scalars that set it apart from others of its ratings.
-COURSE_POWER, CHARACTER_POWER = 4, 20
+COURSE_POWER, CHARACTER_POWER = 5, 20
 #: How far the scalars are moved, in units of what DALE's scalars move by on average: one that is not calibrated falls
 #: short of real surfaces (`examples/research/editing.py`).
 GAIN = 1.25
@@ -29,8 +29,9 @@ GAIN = 1.25
 VARIATION = 0.95
 #: Draws over which the scalars of ratings are averaged: by a network of their own, or by all of DALE.
 DRAWS, FEW_DRAWS = 64, 8
-#: Latent frames over which what is drawn anew takes over inside of a gap: 0.1 s.
-RAMP = 4
+#: Latent frames over which what is drawn anew takes over inside of a gap: of band levels, which are slow, 0.4 s; of the
+#: rest, 0.1 s.
+LEVEL_RAMP, RAMP = 16, 4
 
 EXAMPLE_DOC_STRING = """
     Examples:
@@ -202,7 +203,7 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
         cos, sin = _turned(strength**COURSE_POWER)
         fresh = self._take(target, frames, generator, latent)
         (field, scalars, rest), (new_field, new_scalars, new_rest) = self._packed(encoded), self._packed(fresh)
-        before, after = self._mean_scalars(source, latent), self._mean_scalars(target, latent)
+        before, after = self._mean_scalars(torch.cat([source, target]), latent).chunk(2)
         keep, draw = _turned(strength**CHARACTER_POWER)
         character = keep * (scalars - before) + draw * (new_scalars - after)
         gain = GAIN if self.dale.config.calibration is None else 1.0
@@ -263,7 +264,9 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
         (_, scalars, _), (new_field, _, new_rest) = self._packed(encoded), self._packed(fresh)
         drawn = self.dale.unpack(self.dale.append_scalars(new_field, scalars))[0] + new_rest
         own = encoded.latents[:, : self.lctg.base_channels].to(drawn)
-        share = torch.from_numpy(share_drawn(missing, frames, RAMP)).to(own) * math.pi / 2
+        levels, rest = (torch.from_numpy(share_drawn(missing, frames, ramp)).to(own) for ramp in (LEVEL_RAMP, RAMP))
+        share = torch.stack([levels] * self.lctg.level_channels + [rest] * (own.shape[1] - self.lctg.level_channels))
+        share = share * math.pi / 2
         mean = own.mean(-1, keepdim=True)
         mixed = mean + share.cos() * (own - mean) + share.sin() * (drawn[..., :frames] - mean)
         out = self.decode(self.lctg.pad_detail(mixed), encoded.level, None, decoding, generator)
