@@ -10,6 +10,7 @@ from study_context import run_study
 
 from tactile_diffusers import TactileTextureEditPipeline
 from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.evaluation.held_out import open_held_out
 from tactile_diffusers.evaluation.judge import Judge, response_matrix
 from tactile_diffusers.evaluation.metrics.embedding import SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures
@@ -65,12 +66,21 @@ class Edits:
         training = self.data.training
         friction = np.log(training.friction_coefficients)
         self.judge = Judge.fit(self.data.reference.points, friction, training.ratings, training.surface_ids)
-        real = self.judge.predict(self.data.points, np.log(self.data.frictions))
-        #: from changes of the judge's estimates to changes of ratings, as they go together on real surfaces
-        self.match = np.linalg.inv(response_matrix(real, self.data.ratings))
+        #: from changes of the judge's estimates to changes of ratings, as they go together on real held-out surfaces
+        self.match = np.linalg.inv(self._response(dataset.path))
         self.truth = recorded_truth(PreparedDataset(dataset.path, "all"), self._measures)
         self.before = {}
         self.spread = {name: values.std(0) for name, values in self.truth.measures.items()}
+
+    def _response(self, path):
+        """The judge's response to the ratings of both held-out splits: of one alone, chance moves entries by 0.2."""
+        estimates, ratings = [], []
+        for split in ("validation", "test"):
+            held = open_held_out(path, split, self.data.per_surface, self.context.seed)
+            points, frictions = self.data.reference.embed(held.real), np.log(held.frictions)
+            estimates.append(self.judge.predict(points, frictions))
+            ratings.append(held.ratings)
+        return response_matrix(np.concatenate(estimates), np.concatenate(ratings))
 
     def edit(self, asked, strength, count=None, **options):
         """Textures and friction coefficients of edits by (3,) differences; below 0, of the baseline."""
