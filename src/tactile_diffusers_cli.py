@@ -13,6 +13,9 @@ NAME = "tactile-diffusers"
 COMMANDS = {
     "generate": ("generate", "textures of ratings, as files"),
     "reconstruct": ("reconstruct", "a recording through encoder and decoder, and how close it comes"),
+    "edit": ("edit", "a recording changed by ratings, or stretches of it made anew"),
+    "continue": ("lengthen", "a recording, longer"),
+    "loop": ("loop", "a recording whose end leads into its beginning"),
     "export": ("export", "textures in the formats of devices"),
     "dataset": ("generate_dataset", "many textures, by several processes"),
     "prepare": ("prepare_data", "recordings as a data set for training"),

@@ -14,6 +14,7 @@ from tactile_diffusers import (
     LCTGModel,
     RatingEstimator,
     TactileFeatureExtractor,
+    TactileTextureEditPipeline,
     TactileTexturePipeline,
     VDDIMScheduler,
 )
@@ -32,6 +33,7 @@ DOCUMENTED = [
     (VDDIMScheduler.__init__, VDDIMScheduler),
     (TactileTexturePipeline.__init__, TactileTexturePipeline),
     *((method, method) for method in (TactileTexturePipeline.__call__, TactileTexturePipeline.decode)),
+    *((method, method) for method in (TactileTextureEditPipeline.__call__, TactileTextureEditPipeline.variations)),
     *((method, method) for method in (TactileTexturePipeline.encode, TactileTexturePipeline.estimate_ratings)),
     *((method, method) for method in (VDDIMScheduler.step, VDDIMScheduler.set_timesteps, VDDIMScheduler.add_noise)),
     *((cls.forward, cls.forward) for cls in (DALEModel, LCTGModel, RatingEstimator)),

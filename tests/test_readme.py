@@ -20,7 +20,15 @@ def test_blocks_run(name, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "name", ["TactileTexturePipeline", "TextureStream", "EndlessStream", "TextureScene", "fit_drive_profile"]
+    "name",
+    [
+        "TactileTexturePipeline",
+        "TactileTextureEditPipeline",
+        "TextureStream",
+        "EndlessStream",
+        "TextureScene",
+        "fit_drive_profile",
+    ],
 )
 def test_there_is_a_block_for_each_way_of_use(name):
     assert any(name in code for code in BLOCKS.values())

@@ -12,11 +12,17 @@ from transformers.feature_extraction_utils import FeatureExtractionMixin  # noqa
 from .checkpoints import bundled_checkpoint
 from .features import TactileFeatureExtractor
 from .models import DALEModel, LCTGModel, RatingEstimator
-from .pipelines import TactileLatents, TactileTexturePipeline, TactileTexturePipelineOutput
+from .pipelines import (
+    TactileLatents,
+    TactileTextureEditPipeline,
+    TactileTexturePipeline,
+    TactileTexturePipelineOutput,
+)
 from .schedulers import VDDIMScheduler
 from .version import __version__
 
-for _public in (DALEModel, LCTGModel, RatingEstimator, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler):
+_PIPELINES = (TactileTexturePipeline, TactileTextureEditPipeline)
+for _public in (DALEModel, LCTGModel, RatingEstimator, TactileFeatureExtractor, VDDIMScheduler, *_PIPELINES):
     _public.__module__ = __name__
 del _public
 
@@ -26,6 +32,7 @@ __all__ = [
     "RatingEstimator",
     "TactileFeatureExtractor",
     "TactileLatents",
+    "TactileTextureEditPipeline",
     "TactileTexturePipeline",
     "TactileTexturePipelineOutput",
     "VDDIMScheduler",

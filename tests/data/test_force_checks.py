@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data.force_checks import check_forces, over_range, saturated
-from tactile_diffusers.data.masks import true_runs
+from tactile_diffusers.signal.masks import true_runs
 
 RATE = 10_000
 

@@ -1,8 +1,6 @@
 """`tactile-diffusers reconstruct`: a recording through LCTG's encoder and decoder, and how close it comes."""
 
 import json
-import sys
-from pathlib import Path
 
 from .program import (
     Parser,
@@ -12,10 +10,9 @@ from .program import (
     command,
     count,
     load_pipeline,
-    positive_number,
     program,
-    warn,
 )
+from .recording_file import add_recording_arguments, read_texture
 
 
 def parse_arguments(argv=None):
@@ -25,26 +22,7 @@ def parse_arguments(argv=None):
         description="Encode and decode a recording of lateral force, to see what the latents keep of it. It is "
         "band-passed to 20-1000 Hz first. Writes reconstruction.npz, .wav and .png.",
     )
-    kinds = "csv, xlsx, npy, npz, mat, hdf5, parquet or wav with the lateral force, or recordings.h5"
-    parser.add_argument("recording_file", type=Path, metavar="FILE", help=kinds)
-    parser.add_argument(
-        "--column", metavar="NAME", help="of the force, by name or number from 0; default: the only possible one"
-    )
-    parser.add_argument(
-        "--recording",
-        metavar="NAME",
-        help="in recordings.h5: surface/explorer/trial; in other files: the sheet, group or array; default: the first",
-    )
-    parser.add_argument(
-        "--rate", type=float, metavar="HZ", help="sampling rate, Hz; default: the file's, or that of its time stamps"
-    )
-    parser.add_argument(
-        "--newtons_per_unit",
-        type=positive_number,
-        metavar="N",
-        help="N per unit of the numbers, or at full scale of a WAV; default: by the name of the column, as Fx_mN, or "
-        "the sidecar of a WAV of this package; else 1",
-    )
+    add_recording_arguments(parser)
     add_output_argument(parser, "where the files go; created if need be")
     add_checkpoint_argument(parser)
     parser.add_argument(
@@ -70,39 +48,15 @@ def main(argv=None):
         )
 
 
-def _read(arguments):
-    """Texture, rate and notes; a WAV file of this package with its sidecar comes back in newtons."""
-    from ..data.folder import read_recording
-    from ..export.wav import read_wav, sidecar_path
-    from ..signal import band_pass
-
-    path, scale = arguments.recording_file, arguments.newtons_per_unit
-    if scale is None and path.suffix.lower() == ".wav" and sidecar_path(path).is_file():
-        force, metadata = read_wav(path)
-        rate, notes = metadata["sampling_rate"], []
-    else:
-        force, rate, notes = read_recording(path, arguments.column, arguments.rate, scale, arguments.recording)
-    return band_pass(force - force.mean(), rate), rate, notes
-
-
 def _reconstruct(arguments):
     import torch
 
-    from ..data.folder.recording import LARGEST_RMS
     from ..evaluation.metrics.errors import snr_db
     from ..export import write_figure, write_npz, write_wav
-    from ..signal import REFERENCE_FORCE, nine_band_error_db, resample, rms
+    from ..signal import nine_band_error_db, resample, rms
 
-    texture, rate, notes = _read(arguments)
     quiet = arguments.quiet or arguments.json
-    for note in [] if quiet else notes:
-        print(f"{program('reconstruct.py')}: note: {note}", file=sys.stderr)
-    if rms(texture) > LARGEST_RMS:
-        warn(
-            "reconstruct.py",
-            f"{arguments.recording_file}: RMS {1e3 * rms(texture):.0f} mN is more than textures have at a normal force "
-            f"of {REFERENCE_FORCE} N. Give --newtons_per_unit if these are not newtons.",
-        )
+    texture, rate, notes = read_texture("reconstruct.py", arguments, quiet)
     pipe = load_pipeline(arguments.checkpoint, quiet)
     generator = torch.Generator("cpu").manual_seed(arguments.seed)
     out = pipe.reconstruct(texture, rate, arguments.num_inference_steps, generator)

@@ -4,8 +4,8 @@ import numpy as np
 
 from ..signal import REFERENCE_FORCE
 from ..signal.constants import LARGEST_FORCE_N
+from ..signal.masks import mask_of_runs, true_runs
 from ..signal.rating_scales import RATING_SCALE
-from .masks import mask_of_runs, true_runs
 
 #: No finger explores with a larger mean normal force (N); the paper's is 0.4-0.6 N (recipe).
 LARGEST_MEAN_NORMAL_N = 15.0

@@ -6,8 +6,8 @@ import numpy as np
 from scipy import signal
 
 from ..signal import band_pass
+from ..signal.masks import interpolated, mask_of_runs, true_runs
 from .force_checks import over_range, saturated
-from .masks import interpolated, mask_of_runs, true_runs
 from .turnarounds import DEFAULT_TURNAROUNDS, find_turnarounds, treat_turnarounds
 
 #: Cutoff (Hz) of the zero-phase low-pass on velocity before its direction is taken.

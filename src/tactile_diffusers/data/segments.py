@@ -7,7 +7,7 @@ import numpy as np
 
 from ..signal import SEGMENT_SECONDS, level
 from ..signal.checks import check_number
-from .masks import bridge_gaps, true_runs
+from ..signal.masks import bridge_gaps, true_runs
 from .turnarounds import DIP_SECONDS, around
 
 #: Where a recording's time goes: each sample counts under the first reason that applies.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .masks import interpolated, mask_of_runs, true_runs
+from ..signal.masks import interpolated, mask_of_runs, true_runs
 
 #: Treatments of turnarounds: none (the paper), no segment holds one, or the force around it is replaced.
 TURNAROUNDS = ("keep", "exclude", "mask")

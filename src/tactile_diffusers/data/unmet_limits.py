@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .masks import true_runs
+from ..signal.masks import true_runs
 
 #: A median this many times beyond a limit looks like a wrong unit (recipe).
 FAR_OFF = 5.0

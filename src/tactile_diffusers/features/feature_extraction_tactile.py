@@ -9,6 +9,7 @@ from transformers.feature_extraction_utils import BatchFeature, FeatureExtractio
 
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
 from ..signal.checks import check_number
+from ..signal.rows import texture_rows
 from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .fast_envelope import envelope_gain, gain_of_frames, measure_fast_envelope
 from .filterbank import FILTER_SCALES, filterbank
@@ -21,8 +22,6 @@ SILENCE = 1e-12
 #: Largest rate in Hz, and length of a window in samples: a damaged config may ask for any, and a rate without a common
 #: divisor with ours takes a filter of gigabytes beyond.
 MOST_RATE = 1_000_000
-#: Any length is taken, but more textures than samples, of no more samples than this, are the columns of a table.
-_MOST_COLUMNS = 16
 #: Larger samples have no place in the float32 of features and textures, and their squares none in float64.
 LARGEST_SAMPLE = float(np.finfo(np.float32).max)
 
@@ -353,7 +352,8 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         spectrum = np.fft.rfft(padded, axis=-1) * 10 ** (sign * gains_db / 20)
         return np.fft.irfft(spectrum, n=padded.shape[-1], axis=-1)[:, margin : margin + waveform.shape[-1]]
 
-    def _check(self, texture, sampling_rate):
+    def check_sampling_rate(self, sampling_rate):
+        """Raises a `ValueError` unless this is a whole number of Hz that holds the band."""
         if sampling_rate is None:
             raise ValueError(
                 "`sampling_rate` is missing: pass the rate of `texture` in Hz; a wrong guess would go unnoticed."
@@ -365,34 +365,15 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
                 f"`sampling_rate` must be at least {least:g} Hz, to hold the band {self.band} Hz, at most {MOST_RATE} "
                 f"Hz and a whole number, got {sampling_rate}."
             )
-        texture = _real(texture)
-        texture = texture[None] if texture.ndim == 1 else texture
-        if texture.ndim != 2 or 0 in texture.shape:
-            raise ValueError(f"`texture` must be (samples,) or (batch, samples), not empty; got {texture.shape}.")
-        if texture.shape[0] > texture.shape[1] <= _MOST_COLUMNS:
-            raise ValueError(
-                f"`texture` must be (samples,) or (batch, samples), got {texture.shape}: more textures than samples. "
-                "Transpose it, or pass one column as (samples,)."
-            )
+
+    def _check(self, texture, sampling_rate):
+        self.check_sampling_rate(sampling_rate)
+        texture = texture_rows(texture)
         usable = np.abs(texture) <= LARGEST_SAMPLE  # NaN is not
         if not usable.all():
             rows = np.flatnonzero(~usable.all(-1)).tolist()
             raise ValueError(f"`texture` has NaN or infinite samples in row(s) {rows[:8]}; remove or repair them.")
         return texture
-
-
-def _real(texture):
-    """A texture in any form as float64; what is no real number is refused, not cut to its real part."""
-    if isinstance(texture, torch.Tensor):
-        texture = texture.detach().cpu()
-        texture = (texture if texture.is_complex() else texture.double()).numpy()
-    try:
-        array = np.asarray(texture)
-        if np.iscomplexobj(array):
-            raise TypeError(f"got {array.dtype}")
-        return array.astype(np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"`texture` must be real numbers, (samples,) or (batch, samples) ({error}).") from error
 
 
 def _as_float64(values):

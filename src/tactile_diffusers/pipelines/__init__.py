@@ -2,8 +2,15 @@
 
 from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
 from .pipeline_tactile_texture import TactileTexturePipeline
+from .pipeline_tactile_texture_edit import TactileTextureEditPipeline
 
-__all__ = ["PRESETS", "TactileLatents", "TactileTexturePipeline", "TactileTexturePipelineOutput"]
+__all__ = [
+    "PRESETS",
+    "TactileLatents",
+    "TactileTextureEditPipeline",
+    "TactileTexturePipeline",
+    "TactileTexturePipelineOutput",
+]
 
 
 def __getattr__(name):

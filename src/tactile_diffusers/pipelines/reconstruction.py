@@ -160,20 +160,31 @@ class ReconstructionMixin:
             raise ValueError(
                 "This checkpoint has no `rating_estimator`: examples/train_dale.py trains one along with DALE."
             )
-        encoded = self.encode(texture, sampling_rate)
-        level = encoded.level
-        try:
-            friction = torch.as_tensor(math.nan if friction_coefficient is None else friction_coefficient).to(level)
-        except (TypeError, ValueError, RuntimeError) as error:
-            raise ValueError(f"`friction_coefficient` must be numbers, got {friction_coefficient!r}.") from error
-        if friction.ndim and friction.shape != level.shape:
-            raise ValueError(
-                f"`friction_coefficient` must be one number or ({len(level)},), one for each texture, got "
-                f"{tuple(friction.shape)}."
-            )
-        friction, size = friction.expand(len(level)), self.dale.config.patch_size
+        return self._estimate(self.encode(texture, sampling_rate), friction_coefficient)
+
+    def _estimate(self, encoded, friction_coefficient):
+        """`estimate_ratings` of what `encode` returned."""
+        friction, size = friction_of(friction_coefficient, encoded.level), self.dale.config.patch_size
         latents = encoded.latents[:, : self.lctg.base_channels, : encoded.latents.shape[-1] // size * size]
-        pooled = self.dale.pool_state(self.dale.pack(latents, level, friction)).to(self.rating_estimator.dtype)
+        pooled = self.dale.pool_state(self.dale.pack(latents, encoded.level, friction)).to(self.rating_estimator.dtype)
         ratings = self.rating_estimator(pooled, torch.isfinite(friction)).float().cpu().numpy()
         self.maybe_free_model_hooks()
         return ratings
+
+
+def friction_of(friction_coefficient, level):
+    """Friction coefficients, one number or one for each texture, NaN or None = unknown, like `level` (batch,).
+
+    Raises:
+        ValueError: if they are no numbers, or another number of them.
+    """
+    try:
+        friction = torch.as_tensor(math.nan if friction_coefficient is None else friction_coefficient).to(level)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(f"`friction_coefficient` must be numbers, got {friction_coefficient!r}.") from error
+    if friction.ndim and friction.shape != level.shape:
+        raise ValueError(
+            f"`friction_coefficient` must be one number or ({len(level)},), one for each texture, got "
+            f"{tuple(friction.shape)}."
+        )
+    return friction.expand(len(level))

@@ -1,6 +1,10 @@
 """Checks of rows of samples and of small tables that a caller gives."""
 
 import numpy as np
+import torch
+
+#: Any length is taken, but more textures than samples, of no more samples than this, are the columns of a table.
+_MOST_COLUMNS = 16
 
 
 def check_samples(name, values):
@@ -49,3 +53,30 @@ def check_rows(name, rows, columns):
             "Sort the rows and average what was measured twice."
         )
     return tuple(tuple(row) for row in table.tolist())
+
+
+def texture_rows(texture):
+    """Textures in any form, (samples,) or (batch, samples), as (batch, samples) float64; NaN stays.
+
+    Raises:
+        ValueError: on another shape, columns of a table, or what is no real number (which is not cut to its real part).
+    """
+    if isinstance(texture, torch.Tensor):
+        texture = texture.detach().cpu()
+        texture = (texture if texture.is_complex() else texture.double()).numpy()
+    try:
+        array = np.asarray(texture)
+        if np.iscomplexobj(array):
+            raise TypeError(f"got {array.dtype}")
+        texture = array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"`texture` must be real numbers, (samples,) or (batch, samples) ({error}).") from error
+    texture = texture[None] if texture.ndim == 1 else texture
+    if texture.ndim != 2 or 0 in texture.shape:
+        raise ValueError(f"`texture` must be (samples,) or (batch, samples), not empty; got {texture.shape}.")
+    if texture.shape[0] > texture.shape[1] <= _MOST_COLUMNS:
+        raise ValueError(
+            f"`texture` must be (samples,) or (batch, samples), got {texture.shape}: more textures than samples. "
+            "Transpose it, or pass one column as (samples,)."
+        )
+    return texture

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import signal
 
-from ..masks import interpolated
+from ...signal.masks import interpolated
 from ..projection import DIRECTION_BANDWIDTH
 
 #: A rate this close (share) to a whole number of Hz is that number.

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ...signal import BAND_HZ, REFERENCE_FORCE
-from ..masks import bridge_gaps, interpolated, true_runs
+from ...signal.masks import bridge_gaps, interpolated, true_runs
 from ..projection import channels
 from ..recordings import FORMAT, RecordingsFile
 from ..segments import SegmentLimits

@@ -1,0 +1,8 @@
+"""A recording, longer: `python examples/lengthen.py recording.csv --seconds 2 --output out`."""
+
+import sys
+
+from tactile_diffusers.cli.lengthen import main
+
+if __name__ == "__main__":
+    sys.exit(main())

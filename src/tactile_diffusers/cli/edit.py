@@ -1,0 +1,80 @@
+"""`tactile-diffusers edit`: a recording changed by ratings, or stretches of it made anew."""
+
+import math
+
+import numpy as np
+
+from ..signal.constants import RATING_AXES
+from .editing import editing_parser, run_edit
+from .program import command
+from .recording_file import read_force
+
+#: What is made anew on either side of a saturated stretch, s: the band-pass smears it.
+MARGIN_SECONDS = 0.01
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command."""
+    parser = editing_parser("edit.py", "Change a recording of lateral force by ratings, or make stretches of it anew.")
+    add = parser.add_argument
+    for axis in RATING_AXES:
+        add(f"--{axis}", type=float, metavar="VALUE", help=f"{axis}, on --rating_scale; what is left out stays")
+    add("--rating_scale", choices=("difference", "z", "raw", "percentile"), default="difference", help="difference: "
+        "z-scores added to the recording's (default); else as of generate")  # fmt: skip
+    add("--source_ratings", nargs=len(RATING_AXES), type=float, metavar=tuple(a.upper() for a in RATING_AXES),
+        help="the recording's own, z-scores; default: estimated")  # fmt: skip
+    add("--strength", type=float, default=0.5, metavar="S", help="0: the recording, 1: a fresh take; default: 0.5")
+    add("--mask", nargs=2, type=float, action="append", metavar=("START", "STOP"), help="s; what lies between is made "
+        "anew; may be given several times")  # fmt: skip
+    add("--repair", action="store_true", help="make anew where the force stays at an end of its range")
+    arguments = parser.parse_args(argv)
+    rated = any(getattr(arguments, axis) is not None for axis in RATING_AXES)
+    if rated + bool(arguments.mask or arguments.repair) != 1:
+        parser.error(f"give either --mask or --repair, or one or more of {', '.join(f'--{a}' for a in RATING_AXES)}")
+    return arguments
+
+
+@command("edit.py")
+def main(argv=None):
+    """Runs the command."""
+    arguments = parse_arguments(argv)
+    if arguments.mask or arguments.repair:
+        run_edit("edit.py", "edited", arguments, lambda pipe, texture, rate: (_masked(arguments, texture, rate), _OPEN))
+    else:
+        run_edit("edit.py", "edited", arguments, lambda *recording: _rated(arguments, *recording))
+
+
+_OPEN = [math.nan] * len(RATING_AXES)
+
+
+def _masked(arguments, texture, rate):
+    """Options of a call that makes stretches anew."""
+    from ..data.force_checks import saturated
+    from ..pipelines.filling import parse_mask
+    from ..signal.masks import bridge_gaps
+
+    mask = parse_mask(arguments.mask, len(texture), rate)
+    if arguments.repair:
+        margin = round(MARGIN_SECONDS * rate)
+        near = saturated(read_force(arguments)[0], rate)
+        near = np.convolve(near, np.ones(2 * margin + 1), mode="same") > 0.5
+        mask |= bridge_gaps(near, margin)
+        if not mask.any():
+            raise ValueError(f"--repair: nothing of {arguments.recording_file} is saturated. Give --mask.")
+    return {"mask": mask}
+
+
+def _rated(arguments, pipe, texture, rate):
+    """Options of a call that changes ratings, and the ratings that are reached for."""
+    from ..pipelines.recordings import target_ratings
+
+    ratings = {axis: getattr(arguments, axis) for axis in RATING_AXES}
+    source = arguments.source_ratings or pipe.estimate_ratings(texture, rate, arguments.friction_coefficient)[0]
+    source = np.asarray(source, dtype=np.float32)
+    if not arguments.quiet:
+        print("ratings of the recording:", ", ".join(f"{a} {z:+.2f}" for a, z in zip(RATING_AXES, source, strict=True)))
+    import torch
+
+    target = target_ratings(ratings, arguments.rating_scale, torch.from_numpy(source[None]), pipe.dale.config)
+    options = {"ratings": ratings, "rating_scale": arguments.rating_scale, "source_ratings": source}
+    return options | {"strength": arguments.strength}, target[0].tolist()

@@ -1,0 +1,38 @@
+"""What `edit`, `continue` and `loop` share: arguments, the pipeline, one call of it."""
+
+import math
+
+from .program import Parser, add_checkpoint_argument, add_output_argument, add_seed_argument, load_pipeline, program
+from .recording_file import add_recording_arguments, read_texture, write_texture
+
+
+def editing_parser(script, description):
+    """The parser of a command that makes a texture of a recording."""
+    parser = Parser(prog=program(script), description=description)
+    add_recording_arguments(parser)
+    parser.add_argument("--friction_coefficient", type=float, default=math.nan, metavar="MU", help="of the recording, "
+        "mean lateral by mean normal force; default: unknown")  # fmt: skip
+    add_output_argument(parser, "folder of the texture's .npz, .wav and .png; created if need be")
+    add_checkpoint_argument(parser)
+    add_seed_argument(parser)
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    return parser
+
+
+def run_edit(script, name, arguments, options):
+    """Reads the recording, calls the edit pipeline and writes NAME.npz, .wav and .png.
+
+    `options` is called with the pipeline, the texture and its rate; it returns the options of the call, and the ratings
+    of what is made, three z-scores.
+    """
+    import torch
+
+    from ..pipelines import TactileTextureEditPipeline
+
+    texture, rate, _ = read_texture(script, arguments, arguments.quiet)
+    pipe = TactileTextureEditPipeline.from_pipe(load_pipeline(arguments.checkpoint, arguments.quiet))
+    settings, ratings = options(pipe, texture, rate)
+    generator = torch.Generator("cpu").manual_seed(arguments.seed)
+    friction = arguments.friction_coefficient
+    out = pipe(texture, rate, friction_coefficient=friction, generator=generator, **settings)
+    write_texture(arguments, name, out, ratings)

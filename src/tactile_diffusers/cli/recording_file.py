@@ -1,0 +1,79 @@
+"""What commands share that take a recording: its arguments, how it is read, how what is made of it is written."""
+
+import sys
+from pathlib import Path
+
+from .program import checkpoint_name, positive_number, program, warn
+
+
+def add_recording_arguments(parser):
+    """Adds the file with the lateral force, and where in it the force is."""
+    kinds = "csv, xlsx, npy, npz, mat, hdf5, parquet or wav with the lateral force, or recordings.h5"
+    parser.add_argument("recording_file", type=Path, metavar="FILE", help=kinds)
+    parser.add_argument(
+        "--column", metavar="NAME", help="of the force, by name or number from 0; default: the only possible one"
+    )
+    parser.add_argument(
+        "--recording",
+        metavar="NAME",
+        help="in recordings.h5: surface/explorer/trial; in other files: the sheet, group or array; default: the first",
+    )
+    parser.add_argument(
+        "--rate", type=float, metavar="HZ", help="sampling rate, Hz; default: the file's, or that of its time stamps"
+    )
+    parser.add_argument(
+        "--newtons_per_unit",
+        type=positive_number,
+        metavar="N",
+        help="N per unit of the numbers, or at full scale of a WAV; default: by the name of the column, as Fx_mN, or "
+        "the sidecar of a WAV of this package; else 1",
+    )
+
+
+def read_force(arguments, quiet=True, script=""):
+    """Force with its mean, rate and notes; a WAV file of this package with its sidecar comes back in newtons."""
+    from ..data.folder import read_recording
+    from ..export.wav import read_wav, sidecar_path
+
+    path, scale = arguments.recording_file, arguments.newtons_per_unit
+    if scale is None and path.suffix.lower() == ".wav" and sidecar_path(path).is_file():
+        force, metadata = read_wav(path)
+        return force, metadata["sampling_rate"], []
+    force, rate, notes = read_recording(path, arguments.column, arguments.rate, scale, arguments.recording)
+    for note in [] if quiet else notes:
+        print(f"{program(script)}: note: {note}", file=sys.stderr)
+    return force, rate, notes
+
+
+def read_texture(script, arguments, quiet=True):
+    """Texture (samples,) in N, band-passed, rate and notes; prints the notes, and warns of what is too loud."""
+    from ..data.folder.recording import LARGEST_RMS
+    from ..signal import REFERENCE_FORCE, band_pass, rms
+
+    force, rate, notes = read_force(arguments, quiet, script)
+    texture = band_pass(force - force.mean(), rate)
+    if rms(texture) > LARGEST_RMS:
+        warn(
+            script,
+            f"{arguments.recording_file}: RMS {1e3 * rms(texture):.0f} mN is more than textures have at a normal force "
+            f"of {REFERENCE_FORCE} N. Give --newtons_per_unit if these are not newtons.",
+        )
+    return texture, rate, notes
+
+
+def write_texture(arguments, name, out, ratings=(None, None, None), original=None):
+    """Writes name.npz, .wav and .png of an output with one texture, and says so unless `--quiet`."""
+    from ..export import write_figure, write_npz, write_wav
+    from ..signal import rms
+
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    npz, wav, png = files = [arguments.output / f"{name}{suffix}" for suffix in (".npz", ".wav", ".png")]
+    texture, friction = out.textures[0], float(out.friction_coefficient[0])
+    common = {"sampling_rate": out.sampling_rate, "friction_coefficient": friction, "ratings": ratings}
+    origin = {"reference_speed": out.reference_speed, "checkpoint": checkpoint_name(arguments.checkpoint)}
+    for write, path in ((write_npz, npz), (write_wav, wav)):
+        write(path, texture, seed=arguments.seed, **origin, **common)
+    write_figure(png, texture, original=original, **common)
+    if not arguments.quiet:
+        seconds = len(texture) / out.sampling_rate
+        print(f"{seconds:.2f} s, RMS {1e3 * rms(texture):.2f} mN: {', '.join(str(path) for path in files)}")
