@@ -7,7 +7,6 @@ import torch
 
 from ..models import RatingStatistics
 from ..schedulers import draw_noise
-from ..signal import coverage_distance
 from ..signal.checks import check_number, check_whole_number
 
 #: Range of an axis, z-scores, where the checkpoint knows none; and of a direction, standard deviations of its noise.
@@ -88,12 +87,13 @@ class SearchSpace:
 
     def draw(self, count, rng):
         """Points (count, dimensions), even over the range, of ratings that the training surfaces surround."""
-        found = np.empty((0, len(self.low)))
+        found, specified = np.empty((0, len(self.low))), np.flatnonzero(np.isfinite(self.ratings(self.low[None])[0]))
         while len(found) < count:
             points = rng.uniform(self.low, self.high, (2 * count, len(self.low)))
-            if self._statistics.reach is not None and self.axes:
-                away = coverage_distance(self.ratings(points), self._statistics.centre, self._statistics.covariance)
-                points = points[away <= self._statistics.reach]
+            if self._statistics.reach is not None and len(specified):
+                away = self.ratings(points)[:, specified] - np.array(self._statistics.centre)[specified]
+                precision = np.linalg.inv(np.array(self._statistics.covariance)[np.ix_(specified, specified)])
+                points = points[np.einsum("ni,ij,nj->n", away, precision, away) <= self._statistics.reach**2]
             found = np.concatenate([found, points])
         return found[:count]
 
