@@ -104,7 +104,7 @@ class PCMStream:
         self.newtons_per_full_scale = check_number("full_scale", full_scale, "N", above=0)
         self.clipped, self._read = 0, 0
         # samples of the stream from number `_first` on; before the first one there was no force
-        self._held, self._first = np.zeros(_MARGIN), -_MARGIN
+        self._held, self._first = np.zeros(_MARGIN + 1), -_MARGIN - 1
         self._filter = self._state = None
         if (corner := KEPT_SHARE * self.sampling_rate / 2) < min(BAND_HZ[1], stream.sampling_rate / 2):
             self._filter = signal.ellip(_ORDER, _RIPPLE, _STOP, corner, fs=stream.sampling_rate, output="sos")
@@ -121,8 +121,8 @@ class PCMStream:
         self._read += count
         below = np.floor(places).astype(int)
         values = _cubic(self._held, below - self._first, places - below) / self.newtons_per_full_scale
-        kept = max(0, math.floor(self._read * self.stream.sampling_rate / self.sampling_rate) - 2 * _MARGIN)
-        drop = max(0, kept - self._first)
+        kept = math.floor(self._read * self.stream.sampling_rate / self.sampling_rate) - 2 * _MARGIN
+        drop = min(max(0, kept - self._first), len(self._held))  # what lies between must still be read
         self._held, self._first = self._held[drop:], self._first + drop
         beyond = int(np.count_nonzero(np.abs(values) > 1))
         if beyond and not self.clipped:

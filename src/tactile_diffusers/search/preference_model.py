@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.special import log_ndtr
+from scipy.special import log_ndtr, ndtr
 
 #: The answers: what differs in utility less than `TIE` (in standard deviations of an answer's noise) is "neither".
 ANSWERS = ("first", "second", "neither")
@@ -111,10 +111,10 @@ def _likelihood(difference, codes):
     told = sign * difference - TIE
     log_told = log_ndtr(told)
     ratio = np.exp(-0.5 * told**2 - 0.5 * math.log(2 * math.pi) - log_told)
-    low, high = -TIE - difference, TIE - difference
-    mass = np.maximum(np.exp(log_ndtr(high)) - np.exp(log_ndtr(low)), 1e-12)
+    low, high = -TIE - np.abs(difference), TIE - np.abs(difference)  # on the side where ndtr is exact
+    mass = np.maximum(ndtr(high) - ndtr(low), 1e-300)
     density_low, density_high = (np.exp(-0.5 * edge**2) / math.sqrt(2 * math.pi) for edge in (low, high))
-    tie_slope = (density_low - density_high) / mass
+    tie_slope = np.sign(difference) * (density_low - density_high) / mass
     tie_curvature = tie_slope**2 + (high * density_high - low * density_low) / mass
     tie = codes == 2
     value = np.where(tie, np.log(mass), log_told)

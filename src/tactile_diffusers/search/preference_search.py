@@ -158,7 +158,7 @@ class PreferenceSearch:
             ValueError: if it is no such file, is damaged, or belongs to another checkpoint than `pipe`'s.
         """
         with reading(path, "a preference search", "Begin another one, or correct it."):
-            content = read_json(path, "JSON")
+            content = read_json(path, "a preference search", "Begin another one, or correct it.")
             if (content.get("format"), content.get("version")) != (FORMAT, VERSION):
                 raise ValueError(f'it has no "format": "{FORMAT}" and "version": {VERSION}')
             names = ("axes", "directions", "ratings", "seed", "duration_s")
