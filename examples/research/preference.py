@@ -20,6 +20,7 @@ from tactile_diffusers.evaluation.report_figures import figure_panels
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.models import RatingStatistics
 from tactile_diffusers.search import PreferenceSearch
+from tactile_diffusers.signal import DEVICE_RATE, nine_band_error_db
 from tactile_diffusers.virtual.raters import TRIAL_NOISE
 
 #: Where the search is asked for its best, comparisons.
@@ -120,6 +121,29 @@ def felt_by_estimator(search):
     return feel
 
 
+def moved(pipe, seeds=20):
+    """What directions do: mean change from -1 to 1, of what the estimator reads and of the nine bands, dB.
+
+    Beside: the same between two takes of one rating, which differ in all noise.
+    """
+    found = {"direction 1": [], "direction 2": [], "another take": []}
+    for seed in range(seeds):
+        search, other = (PreferenceSearch(pipe, seed=number) for number in (seed, seeds + seed))
+        point = Person(search, np.random.default_rng(seed)).taste
+        point[-2:] = 0
+        ends = np.repeat(point[None], 4, 0)
+        ends[[0, 1], -2], ends[[2, 3], -1] = (-1, 1), (-1, 1)
+        textures = [
+            *search.space.textures(ends).textures,
+            *[one.space.textures(point[None]).textures[0] for one in (search, other)],
+        ]
+        read = [*felt_by_estimator(search)(ends), *[felt_by_estimator(one)(point[None])[0] for one in (search, other)]]
+        for name, place in zip(found, (0, 2, 4), strict=True):
+            bands = nine_band_error_db(textures[place], textures[place + 1], DEVICE_RATE)
+            found[name].append([*np.abs(read[place] - read[place + 1]), bands])
+    return {name: np.mean(rows, 0).tolist() for name, rows in found.items()}
+
+
 def summary(results):
     """Way -> medians and shares after each number of comparisons, and comparisons until the taste is met."""
     found = {}
@@ -145,7 +169,7 @@ def _median_until(hits):
     return middle if np.isfinite(middle) else None
 
 
-def page(report):
+def page(report, directions):
     """The page as Markdown."""
     lines = [
         "# Comparisons until a taste is met",
@@ -164,7 +188,16 @@ def page(report):
             until = [_text(row[f"until_{kind}"]) for kind in ("met", "ranked", "near")]
             away = [f"{row['median_away'][ASKED.index(number)]:.2f}" for number in (10, 25)]
             lines.append(f"| {name} | {WAYS[way]} | {row['people']} | {' | '.join([*until, *away])} |")
-    lines += ["", "![curves](preference.png)", "", "Assumed, not measured with people: noise, threshold and the shape "]
+    lines += [
+        "",
+        "![curves](preference.png)",
+        "",
+        "What directions do, from -1 to 1, beside two takes of one rating:",
+        "",
+    ]
+    lines += ["| | roughness, z | bumpiness, z | slipperiness, z | nine bands, dB |", "|---|---:|---:|---:|---:|"]
+    lines += [f"| {name} | {' | '.join(f'{value:.2f}' for value in row)} |" for name, row in directions.items()]
+    lines += ["", "Assumed, not measured with people: noise, threshold and the shape "]
     lines[-1] += "of a taste, which is nearest to one point. A person with two tastes, or none, takes longer."
     return "\n".join(lines) + "\n"
 
@@ -203,9 +236,10 @@ def main(argv=None):
         ),
     }
     arguments.output.mkdir(parents=True, exist_ok=True)
+    directions = moved(pipe)
     plot(report, arguments.output / "preference.png")
-    write_text(arguments.output / "preference.md", page(report))
-    print(json.dumps(report, indent=1))
+    write_text(arguments.output / "preference.md", page(report, directions))
+    print(json.dumps({"searches": report, "directions": directions}, indent=1))
     return 0
 
 
