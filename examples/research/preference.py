@@ -217,6 +217,8 @@ def plot(report, path):
             row[0].axhline(NEAR, color="0.7", linewidth=1)
             row[0].set(title=name, xlabel="comparisons", ylabel="from the taste, z (median)", ylim=(0, None))
             row[1].set(title=name, xlabel="comparisons", ylabel="share of people: near or ranked", ylim=(0, 1))
+            for panel in row:
+                panel.title.set_fontsize(8)
             row[0].legend(fontsize=7)
 
 
