@@ -32,6 +32,7 @@ ROOMS = (
     "playback",
     "display",
     "export",
+    "search",
     "study",
     "cli",
 )

@@ -6,14 +6,12 @@ import math
 import warnings
 from pathlib import Path
 
+from ..export.convert import ABOUT, format_of, read_texture
 from ..export.formats import FORMATS, round_trip, round_trip_markdown
 from ..export.generated import find_shards, read_generated
 from ..export.png import HEIGHT, PIXEL_PITCH
 from ..signal import REFERENCE_FORCE
-from .program import Parser, add_output_argument, command, count, positive_number, program, warn
-
-#: Readers of the files that the command takes, by their last suffix.
-READERS = {".npz": FORMATS["npz"].read, ".h5": FORMATS["hdf5"].read, ".wav": FORMATS["wav"].read}
+from .program import Parser, add_output_argument, command, count, finite, positive_number, program, warn
 
 
 def parse_arguments(argv=None):
@@ -27,8 +25,8 @@ def parse_arguments(argv=None):
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--input", type=Path, required=True, metavar="PATH", help="an .npz, .h5 or .wav file (with its .wav.json) of "
-        "this package, a folder of .npz files, or one of `tactile-diffusers dataset`")  # fmt: skip
+    add("--input", type=Path, required=True, metavar="PATH", help="a file of this package in any of the "
+        "formats, a folder of .npz files, or one of `tactile-diffusers dataset`")  # fmt: skip
     add_output_argument(parser, "folder of the files")
     add("--formats", nargs="+", choices=FORMATS, default=list(FORMATS), metavar="FORMAT", help="default: all")
     add("--pixel_pitch", type=positive_number, default=PIXEL_PITCH, metavar="MM", help="distance of two pixels on the "
@@ -55,7 +53,7 @@ def main(argv=None):
     for name, texture, metadata in read_textures(arguments.input):
         rows += _write(name, texture, metadata, arguments)
     if arguments.json:
-        print(json.dumps([{key: _finite(value) for key, value in row.items()} for row in rows], indent=1))
+        print(json.dumps([{key: finite(value) for key, value in row.items()} for row in rows], indent=1))
     elif arguments.round_trip:
         print(f"\n{round_trip_markdown(rows)}")
 
@@ -63,9 +61,11 @@ def main(argv=None):
 def read_textures(path):
     """Yields the textures of a file or a folder: a name for files, the texture (samples,) in N, and its metadata."""
     if path.is_file():
-        if path.suffix not in READERS:
-            raise ValueError(f"{path} must end in {', '.join(READERS)}: these formats hold newtons and metadata.")
-        yield (_stem(path), *READERS[path.suffix](path))
+        if FORMATS[format_of(path)].kind == "preview":
+            warn(
+                "export.py", f"{path} is a preview, amplitude and frequency alone: what is written is no more than it."
+            )
+        yield (_stem(path), *read_texture(path))
     elif find_shards(path):
         yield from _read_generated(path)
     else:
@@ -101,8 +101,7 @@ def _write(name, texture, metadata, arguments):
             f"{arguments.input} knows no reference speed, so {', '.join(spatial)} cannot be written over position. "
             "Leave them out of --formats."
         )
-    keywords = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
-    common = {key: metadata[key] for key in keywords}
+    common = {key: metadata[key] for key in ABOUT}
     arguments.output.mkdir(parents=True, exist_ok=True)
     rows = []
     for chosen in arguments.formats:
@@ -119,7 +118,3 @@ def _write(name, texture, metadata, arguments):
         if not arguments.json:
             print(f"{path}: {form.kind}, {form.description}")
     return rows
-
-
-def _finite(value):
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -73,7 +73,7 @@ FORMATS = {
 }
 
 
-def round_trip(path, name, texture, sampling_rate):
+def round_trip(path, name, texture, sampling_rate, highest_frequency=BAND_HZ[1]):
     """Reads a file and compares it with the texture that was written to it.
 
     Args:
@@ -81,6 +81,7 @@ def round_trip(path, name, texture, sampling_rate):
         name (`str`): of its format, a key of `FORMATS`.
         texture (`np.ndarray`): (samples,), N.
         sampling_rate (`int`): Hz.
+        highest_frequency (`float`, *optional*, defaults to 1000.0): what the texture itself holds, Hz.
 
     Returns:
         `dict`: `bytes` (with a sidecar), `bands`, how many of the nine bands the file holds in full,
@@ -90,7 +91,7 @@ def round_trip(path, name, texture, sampling_rate):
     found, metadata = FORMATS[name].read(path)
     texture = np.asarray(texture, dtype=np.float64)
     edges = band_edges()
-    highest = metadata.get("highest_frequency", BAND_HZ[1])
+    highest = min(highest_frequency, metadata.get("highest_frequency", BAND_HZ[1]))
     bands = int((edges[1:] <= highest * (1 + 1e-9)).sum())
     try:
         band_error = float(nine_band_error_db(found, texture, sampling_rate, edges[: bands + 1])) if bands else np.nan

@@ -6,6 +6,7 @@ from .process import GeneratingProcess, on_time
 from .profile import TextureProfile
 from .scene import TextureScene
 from .stream import TextureStream
+from .trajectory import PlayedTrajectory, play_trajectory, read_trajectory
 
 __all__ = ["EndlessProfile", "EndlessStream", "FingerPath", "GeneratingProcess", "TextureProfile", "TextureScene"]
-__all__ += ["TextureStream", "on_time"]
+__all__ += ["PlayedTrajectory", "TextureStream", "on_time", "play_trajectory", "read_trajectory"]

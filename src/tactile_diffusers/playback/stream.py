@@ -78,6 +78,11 @@ class TextureStream:
         return (self._next or self._surface)[0]
 
     @property
+    def dimensions(self):
+        """Of positions and forces: 1, or 2 on a plane."""
+        return self._finger.dimensions
+
+    @property
     def latency(self):
         return self._finger.latency
 
@@ -116,7 +121,7 @@ class TextureStream:
             ValueError: if `samples` is no whole number of at least 1, or `normal_force` not finite or of another shape.
         """
         force = self._block(samples, normal_force)[0][:, :-1]
-        return force[:, 0] if self._finger.dimensions == 1 else force
+        return force[:, 0] if self.dimensions == 1 else force
 
     def read_friction(self, samples, normal_force=REFERENCE_FORCE):
         """The next block as a friction display takes it: `drive = display.push(*stream.read_friction(samples))`.
@@ -131,6 +136,12 @@ class TextureStream:
         """
         block, speed = self._block(samples, normal_force)
         return block[:, -1], speed
+
+    def read_all(self, samples, normal_force=REFERENCE_FORCE):
+        """The next block as both give it: the force of `read`, friction and speed of `read_friction`."""
+        block, speed = self._block(samples, normal_force)
+        force = block[:, 0] if self.dimensions == 1 else block[:, :-1]
+        return force, block[:, -1], speed
 
     def _block(self, samples, normal_force):
         """Force and, as the last column, friction about its mean: (samples, dimensions + 1); speed (samples,)."""

@@ -1,0 +1,81 @@
+"""`tactile-diffusers search`: the texture that somebody prefers, by comparisons of two, from answers in a file."""
+
+from pathlib import Path
+
+from ..signal.constants import RATING_AXES
+from .program import (
+    Parser,
+    add_checkpoint_argument,
+    add_output_argument,
+    add_seed_argument,
+    checkpoint_name,
+    command,
+    existing_file,
+    load_pipeline,
+    program,
+)
+
+
+def parse_arguments(argv=None):
+    """Arguments of the command."""
+    parser = Parser(
+        prog=program("search.py"),
+        description="Find a texture by comparisons of two. Each call takes the answers that came since the last one, "
+        "keeps them in --search, and writes the next pair as first and second, and the best texture so far.",
+    )
+    add = parser.add_argument
+    add("--search", type=Path, required=True, metavar="FILE.json", help="of the search with all its answers; begun if "
+        "it is not there")  # fmt: skip
+    add("--answer", choices=("first", "second", "neither"), help="to the pair that the last call wrote")
+    add("--answers", type=existing_file, metavar="FILE.txt", help="many answers, one word a line, each to the pair "
+        "that follows from those before it")  # fmt: skip
+    add("--axes", nargs="*", choices=RATING_AXES, default=None, metavar="AXIS", help="of a new search; default: all")
+    add("--directions", type=int, default=2, metavar="N", help="of a new search: what is searched beside ratings; "
+        "default: 2")  # fmt: skip
+    add_output_argument(parser, "folder of the textures")
+    add_checkpoint_argument(parser)
+    add_seed_argument(parser, "of a new search")
+    return parser.parse_args(argv)
+
+
+@command("search.py")
+def main(argv=None):
+    """Runs the command."""
+    arguments = parse_arguments(argv)
+    from ..search import PreferenceSearch
+
+    words = arguments.answers.read_text(encoding="utf-8-sig").split() if arguments.answers else []
+    words += [arguments.answer] if arguments.answer else []
+    pipe = load_pipeline(arguments.checkpoint)
+    if arguments.search.is_file():
+        search = PreferenceSearch.load(arguments.search, pipe)
+    else:
+        search = PreferenceSearch(pipe, arguments.axes, arguments.directions, seed=arguments.seed)
+    for word in words:
+        search.next_pair()
+        search.answer(word)
+    search.save(arguments.search)
+    best = search.best()
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    _write(arguments, search, search.propose(), ("first", "second"), search.next_pair())
+    _write(arguments, search, best.texture, ("best",), [list(best.point.values())])
+    print(f"{len(search.answers)} answers; best so far, with its uncertainty:")
+    for name, value in best.point.items():
+        print(f"  {name} {value:+.2f} ± {best.uncertainty[name]:.2f}")
+
+
+def _write(arguments, search, out, names, points):
+    from ..export import write_npz, write_wav
+
+    ratings = search.space.ratings(points)
+    for number, name in enumerate(names):
+        about = {
+            "sampling_rate": out.sampling_rate,
+            "friction_coefficient": float(out.friction_coefficient[number]),
+            "ratings": ratings[number],
+            "seed": search.seed,
+            "reference_speed": out.reference_speed,
+            "checkpoint": checkpoint_name(arguments.checkpoint),
+        }
+        write_npz(arguments.output / f"{name}.npz", out.textures[number], **about)
+        write_wav(arguments.output / f"{name}.wav", out.textures[number], **about)
