@@ -2,9 +2,11 @@
 
 import ast
 import functools
-import importlib
+import importlib.util
 import inspect
+import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,7 @@ from tactile_diffusers import (
     TactileTextureEditPipeline,
     TactileTexturePipeline,
     VDDIMScheduler,
+    bundled_checkpoint,
 )
 
 ROOT = Path(__file__).parents[1]
@@ -137,3 +140,29 @@ def test_the_map_of_equations_names_what_is_there(row):
     module = importlib.import_module(file.strip("`").removesuffix(".py").replace("/", "."))
     for name in re.findall(r"`([\w.]+)`", names):
         functools.reduce(getattr, name.split("."), module)
+
+
+@pytest.fixture
+def first_pages():
+    spec = importlib.util.spec_from_file_location("first_pages", RESULTS.parent / "first_pages.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_first_pages_are_those_of_the_report_of_the_bundled_checkpoint(first_pages, capsys):
+    assert first_pages.main(["--check"]) == 0, capsys.readouterr().err
+
+
+def test_a_report_of_other_weights_is_stale(first_pages, tmp_path, monkeypatch, capsys):
+    other = shutil.copytree(bundled_checkpoint(), tmp_path / "other")
+    (other / "dale" / "config.json").write_text("{}")
+    monkeypatch.setattr(first_pages, "bundled_checkpoint", lambda: other)
+    assert first_pages.main(["--check"]) == 1 and "run evaluate.py again" in capsys.readouterr().err
+
+
+def test_rows_with_other_figures_are_stale(first_pages):
+    text, report = RESULTS.read_text(encoding="utf-8"), json.loads(first_pages.REPORT.read_text(encoding="utf-8"))
+    report["generation"]["1.0"]["ktd_excess"]["mean"] += 1
+    assert first_pages.page_with_figures(text, report, True) != text
+    assert all(words in text for words in first_pages.ROWS)

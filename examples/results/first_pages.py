@@ -1,0 +1,121 @@
+#!/usr/bin/env python
+"""Fills the rows of README and of the results' first page that one report of the bundled checkpoint gives.
+
+    python examples/evaluate.py --checkpoint bundled --data prepared.h5 --output examples/results/judges
+    python examples/results/first_pages.py            # --check: changes nothing, and fails where a page is stale
+
+A page is stale if its figures are not those of the report, or the report is of other weights than the bundled ones.
+"""
+
+import argparse
+import json
+import re
+import sys
+from functools import reduce
+from pathlib import Path
+
+from tactile_diffusers import bundled_checkpoint
+from tactile_diffusers.evaluation.report import folder_digest
+
+HERE = Path(__file__).parent
+REPORT = HERE / "judges" / "report.json"
+PAGES = (HERE.parents[1] / "README.md", HERE / "README.md")
+#: Rows by words of their first cell or second, and the next two: ours, then what stands beside it. {path|digits} is a
+#: mean of the report; "interval" asks for its interval, too, "milli" for thousandths.
+ROWS = {
+    "unseen surface": (
+        "{unseen_surfaces/nine_band_db/model|2|interval}",
+        "best regression {regression/same_data/nine_band_db|2}, ridge {unseen_surfaces/nine_band_db/ridge|2}, "
+        "blend {unseen_surfaces/nine_band_db/knn_blend|2}, mean spectrum "
+        "{unseen_surfaces/nine_band_db/mean_spectrum|2}, another take {unseen_surfaces/nine_band_db/other_take|2}",
+    ),
+    "hanges of one rating": (
+        "{control/counts/model/changes|0} of 36",
+        "blend {control/counts/knn_blend/changes|0}, best polynomial {control/counts/regression/changes|0}, ridge "
+        "{control/counts/ridge/changes|0}, no change {control/counts/none/changes|0}, ratings permuted "
+        "{control/counts/permuted/changes|0}, real halves {control/counts/null/changes|1}",
+    ),
+    "KTD of generated": (
+        "{generation/1.0/ktd_excess|2|interval}",
+        "another take {generation/baselines/other_take/ktd_excess|2}, blend "
+        "{generation/baselines/knn_blend/ktd_excess|2}, ridge {generation/baselines/ridge/ktd_excess|2}",
+    ),
+    "econstruction: nine-band": (
+        "{reconstruction/decoders/lctg/nine_band_db|3}",
+        "no network {reconstruction/decoders/no_network/nine_band_db|3}, levels not restored "
+        "{reconstruction/decoders/nothing_imposed/nine_band_db|2}, another take "
+        "{reconstruction/baselines/other_take/nine_band_db|2}",
+    ),
+    "econstruction: KTD": (
+        "{reconstruction/decoders/lctg/ktd_excess|2}",
+        "no network {reconstruction/decoders/no_network/ktd_excess|2}, another take "
+        "{reconstruction/baselines/other_take/ktd_excess|2}; base layer alone "
+        "{reconstruction/decoders/lctg_base/ktd_excess|2}, without network "
+        "{reconstruction/decoders/no_network_base/ktd_excess|2}",
+    ),
+    "econstruction: SNR": (
+        "{reconstruction/decoders/lctg/snr_db|2}",
+        "no network {reconstruction/decoders/no_network/snr_db|2}, silence "
+        "{reconstruction/baselines/silence/snr_db|2}, another take {reconstruction/baselines/other_take/snr_db|2}",
+    ),
+    "reconstruction RMSE, mN": (
+        "11.4",
+        "{reconstruction/decoders/lctg/rmse_n|2|milli} (silence {reconstruction/baselines/silence/rmse_n|2|milli}, "
+        "another take {reconstruction/baselines/other_take/rmse_n|2|milli})",
+    ),
+    "reconstruction SNR, dB": ("−1.87", "{reconstruction/decoders/lctg/snr_db|2}"),
+}
+FIELD = re.compile(r"\{([^|}]+)\|(\d)(?:\|(interval|milli))?\}")
+
+
+def filled(template, report, intervals):
+    """A template with the report's figures; intervals only where a page has room."""
+
+    def figure(match):
+        path, digits, form = match.groups()
+        leaf = reduce(lambda part, key: part[key], path.split("/"), report)
+        text = f"{leaf['mean'] * (1000 if form == 'milli' else 1):.{digits}f}"
+        if form == "interval" and intervals:
+            text += " [{:.{d}f}, {:.{d}f}]".format(*leaf["interval"], d=digits)
+        return text
+
+    return FIELD.sub(figure, template)
+
+
+def page_with_figures(text, report, intervals):
+    """The text of a page whose rows hold the report's figures."""
+    lines = text.split("\n")
+    for words, cells in ROWS.items():
+        found = [i for i, line in enumerate(lines) if line.startswith("|") and words in line]
+        if not found:
+            continue
+        [number] = found
+        parts = lines[number].split(" | ")
+        place = next(i for i, part in enumerate(parts) if words in part) + 1
+        ends = parts[place + 1].endswith(" |")
+        parts[place : place + 2] = (filled(cell, report, intervals) for cell in cells)
+        lines[number] = " | ".join(parts) + (" |" if ends else "")
+    return "\n".join(lines)
+
+
+def main(argv=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="change nothing; fail if a page is stale")
+    args = parser.parse_args(argv)
+    report = json.loads(REPORT.read_text())
+    stale = []
+    if report["checkpoint"]["sha256"] != folder_digest(bundled_checkpoint()):
+        stale.append(f"{REPORT.name} is of another checkpoint than the bundled one: run evaluate.py again.")
+    for path in PAGES:
+        text = path.read_text()
+        made = page_with_figures(text, report, intervals=path == PAGES[1])
+        if made != text and args.check:
+            stale.append(f"{path} holds other figures than {REPORT.name}: run first_pages.py.")
+        elif made != text:
+            path.write_text(made)
+    print(*stale, sep="\n", file=sys.stderr)
+    return bool(stale)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
