@@ -237,7 +237,7 @@ def markdown(report, rows):
         "the same noise; a value that is not finite fails. Bounds: where only the order of float32 operations differs, "
         f"{SAME:.1e} of the RMS (a hundred roundings) and {SAME_DB:g} dB; of a coarser type five of its roundings, and "
         "0.1 dB (0.5 dB for weights of 8 bits), far below the 2.2 dB that a fingertip tells apart; what is generated "
-        "within 5 standard deviations of the training set, as one of a million textures would be; more steps gain at "
+        "within 9 standard deviations of the training set, as its farthest texture is; more steps gain at "
         "least half of what their order promises."
     )
     lines = ["| case | what is measured | value | at most | unit | |", "|---" * 6 + "|"]

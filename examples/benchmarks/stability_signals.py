@@ -12,8 +12,9 @@ from tactile_diffusers.signal import BAND_HZ, SEGMENT_SAMPLES, SEGMENT_SECONDS, 
 #: Roundings of a coarser type that a texture may be off by.
 ROUNDINGS = 5
 HALF_DB, EIGHT_BITS_DB = 0.1, 0.5
-#: Standard deviations of the training set within which levels and spectra are to lie.
-FAR = 5.0
+#: Standard deviations of the training set within which what DALE generates once a texture is to lie: as far out as the
+#: farthest of the bundled checkpoint's 40,584 training textures.
+FAR = 9.0
 #: Nine-band error that a fingertip tells apart (Israr, Tan and Reed 2006), dB.
 FELT_DB = 2.2
 

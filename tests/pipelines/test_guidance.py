@@ -188,3 +188,21 @@ def test_rescaling_goes_as_far_as_it_is_told_at_every_time(make_dale, seeded, re
         )
     assert made.shape == (2, 3) and ((guided / plain - 1).abs() > 0.01).any()
     torch.testing.assert_close(made, guided + rescale * (plain - guided), rtol=1e-3, atol=0)  # float32, through 1/sin
+
+
+@pytest.mark.parametrize(("scale", "most"), [(1.2, 3.0), (1000.0, 3.0)])
+def test_a_single_step_is_pushed_so_far_and_no_farther(make_dale, seeded, scale, most):
+    dale, scheduler = make_dale(**WITH_LEVELS, distilled_steps=1, scalar_width=8), VDDIMScheduler()
+    state, t = torch.randn((2, dale.config.in_channels, 32), generator=seeded(0)), torch.tensor(999.0)
+    ratings = RATINGS.repeat(2, 1)
+    with torch.no_grad():
+        plain, guided = (
+            dale.pool_state(_velocity(g, dale, scheduler, state, t, ratings)) for g in (Guidance(), Guidance(scale))
+        )
+        without = dale.pool_state(dale(state, t, torch.full_like(ratings, NAN)).sample)
+    asked = (scale - 1) * (plain - without)
+    assert (guided - plain).abs().max() <= most + 1e-4
+    if scale < 2:  # small pushes are what they are, but for the cube of their share of the limit
+        torch.testing.assert_close(guided - plain, asked, rtol=0.05, atol=1e-5)
+    else:
+        assert (guided - plain).abs().max() > 0.9 * most

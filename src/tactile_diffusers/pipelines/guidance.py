@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import torch
 
+#: How far guidance moves a value of a one-step DALE's state at most, in standard deviations of the training set.
+LARGEST_PUSH = 3.0
+
 
 @dataclass(frozen=True)
 class Guidance:
@@ -57,6 +60,8 @@ class Guidance:
         states = torch.cat([state] * len(weights))
         velocities = dale(states, t, conditions, return_dict=False)[0].chunk(len(weights))
         guided = sum(weight * velocity for weight, velocity in zip(weights, velocities, strict=True))
+        if dale.scalar_network is not None:
+            guided = _held(dale, guided, velocities[-1])
         return self._rescaled(dale, scheduler, state, t, guided, velocities[-1]) if self.rescale else guided
 
     def _rescaled(self, dale, scheduler, state, t, guided, plain):
@@ -66,6 +71,13 @@ class Guidance:
         angle = scheduler.angle(t).to(state)
         # at angle 0, the clean end, the velocity does not determine the clean state; no step is evaluated there
         return (angle.cos() * state - factor[..., None] * clean[0]) / angle.sin().clamp_min(1e-3)
+
+
+def _held(dale, guided, plain):
+    """A guided velocity at the only step there is: no later one would bring back what is pushed too far."""
+    plain = dale.pool_state(plain)
+    push = dale.pool_state(guided) - plain
+    return dale.unpool_state(plain + LARGEST_PUSH * torch.tanh(push / LARGEST_PUSH))
 
 
 def _spreads(dale, pooled):
