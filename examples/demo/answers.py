@@ -58,6 +58,12 @@ def reconstruction_answer(made, scale, config):
     return _side_by_side(textures, scale, config, remark)
 
 
+def edit_answer(made, scale, config):
+    """A texture before and after an edit: picture, players and numbers, three strings of HTML."""
+    remark = "<p><small>Estimated without a friction coefficient, which an edit does not know.</small></p>"
+    return _side_by_side(dict(zip(("before", "after"), made, strict=True)), scale, config, remark)
+
+
 def _side_by_side(textures, scale, config, remark):
     picture = figure_html(
         draw_comparison(textures), " ".join(_alternative(name, texture) for name, texture in textures.items())

@@ -5,6 +5,7 @@ import html
 
 from answers import comparison_answer, reconstruction_answer
 from controls import leave_checks_of_numbers_to_us, read_ratings, show_errors
+from edit_tab import edit_tab
 from settings import Settings, blend, describe, to_z
 from texture_tab import texture_tab
 from uploads import LONGEST_SECONDS, read_upload
@@ -75,6 +76,8 @@ def build(studio, folder, **options):
             labels = _blend_tab(gr, studio, kept, asked)
         with gr.Tab("Your recording"):
             _recording_tab(gr, studio, asked)
+        with gr.Tab("Edit"):
+            edit_tab(gr, studio, asked)
         for number, button in enumerate(keep_buttons):
             button.click(
                 show_errors(gr, functools.partial(_keep, studio, "AB"[number])),

@@ -11,7 +11,7 @@ from bands import BandRange, draw_latents, estimated_range, rating_range, traini
 from settings import Settings, novelty
 
 from tactile_diffusers.checkpoints import bundled_checkpoint
-from tactile_diffusers.pipelines import TactileTexturePipeline
+from tactile_diffusers.pipelines import TactileTextureEditPipeline, TactileTexturePipeline
 from tactile_diffusers.signal import RATING_AXES, nine_band_error_db, resample, rms
 
 #: Seed of the draws behind the ranges of bands: they must not move while a visitor tries seeds.
@@ -196,6 +196,36 @@ class Studio:
             for number, (row, seed) in enumerate(zip(pair, (None, settings.seed), strict=True))
         ]
         return Reconstruction(*textures, float(nine_band_error_db(pair[1], pair[0], rate)))
+
+    def edit(self, samples, sampling_rate, settings=None, **options):
+        """A texture before and after an edit, at one rate.
+
+        Args:
+            samples (`np.ndarray`): (n,), N, band-passed.
+            sampling_rate (`int`): Hz.
+            settings (`Settings`, *optional*): steps, order and seed are used.
+            options: of `TactileTextureEditPipeline`.
+
+        Returns:
+            `tuple[Texture, Texture]`
+
+        Raises:
+            ValueError: for an edit that cannot be made.
+        """
+        settings = settings or Settings()
+        with self._lock:
+            pipe = TactileTextureEditPipeline.from_pipe(self._pipeline(settings))
+            generator = torch.Generator("cpu").manual_seed(settings.seed)
+            out = pipe(samples, sampling_rate, num_inference_steps=settings.steps, generator=generator, **options)
+            before = resample(samples, sampling_rate, out.sampling_rate).astype(np.float32)
+            pair = before, out.textures[0].astype(np.float32)
+            frictions = np.nan, float(out.friction_coefficient[0])
+            estimated = [_estimate(pipe, row[None], out.sampling_rate, None)[0] for row in pair]
+        unknown = (np.nan,) * len(RATING_AXES)
+        return tuple(
+            Texture(row, out.sampling_rate, friction, unknown, found, None, out.reference_speed)
+            for row, friction, found in zip(pair, frictions, estimated, strict=True)
+        )
 
 
 def _estimate(pipe, textures, sampling_rate, friction_coefficient):
