@@ -4,7 +4,11 @@
     python examples/research/other_world.py other.h5
     python examples/prepare_data.py --source recordings --recordings other.h5 --prepared other_prepared.h5 \
         --validation 0 --test 50
-    python examples/research/few_surfaces.py "another world"=other_prepared.h5 --output examples/results/adaptation
+    python examples/prepare_data.py --source virtual --surfaces 100 --seconds 20 --seed 50 --impulsiveness 1.6 \
+        --agreement 0.7 --rating_correlation 0.2 -0.7 0.0 --validation 0 --test 50 --output settings.h5 \
+        --prepared settings_prepared.h5
+    python examples/research/few_surfaces.py "another world"=other_prepared.h5 \
+        "recipe 3, other settings"=settings_prepared.h5 --output examples/results/adaptation
 
 Writes `figures.json` and `curve.png` into the output folder, and the page beside it, `<output>.md`.
 """
@@ -125,16 +129,18 @@ def plot(worlds, path):
     """Error of unseen surfaces against the number of surfaces, a panel for each world."""
     from matplotlib.figure import Figure
 
-    figure = Figure((5 * len(worlds), 3.6), layout="constrained")
+    figure = Figure((5 * len(worlds) + 1.5, 3.6), layout="constrained")
     panels = figure.subplots(1, len(worlds), squeeze=False)[0]
     for axis, (name, rows) in zip(panels, worlds.items(), strict=True):
         for method in dict.fromkeys(row["method"] for row in rows):
             own = [row for row in rows if row["method"] == method]
             axis.plot([r["surfaces"] for r in own], [r["nine_band_db"]["mean"] for r in own], marker="o", label=method)
         axis.set(xscale="log", title=name, xlabel="surfaces", ylabel="error of mean spectra, dB")
-        axis.set_xticks([row["surfaces"] for row in rows], [str(row["surfaces"]) for row in rows], minor=False)
+        axis.minorticks_off()
+        counts = sorted({row["surfaces"] for row in rows})
+        axis.set_xticks(counts, list(map(str, counts)))
         axis.grid(alpha=0.3)
-    panels[0].legend(fontsize=8)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
     figure.savefig(path, dpi=120)
 
 
