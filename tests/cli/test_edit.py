@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.cli import edit, lengthen, loop
+from tactile_diffusers.export import write_npz, write_wav
 from tactile_diffusers.export.lossless import read_npz
 from tactile_diffusers.signal import DEVICE_RATE, band_pass, rms
 
@@ -95,3 +96,22 @@ def test_impossible_words_are_refused(recording, words, message, capsys):
     except SystemExit as stop:
         code = stop.code
     assert code == 2 and message in capsys.readouterr().err and not (path.parent / "out").exists()
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".wav"])
+def test_a_texture_of_this_package_is_read_with_its_friction(recording, tmp_path, suffix):
+    path, texture = recording
+    own = tmp_path / f"texture{suffix}"
+    about = {"sampling_rate": DEVICE_RATE, "friction_coefficient": 0.6, "ratings": [0.1, 0.2, 0.3], "seed": 0}
+    {".npz": write_npz, ".wav": write_wav}[suffix](own, texture, **about)
+    words = [str(own), "--output", str(path.parent / "out"), "--strength", "0", "--roughness", "0.5", "--quiet"]
+    assert edit.main(words) == 0
+    made, metadata = _made(path, "edited")
+    assert metadata["friction_coefficient"] == pytest.approx(0.6) and (made * texture).mean() > 0
+
+
+def test_another_archive_of_arrays_is_a_table(recording, tmp_path, capsys):
+    other = tmp_path / "other.npz"
+    np.savez(other, texture=recording[1], ratings=np.zeros(3))
+    assert edit.main([str(other), "--output", str(tmp_path / "out"), "--roughness", "1"]) == 2
+    assert "--column" in capsys.readouterr().err

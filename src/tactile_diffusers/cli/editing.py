@@ -3,7 +3,7 @@
 import math
 
 from .program import Parser, add_checkpoint_argument, add_output_argument, add_seed_argument, load_pipeline, program
-from .recording_file import add_recording_arguments, read_texture, write_texture
+from .recording_file import add_recording_arguments, read_own, read_texture, write_texture
 
 
 def editing_parser(script, description):
@@ -11,7 +11,7 @@ def editing_parser(script, description):
     parser = Parser(prog=program(script), description=description)
     add_recording_arguments(parser)
     parser.add_argument("--friction_coefficient", type=float, default=math.nan, metavar="MU", help="of the recording, "
-        "mean lateral by mean normal force; default: unknown")  # fmt: skip
+        "mean lateral by mean normal force; default: that of a texture of this package, else unknown")  # fmt: skip
     add_output_argument(parser, "folder of the texture's .npz, .wav and .png; created if need be")
     add_checkpoint_argument(parser)
     add_seed_argument(parser)
@@ -30,6 +30,9 @@ def run_edit(script, name, arguments, options):
     from ..pipelines import TactileTextureEditPipeline
 
     texture, rate, _ = read_texture(script, arguments, arguments.quiet)
+    own = read_own(arguments.recording_file)
+    if math.isnan(arguments.friction_coefficient) and own is not None:
+        arguments.friction_coefficient = own[1]["friction_coefficient"]
     pipe = TactileTextureEditPipeline.from_pipe(load_pipeline(arguments.checkpoint, arguments.quiet))
     settings, ratings = options(pipe, texture, rate)
     generator = torch.Generator("cpu").manual_seed(arguments.seed)

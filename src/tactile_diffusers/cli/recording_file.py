@@ -30,15 +30,30 @@ def add_recording_arguments(parser):
     )
 
 
-def read_force(arguments, quiet=True, script=""):
-    """Force with its mean, rate and notes; a WAV file of this package with its sidecar comes back in newtons."""
-    from ..data.folder import read_recording
+def read_own(path):
+    """Texture and metadata of a .npz file of this package, or of a WAV with its sidecar; `None` of another file."""
+    import zipfile
+
+    from ..export.lossless import read_npz
     from ..export.wav import read_wav, sidecar_path
 
+    if path.suffix.lower() == ".wav" and sidecar_path(path).is_file():
+        return read_wav(path)
+    if path.suffix.lower() == ".npz" and zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            ours = {"texture.npy", "units.npy"} <= set(archive.namelist())
+        return read_npz(path) if ours else None
+    return None
+
+
+def read_force(arguments, quiet=True, script=""):
+    """Force with its mean, rate and notes; a texture of this package comes back in newtons."""
+    from ..data.folder import read_recording
+
     path, scale = arguments.recording_file, arguments.newtons_per_unit
-    if scale is None and path.suffix.lower() == ".wav" and sidecar_path(path).is_file():
-        force, metadata = read_wav(path)
-        return force, metadata["sampling_rate"], []
+    own = read_own(path) if scale is None and arguments.column is None else None
+    if own is not None:
+        return own[0], own[1]["sampling_rate"], []
     force, rate, notes = read_recording(path, arguments.column, arguments.rate, scale, arguments.recording)
     for note in [] if quiet else notes:
         print(f"{program(script)}: note: {note}", file=sys.stderr)
