@@ -1,6 +1,5 @@
 """The tab that edits: every action on a generated texture, and what is refused."""
 
-import gradio
 import numpy as np
 import pytest
 from answers import edit_answer
@@ -36,6 +35,7 @@ def test_an_impossible_stretch_is_refused(studio, texture):
 
 @pytest.mark.parametrize("stretch", [(0.8, 0.9), (0.9, 0.8)])
 def test_the_button_edits_the_texture_of_the_first_tab_or_says_why_not(studio, stretch):
+    gradio = pytest.importorskip("gradio")
     values = (0.5, 0.0, 0.0, "z", 1.0, 0.0, 0.0, False, False, True, *HOW)
     answers = run_edit(gradio, studio, None, 10_000, "change its ratings", *stretch, 0.6, *values)
     picture, sound, numbers = next(answers)
