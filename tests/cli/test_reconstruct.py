@@ -10,7 +10,7 @@ import pytest
 import soundfile
 
 from tactile_diffusers.cli import reconstruct
-from tactile_diffusers.cli.recording_file import read_texture
+from tactile_diffusers.cli.recording_file import read_recording_file
 from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.data.folder import read_recording
 from tactile_diffusers.export import read_wav, write_wav
@@ -53,8 +53,10 @@ def test_kinds_of_files(texture, tmp_path):
     common = {"sampling_rate": DEVICE_RATE, "friction_coefficient": 1.0, "ratings": [0.0] * 3, "seed": 0}
     write_wav(tmp_path / "ours.wav", texture, **common)
     arguments = reconstruct.parse_arguments([str(tmp_path / "ours.wav"), "--output", str(tmp_path)])
-    found, rate, _ = read_texture("reconstruct.py", arguments)
-    np.testing.assert_allclose(found, _as_texture(texture, rate), atol=np.abs(texture).max() / 2**14)  # 16 bits
+    found = read_recording_file("reconstruct.py", arguments)
+    np.testing.assert_allclose(
+        found.texture, _as_texture(texture, found.rate), atol=np.abs(texture).max() / 2**14
+    )  # 16 bits
 
 
 def test_a_store_of_recordings(virtual_recordings, tmp_path, capsys):

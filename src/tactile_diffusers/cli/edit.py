@@ -7,7 +7,6 @@ import numpy as np
 from ..signal.constants import RATING_AXES
 from .editing import editing_parser, run_edit
 from .program import command
-from .recording_file import read_force
 
 #: What is made anew on either side of a saturated stretch, s: the band-pass smears it.
 MARGIN_SECONDS = 0.01
@@ -39,24 +38,24 @@ def main(argv=None):
     """Runs the command."""
     arguments = parse_arguments(argv)
     if arguments.mask or arguments.repair:
-        run_edit("edit.py", "edited", arguments, lambda pipe, texture, rate: (_masked(arguments, texture, rate), _OPEN))
+        run_edit("edit.py", "edited", arguments, lambda pipe, recording: (_masked(arguments, recording), _OPEN))
     else:
-        run_edit("edit.py", "edited", arguments, lambda *recording: _rated(arguments, *recording))
+        run_edit("edit.py", "edited", arguments, lambda *given: _rated(arguments, *given))
 
 
 _OPEN = [math.nan] * len(RATING_AXES)
 
 
-def _masked(arguments, texture, rate):
+def _masked(arguments, recording):
     """Options of a call that makes stretches anew."""
     from ..data.force_checks import saturated
     from ..pipelines.filling import parse_mask
     from ..signal.masks import bridge_gaps
 
-    mask = parse_mask(arguments.mask, len(texture), rate)
+    mask = parse_mask(arguments.mask, len(recording.texture), recording.rate)
     if arguments.repair:
-        margin = round(MARGIN_SECONDS * rate)
-        near = saturated(read_force(arguments)[0], rate)
+        margin = round(MARGIN_SECONDS * recording.rate)
+        near = saturated(recording.force, recording.rate)
         near = np.convolve(near, np.ones(2 * margin + 1), mode="same") > 0.5
         mask |= bridge_gaps(near, margin)
         if not mask.any():
@@ -64,12 +63,14 @@ def _masked(arguments, texture, rate):
     return {"mask": mask}
 
 
-def _rated(arguments, pipe, texture, rate):
+def _rated(arguments, pipe, recording):
     """Options of a call that changes ratings, and the ratings that are reached for."""
     from ..pipelines.recordings import target_ratings
 
     ratings = {axis: getattr(arguments, axis) for axis in RATING_AXES}
-    source = arguments.source_ratings or pipe.estimate_ratings(texture, rate, arguments.friction_coefficient)[0]
+    source = arguments.source_ratings
+    if source is None:
+        source = pipe.estimate_ratings(recording.texture, recording.rate, recording.friction_coefficient)[0]
     source = np.asarray(source, dtype=np.float32)
     if not arguments.quiet:
         print("ratings of the recording:", ", ".join(f"{a} {z:+.2f}" for a, z in zip(RATING_AXES, source, strict=True)))

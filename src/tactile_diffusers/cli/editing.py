@@ -1,9 +1,10 @@
 """What `edit`, `continue` and `loop` share: arguments, the pipeline, one call of it."""
 
 import math
+from dataclasses import replace
 
 from .program import Parser, add_checkpoint_argument, add_output_argument, add_seed_argument, load_pipeline, program
-from .recording_file import add_recording_arguments, read_own, read_texture, write_texture
+from .recording_file import add_recording_arguments, read_recording_file, write_texture
 
 
 def editing_parser(script, description):
@@ -22,20 +23,19 @@ def editing_parser(script, description):
 def run_edit(script, name, arguments, options):
     """Reads the recording, calls the edit pipeline and writes NAME.npz, .wav and .png.
 
-    `options` is called with the pipeline, the texture and its rate; it returns the options of the call, and the ratings
-    of what is made, three z-scores.
+    `options` is called with the pipeline and the recording; it returns the options of the call, and the ratings of what
+    is made, three z-scores.
     """
     import torch
 
     from ..pipelines import TactileTextureEditPipeline
 
-    texture, rate, _ = read_texture(script, arguments, arguments.quiet)
-    own = read_own(arguments.recording_file)
-    if math.isnan(arguments.friction_coefficient) and own is not None:
-        arguments.friction_coefficient = own[1]["friction_coefficient"]
+    recording = read_recording_file(script, arguments, arguments.quiet)
+    if not math.isnan(arguments.friction_coefficient):
+        recording = replace(recording, friction_coefficient=arguments.friction_coefficient)
     pipe = TactileTextureEditPipeline.from_pipe(load_pipeline(arguments.checkpoint, arguments.quiet))
-    settings, ratings = options(pipe, texture, rate)
+    settings, ratings = options(pipe, recording)
     generator = torch.Generator("cpu").manual_seed(arguments.seed)
-    friction = arguments.friction_coefficient
-    out = pipe(texture, rate, friction_coefficient=friction, generator=generator, **settings)
+    friction = recording.friction_coefficient
+    out = pipe(recording.texture, recording.rate, friction_coefficient=friction, generator=generator, **settings)
     write_texture(arguments, name, out, ratings)

@@ -14,4 +14,4 @@ def main(argv=None):
     parser.add_argument("--seconds", type=positive_number, required=True, help="s to append")
     arguments = parser.parse_args(argv)
     options = {"continue_s": arguments.seconds}, [math.nan] * len(RATING_AXES)
-    run_edit("lengthen.py", "continued", arguments, lambda *recording: options)
+    run_edit("lengthen.py", "continued", arguments, lambda *given: options)

@@ -15,4 +15,4 @@ def main(argv=None):
         "default: 0.1 s on either side of the seam are made anew")  # fmt: skip
     arguments = parser.parse_args(argv)
     options = {"loop": True, "continue_s": arguments.seconds}, [math.nan] * len(RATING_AXES)
-    run_edit("loop.py", "loop", arguments, lambda *recording: options)
+    run_edit("loop.py", "loop", arguments, lambda *given: options)

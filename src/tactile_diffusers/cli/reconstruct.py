@@ -12,7 +12,7 @@ from .program import (
     load_pipeline,
     program,
 )
-from .recording_file import add_recording_arguments, read_texture
+from .recording_file import add_recording_arguments, read_recording_file, write_texture
 
 
 def parse_arguments(argv=None):
@@ -42,39 +42,29 @@ def main(argv=None):
     if arguments.json:
         print(json.dumps(report, indent=2))
     elif not arguments.quiet:
-        print(
-            f"{report['seconds']:.2f} s: nine-band error {report['nine_band_error_db']:.2f} dB, "
-            f"SNR {report['snr_db']:.1f} dB, RMS {report['rms_mn']:.2f} mN\nwrote {', '.join(report['files'])}"
-        )
+        print(f"nine-band error {report['nine_band_error_db']:.2f} dB, SNR {report['snr_db']:.1f} dB")
 
 
 def _reconstruct(arguments):
     import torch
 
     from ..evaluation.metrics.errors import snr_db
-    from ..export import write_figure, write_npz, write_wav
     from ..signal import nine_band_error_db, resample, rms
 
-    quiet = arguments.quiet or arguments.json
-    texture, rate, notes = read_texture("reconstruct.py", arguments, quiet)
-    pipe = load_pipeline(arguments.checkpoint, quiet)
+    arguments.quiet |= arguments.json
+    recording = read_recording_file("reconstruct.py", arguments, arguments.quiet)
+    pipe = load_pipeline(arguments.checkpoint, arguments.quiet)
     generator = torch.Generator("cpu").manual_seed(arguments.seed)
-    out = pipe.reconstruct(texture, rate, arguments.num_inference_steps, generator)
+    out = pipe.reconstruct(recording.texture, recording.rate, arguments.num_inference_steps, generator)
     reconstructed = out.textures[0]
-    reference = resample(texture, rate, out.sampling_rate)[: len(reconstructed)]
-    common = {"sampling_rate": out.sampling_rate, "friction_coefficient": float("nan"), "ratings": [float("nan")] * 3}
-    origin = {"seed": arguments.seed, "reference_speed": out.reference_speed}
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    files = [arguments.output / f"reconstruction{suffix}" for suffix in (".npz", ".wav", ".png")]
-    write_npz(files[0], reconstructed, **common, **origin)
-    write_wav(files[1], reconstructed, **common, **origin)
-    write_figure(files[2], reconstructed, **common, original=reference)
+    reference = resample(recording.texture, recording.rate, out.sampling_rate)[: len(reconstructed)]
+    files = write_texture(arguments, "reconstruction", out, original=reference)
     error = nine_band_error_db(reconstructed[None], reference[None], out.sampling_rate)
     return {
         "seconds": len(reconstructed) / out.sampling_rate,
         "nine_band_error_db": float(error[0]),
         "snr_db": float(snr_db(reconstructed[None], reference[None])[0]),
         "rms_mn": 1e3 * float(rms(reconstructed)),
-        "notes": notes,
+        "notes": recording.notes,
         "files": [str(path) for path in files],
     }

@@ -1,9 +1,30 @@
 """What commands share that take a recording: its arguments, how it is read, how what is made of it is written."""
 
+import math
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 from .program import checkpoint_name, positive_number, program, warn
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a file holds.
+
+    Attributes:
+        force (`np.ndarray`): (samples,), N, with its mean.
+        rate (`float`): Hz.
+        texture (`np.ndarray`): the force band-passed to 20-1000 Hz.
+        friction_coefficient (`float`): NaN where the file does not tell it.
+        notes (`list[str]`): how the file was understood.
+    """
+
+    force: object
+    rate: float
+    texture: object
+    friction_coefficient: float
+    notes: list
 
 
 def add_recording_arguments(parser):
@@ -30,7 +51,7 @@ def add_recording_arguments(parser):
     )
 
 
-def read_own(path):
+def _read_own(path):
     """Texture and metadata of a .npz file of this package, or of a WAV with its sidecar; `None` of another file."""
     import zipfile
 
@@ -46,26 +67,21 @@ def read_own(path):
     return None
 
 
-def read_force(arguments, quiet=True, script=""):
-    """Force with its mean, rate and notes; a texture of this package comes back in newtons."""
+def read_recording_file(script, arguments, quiet=True):
+    """The [`Recording`] that the arguments name; prints the notes, and warns of what is too loud."""
     from ..data.folder import read_recording
-
-    path, scale = arguments.recording_file, arguments.newtons_per_unit
-    own = read_own(path) if scale is None and arguments.column is None else None
-    if own is not None:
-        return own[0], own[1]["sampling_rate"], []
-    force, rate, notes = read_recording(path, arguments.column, arguments.rate, scale, arguments.recording)
-    for note in [] if quiet else notes:
-        print(f"{program(script)}: note: {note}", file=sys.stderr)
-    return force, rate, notes
-
-
-def read_texture(script, arguments, quiet=True):
-    """Texture (samples,) in N, band-passed, rate and notes; prints the notes, and warns of what is too loud."""
     from ..data.folder.recording import LARGEST_RMS
     from ..signal import REFERENCE_FORCE, band_pass, rms
 
-    force, rate, notes = read_force(arguments, quiet, script)
+    path, scale = arguments.recording_file, arguments.newtons_per_unit
+    own = _read_own(path) if scale is None and arguments.column is None else None
+    if own is not None:
+        force, rate, notes, friction = own[0], own[1]["sampling_rate"], [], own[1]["friction_coefficient"]
+    else:
+        force, rate, notes = read_recording(path, arguments.column, arguments.rate, scale, arguments.recording)
+        friction = math.nan
+    for note in [] if quiet else notes:
+        print(f"{program(script)}: note: {note}", file=sys.stderr)
     texture = band_pass(force - force.mean(), rate)
     if rms(texture) > LARGEST_RMS:
         warn(
@@ -73,17 +89,17 @@ def read_texture(script, arguments, quiet=True):
             f"{arguments.recording_file}: RMS {1e3 * rms(texture):.0f} mN is more than textures have at a normal force "
             f"of {REFERENCE_FORCE} N. Give --newtons_per_unit if these are not newtons.",
         )
-    return texture, rate, notes
+    return Recording(force, rate, texture, friction, notes)
 
 
-def write_texture(arguments, name, out, ratings=(None, None, None), original=None):
-    """Writes name.npz, .wav and .png of an output with one texture, and says so unless `--quiet`."""
+def write_texture(arguments, name, out, ratings=(math.nan,) * 3, row=0, original=None):
+    """Writes name.npz, .wav and .png of one texture of an output, says so unless `--quiet`, and returns the paths."""
     from ..export import write_figure, write_npz, write_wav
     from ..signal import rms
 
     arguments.output.mkdir(parents=True, exist_ok=True)
     npz, wav, png = files = [arguments.output / f"{name}{suffix}" for suffix in (".npz", ".wav", ".png")]
-    texture, friction = out.textures[0], float(out.friction_coefficient[0])
+    texture, friction = out.textures[row], float(out.friction_coefficient[row])
     common = {"sampling_rate": out.sampling_rate, "friction_coefficient": friction, "ratings": ratings}
     origin = {"reference_speed": out.reference_speed, "checkpoint": checkpoint_name(arguments.checkpoint)}
     for write, path in ((write_npz, npz), (write_wav, wav)):
@@ -91,4 +107,5 @@ def write_texture(arguments, name, out, ratings=(None, None, None), original=Non
     write_figure(png, texture, original=original, **common)
     if not arguments.quiet:
         seconds = len(texture) / out.sampling_rate
-        print(f"{seconds:.2f} s, RMS {1e3 * rms(texture):.2f} mN: {', '.join(str(path) for path in files)}")
+        print(f"{seconds:.2f} s, RMS {1e3 * rms(texture):.2f} mN: {', '.join(map(str, files))}")
+    return files

@@ -8,12 +8,12 @@ from .program import (
     add_checkpoint_argument,
     add_output_argument,
     add_seed_argument,
-    checkpoint_name,
     command,
     existing_file,
     load_pipeline,
     program,
 )
+from .recording_file import write_texture
 
 
 def parse_arguments(argv=None):
@@ -35,6 +35,7 @@ def parse_arguments(argv=None):
     add_output_argument(parser, "folder of the textures")
     add_checkpoint_argument(parser)
     add_seed_argument(parser, "of a new search")
+    add("--quiet", action="store_true", help="print nothing but errors and the best so far")
     return parser.parse_args(argv)
 
 
@@ -51,31 +52,16 @@ def main(argv=None):
         search = PreferenceSearch.load(arguments.search, pipe)
     else:
         search = PreferenceSearch(pipe, arguments.axes, arguments.directions, seed=arguments.seed)
+    arguments.seed = search.seed
     for word in words:
         search.next_pair()
         search.answer(word)
     search.save(arguments.search)
     best = search.best()
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    _write(arguments, search, search.propose(), ("first", "second"), search.next_pair())
-    _write(arguments, search, best.texture, ("best",), [list(best.point.values())])
+    pair = search.propose()
+    for row, name in enumerate(("first", "second")):
+        write_texture(arguments, name, pair, search.space.ratings(search.next_pair())[row], row)
+    write_texture(arguments, "best", best.texture, search.space.ratings([list(best.point.values())])[0])
     print(f"{len(search.answers)} answers; best so far, with its uncertainty:")
     for name, value in best.point.items():
         print(f"  {name} {value:+.2f} ± {best.uncertainty[name]:.2f}")
-
-
-def _write(arguments, search, out, names, points):
-    from ..export import write_npz, write_wav
-
-    ratings = search.space.ratings(points)
-    for number, name in enumerate(names):
-        about = {
-            "sampling_rate": out.sampling_rate,
-            "friction_coefficient": float(out.friction_coefficient[number]),
-            "ratings": ratings[number],
-            "seed": search.seed,
-            "reference_speed": out.reference_speed,
-            "checkpoint": checkpoint_name(arguments.checkpoint),
-        }
-        write_npz(arguments.output / f"{name}.npz", out.textures[number], **about)
-        write_wav(arguments.output / f"{name}.wav", out.textures[number], **about)

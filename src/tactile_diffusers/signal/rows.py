@@ -1,7 +1,6 @@
 """Checks of rows of samples and of small tables that a caller gives."""
 
 import numpy as np
-import torch
 
 #: Any length is taken, but more textures than samples, of no more samples than this, are the columns of a table.
 _MOST_COLUMNS = 16
@@ -61,7 +60,7 @@ def texture_rows(texture):
     Raises:
         ValueError: on another shape, columns of a table, or what is no real number (which is not cut to its real part).
     """
-    if isinstance(texture, torch.Tensor):
+    if hasattr(texture, "detach"):  # a tensor, without the import of torch
         texture = texture.detach().cpu()
         texture = (texture if texture.is_complex() else texture.double()).numpy()
     try:
