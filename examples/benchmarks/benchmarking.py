@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from tactile_diffusers.cli.program import (
@@ -16,7 +17,8 @@ from tactile_diffusers.cli.program import (
     add_seed_argument,
     count,
 )
-from tactile_diffusers.evaluation.result_files import write_results
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.evaluation.result_files import conditions, stamp, write_results
 
 #: A run that takes longer than this is not repeated, s.
 LONG_RUN = 10.0
@@ -36,16 +38,20 @@ def make_parser(script, description):
 
 
 def parse(parser, argv):
-    """The arguments, with torch's threads set."""
+    """The arguments, with torch's threads set, and the `conditions` of what is measured."""
     arguments = parser.parse_args(argv)
     if arguments.threads:
         torch.set_num_threads(arguments.threads)
+    data = getattr(arguments, "data", None)
+    data = data and PreparedDataset(data, "train")
+    arguments.conditions = conditions(arguments.checkpoint, data)
     return arguments
 
 
 def finish(arguments, name, report, text):
-    """Writes NAME.json and NAME.md, and prints the Markdown; returns exit code 0."""
-    write_results(arguments.output, name, report, text)
+    """Writes NAME.json and NAME.md, with the conditions, and prints the Markdown; returns exit code 0."""
+    text = f"{text}\n{stamp(arguments.conditions)}\n"
+    write_results(arguments.output, name, {"conditions": arguments.conditions} | report, text)
     print(text)
     return 0
 
@@ -61,13 +67,24 @@ def seconds_of(runs, repeats, long_run=LONG_RUN):
     Returns:
         `dict[str, float]`: name -> seconds.
     """
+    return {name: statistics.median(values) for name, values in timings(runs, repeats, long_run).items()}
+
+
+def spread(values):
+    """Half the distance of the quartiles, as a share of the median."""
+    low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
+    return (high - low) / 2 / middle
+
+
+def timings(runs, repeats, long_run=LONG_RUN):
+    """As `seconds_of`, all of them: name -> list of seconds."""
     first = {name: _seconds(run) for name, run in runs.items()}
     times = {name: [seconds] if seconds > long_run else [] for name, seconds in first.items()}
     for _ in range(repeats):
         for name, run in runs.items():
             if first[name] <= long_run:
                 times[name].append(_seconds(run))
-    return {name: statistics.median(values) for name, values in times.items()}
+    return times
 
 
 def _seconds(run):

@@ -1,10 +1,11 @@
 """How fast are other packages' models? `python examples/benchmarks/peers.py --output report`"""
 
+import statistics
 import sys
 from functools import partial
 
 import torch
-from benchmarking import LONG_RUN, finish, make_parser, parse, seconds_of
+from benchmarking import LONG_RUN, finish, make_parser, parse, seconds_of, spread, timings
 from peer_models import INSTALL, SIZE_TOLERANCE, audio_diffusion, size, unet_1d
 from speed import RATINGS
 from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
@@ -18,7 +19,7 @@ from tactile_diffusers.signal import SEGMENT_SECONDS
 STEPS = 10
 #: What would take longer than this, s, by its time at the batch before, is left out.
 LONGEST_RUN = 60.0
-OURS, ANCHOR = "ours", "paper's configuration"
+DEFAULT, OURS, ANCHOR = "ours, default call", "ours", "paper's configuration"
 _ABOUT = (
     "Throughput only: other packages' models have random weights. Ratings to latents to 1.6384 s of waveform, in turn "
     f"in one run, {STEPS} steps where a row does not say otherwise; a distilled model takes "
@@ -50,7 +51,7 @@ def other(peer):
 
 def competitors(checkpoint, anchor=None):
     """Rows of the comparison, name -> (networks, generate), and sentences on what is missing."""
-    rows, notes = {OURS: ours(checkpoint, STEPS), "ours, default steps": ours(checkpoint)}, []
+    rows, notes = {DEFAULT: ours(checkpoint), OURS: ours(checkpoint, STEPS)}, []
     if anchor is not None:
         rows[ANCHOR] = ours(anchor, STEPS)
     parameters = sum(map(size, rows[OURS][0]))
@@ -73,18 +74,31 @@ def multiply_adds(generate):
     return counter.get_total_flops() // 2
 
 
-def times(rows, batches, repeats):
-    """Seconds of a segment: batch -> row -> seconds, real-time factor, and how many times as fast ours is."""
+def peak_rate(size=2048):
+    """Multiply-adds a second of a large float32 matrix product, what this machine can do at most."""
+    a, b = torch.randn(2, size, size)
+    return size**3 / seconds_of({"": lambda: a @ b}, 5)[""]
+
+
+def times(rows, batches, repeats, work, peak):
+    """Seconds of segments: batch -> row -> columns.
+
+    `work` are the multiply-adds of a segment by row, `peak` those that the machine can do in a second. Spread is half
+    the distance of the quartiles over the median.
+    """
     found, last = {}, {}
     for number in batches:
         able = {name: row for name, row in rows.items() if last.get(name, 0.0) * number <= LONGEST_RUN}
-        seconds = seconds_of({name: partial(generate, number) for name, (_, generate) in able.items()}, repeats)
+        taken = timings({name: partial(generate, number) for name, (_, generate) in able.items()}, repeats)
+        seconds = {name: statistics.median(values) for name, values in taken.items()}
         last |= {name: value / number for name, value in seconds.items()}
         found[f"Batch {number}"] = {
             name: {
                 "s": value,
+                "spread, %": 100 * spread(taken[name]),
                 "real-time factor": value / (number * SEGMENT_SECONDS),
-                "ours is faster by": value / seconds[OURS],
+                "share of the peak, %": 100 * number * work[name] / (value * peak),
+                "default call is faster by": value / seconds[DEFAULT],
             }
             for name, value in seconds.items()
         }
@@ -108,10 +122,12 @@ def main(argv=None):
         }
         for name, (networks, generate) in rows.items()
     }
-    found, where = times(rows, sorted(set(arguments.batches)), arguments.repeats), machine()
-    parts = [title("Beside other models", 4) + _ABOUT, " ".join([f"{where}.", *notes]), markdown_table(models, 2)]
+    work, peak = {name: 1e9 * row["multiply-adds of a segment, G"] for name, row in models.items()}, peak_rate()
+    found, where = times(rows, sorted(set(arguments.batches)), arguments.repeats, work, peak), machine()
+    peak_text = f"A float32 matrix product of 2048 x 2048, the peak, runs at {peak / 1e9:.0f} G multiply-adds a second."
+    parts = [title("Beside other models", 4) + _ABOUT, " ".join([peak_text, *notes]), markdown_table(models, 2)]
     parts += [f"{name}\n\n{markdown_table(table, 3)}" for name, table in found.items()]
-    report = {"machine": where, "notes": notes, "models": models, "batches": found}
+    report = {"machine": where, "peak": peak, "notes": notes, "models": models, "batches": found}
     return finish(arguments, "peers", report, "\n\n".join(parts) + "\n")
 
 

@@ -8,10 +8,12 @@ import peer_models
 import peers
 import pytest
 import speed
+import speed_error
 import torch
-from benchmarking import seconds_of
+from benchmarking import finish, make_parser, parse, seconds_of
 
 from tactile_diffusers import TactileTexturePipeline
+from tactile_diffusers.evaluation.result_files import folder_digest, stamp
 
 
 @pytest.fixture
@@ -54,15 +56,19 @@ def test_the_comparison_is_complete(checkpoint, tmp_path, capsys, make_lctg, mon
     report = json.loads((tmp_path / "peers.json").read_text())
     assert "not installed" in report["notes"][0] and peer_models.INSTALL in report["notes"][0]
     models, batches = report["models"], report["batches"]
-    rows = {peers.OURS, peers.ANCHOR, "ours, default steps"}
+    rows = {peers.OURS, peers.ANCHOR, peers.DEFAULT}
     rows |= {"UNet1DModel, 18 M", "UNet1DModel, at our size"}
     assert set(models) == rows == set(batches["Batch 1"]) == set(batches["Batch 2"])
     sizes = [models[name]["parameters, M"] for name in (peers.OURS, "UNet1DModel, at our size")]
     assert abs(sizes[1] / sizes[0] - 1) <= peer_models.SIZE_TOLERANCE
     # a tenth of LCTG's steps and half of DALE's
     work = {name: row["multiply-adds of a segment, G"] for name, row in models.items()}
-    assert work["ours, default steps"] < work[peers.OURS] / 2
-    assert all(_finite(row.values()) for table in batches.values() for row in table.values())
+    assert work[peers.DEFAULT] < work[peers.OURS] / 2
+    assert all(
+        _finite(value for key, value in row.items() if key != "spread, %")
+        for table in batches.values()
+        for row in table.values()
+    )
     assert "Beside other models" in capsys.readouterr().out
 
 
@@ -91,7 +97,29 @@ def test_a_network_cut_to_a_size(parameters):
 
 def test_what_would_take_too_long_is_left_out(monkeypatch):
     monkeypatch.setattr(peers, "LONGEST_RUN", 0.5)
-    rows = {"slow": ([], lambda number: time.sleep(0.06)), "ours": ([], lambda number: None)}
-    found = peers.times(rows, [1, 2, 64, 128], 1)
+    rows = {"slow": ([], lambda number: time.sleep(0.06)), peers.DEFAULT: ([], lambda number: None)}
+    found = peers.times(rows, [1, 2, 64, 128], 1, dict.fromkeys(rows, 1.0), 1.0)
     # 0.03 s for each of two: 1.9 s for 64, though batches take no longer here
-    assert [set(table) for table in found.values()] == [{"slow", "ours"}] * 2 + [{"ours"}] * 2
+    assert [set(table) for table in found.values()] == [set(rows)] * 2 + [{peers.DEFAULT}] * 2
+
+
+def _row(seconds, ktd, told):
+    return {"s": seconds, speed_error.KTD: {"mean": ktd}, speed_error.TOLD: {"mean": told}}
+
+
+def test_speed_at_the_best_quality_of_another_model():
+    theirs = {f"{peers.ANCHOR}, 1 step": _row(0.1, 90.0, 0.7), f"{peers.ANCHOR}, 5 steps": _row(0.5, 30.0, 0.8)}
+    fast, slow, told = _row(0.01, 40.0, 0.6), _row(0.1, 30.0, 0.6), _row(0.01, 10.0, 0.9)
+    text = speed_error.summary(theirs | {"ours, default": fast, "ours, 9 steps": slow})
+    assert "5 steps; ours, 9 steps, is as good or better in both and 5 times" in text
+    assert "no row of ours" in speed_error.summary(theirs | {"ours, default": fast, "ours, 2 steps": told})
+
+
+def test_results_say_under_which_conditions(checkpoint, tmp_path):
+    arguments = parse(make_parser("x.py", "."), ["--checkpoint", str(checkpoint), "--output", str(tmp_path)])
+    finish(arguments, "x", {"rows": {}}, "text\n")
+    found = json.loads((tmp_path / "x.json").read_text())["conditions"]
+    assert found["checkpoint"]["sha256"] == folder_digest(checkpoint) and found["date"]
+    assert found["checkpoint"]["sha256"][:12] in (tmp_path / "x.md").read_text()
+    assert "other work ran beside it" in stamp(found | {"load_before": 2.0})
+    assert "other work" not in stamp(found | {"load_before": 0.1})

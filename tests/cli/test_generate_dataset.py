@@ -14,7 +14,7 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli.generate_dataset import main, texture_seeds
-from tactile_diffusers.evaluation.report import folder_digest
+from tactile_diffusers.evaluation.result_files import folder_digest
 from tactile_diffusers.export import read_generated
 from tactile_diffusers.export.generated import find_shards
 from tactile_diffusers.io.locks import fcntl, is_locked

@@ -15,7 +15,7 @@ from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli import evaluate, publish
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.card import write_card
-from tactile_diffusers.evaluation.report import folder_digest
+from tactile_diffusers.evaluation.result_files import folder_digest
 from tactile_diffusers.training.record import surfaces_of, trained_on
 
 RECORD = {

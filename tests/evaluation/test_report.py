@@ -15,8 +15,9 @@ from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prep
 from tactile_diffusers.evaluation import virtual_truth
 from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.metrics.statistics import is_leaf
-from tactile_diffusers.evaluation.report import folder_digest, run_sections
+from tactile_diffusers.evaluation.report import run_sections
 from tactile_diffusers.evaluation.report_tables import report_markdown
+from tactile_diffusers.evaluation.result_files import folder_digest
 from tactile_diffusers.evaluation.sections import QUICK, SECTIONS, Anchor, make_context, speed
 from tactile_diffusers.evaluation.sections.generation import matching_rows
 from tactile_diffusers.evaluation.sections.reconstruction import fewest_steps, power_percent

@@ -13,7 +13,7 @@ from tactile_diffusers.evaluation import FEATURE_NAMES, SecondJudge, tactile_fea
 from tactile_diffusers.evaluation.metrics.afferents import AFFERENT_FLOORS, AFFERENT_NAMES, TUNING, afferent_features
 from tactile_diffusers.evaluation.metrics.embedding import SCALE_FLOORS
 from tactile_diffusers.evaluation.second_judge import FOLDS
-from tactile_diffusers.evaluation.sections.second_judge import _Takes
+from tactile_diffusers.evaluation.sections.second_judge import Takes
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_pass
 
 SURFACES, TAKES, FEATURES = 60, 3, 12
@@ -163,7 +163,7 @@ def test_surfaces_that_share_a_take_or_are_silent_are_left_out():
     context = SimpleNamespace(
         data=data, seed=0, settings=SimpleNamespace(judge_takes=1), rng=lambda purpose: np.random.default_rng(0)
     )
-    takes = _Takes(context)
+    takes = Takes(context)
     assert takes.left_out == 4 and takes.surfaces.tolist() == [0, 3, 6, 7, 8, 9]
     assert [order.shape for order in takes.rounds] == [(6, 3)] * 3
     assert [sorted(ids[rows]) for rows in takes.rows] == [[surface] * 3 for surface in takes.surfaces]

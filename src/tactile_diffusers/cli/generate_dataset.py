@@ -152,7 +152,7 @@ def _settings(arguments, pipe, folder, ratings, options):
     import diffusers
     import torch
 
-    from ..evaluation.report import folder_digest
+    from ..evaluation.result_files import folder_digest
     from ..version import __version__
 
     return {

@@ -144,7 +144,7 @@ def _fill(arguments, temporary):
     from tactile_diffusers import TactileTexturePipeline
 
     from ..data import PreparedDataset
-    from ..evaluation.report import folder_digest
+    from ..evaluation.result_files import folder_digest
     from ..pipelines.hub import forget_folders
     from ..training.card import write_card
     from ..training.record import surfaces_of, trained_on, write_surfaces

@@ -1,6 +1,5 @@
 """The report: runs sections, keeps each that is done, and puts them together."""
 
-import hashlib
 import json
 import os
 import platform
@@ -16,7 +15,7 @@ from ..io.files import write_text
 from ..io.reading import read_json
 from ..training.record import count_seen, phases, read_losses, read_record, surfaces_of, trained_on
 from .metrics.embedding import EMBEDDING_VERSION
-from .result_files import machine_facts
+from .result_files import folder_digest, machine_facts
 from .sampling import one_thread
 from .sections import SECTIONS, WITHOUT_RATINGS
 from .sections.reconstruction import measure_anchor
@@ -152,20 +151,6 @@ def _conditions(context, checkpoint):
         "machine": machine_facts(),
     }
     return json.loads(json.dumps(state))
-
-
-def folder_digest(folder):
-    """SHA-256 over the configs and weights of a checkpoint folder; reports and training checkpoints do not count."""
-    folder, digest = Path(folder), hashlib.sha256()
-    index = folder / "model_index.json"
-    components = read_json(index, "the index of a checkpoint") if index.is_file() else ()
-    parts = {index.name, "training.json", *components}
-    for path in sorted(folder.rglob("*")):
-        place = path.relative_to(folder)
-        if place.parts[0] in parts and path.suffix in (".json", ".safetensors"):
-            digest.update(str(place).encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 def _data_facts(data):

@@ -1,13 +1,36 @@
-"""How results are written: the machine that measured them, and files of one name."""
+"""How results are written: under which conditions they were measured, and files of one name."""
 
+import hashlib
 import json
 import os
 import platform
+import shlex
+import subprocess
+import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 import torch
 
 from ..io.files import write_text
+from ..io.reading import read_json
+
+#: A load of the machine over this, before a measurement begins, is other work beside it.
+IDLE = 0.5
+
+
+def folder_digest(folder):
+    """SHA-256 over the configs and weights of a checkpoint folder; reports and training checkpoints do not count."""
+    folder, digest = Path(folder), hashlib.sha256()
+    index = folder / "model_index.json"
+    components = read_json(index, "the index of a checkpoint") if index.is_file() else ()
+    parts = {index.name, "training.json", *components}
+    for path in sorted(folder.rglob("*")):
+        place = path.relative_to(folder)
+        if place.parts[0] in parts and path.suffix in (".json", ".safetensors"):
+            digest.update(str(place).encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def machine_facts():
@@ -25,6 +48,46 @@ def machine(computing=None):
     """The machine in words: processor, what computes (by default torch's threads), version of torch."""
     computing = computing or f"{torch.get_num_threads()} threads"
     return f"{machine_facts()['processor']}, {computing}, torch {torch.__version__}"
+
+
+def conditions(checkpoint, data=None):
+    """What a result is of, a dict for JSON: ask before the measurement, which is a load of its own.
+
+    Args:
+        checkpoint (`str` or `Path`): a folder, or a Hub id, of which there is no digest.
+        data (`PreparedDataset`, *optional*): that it is measured on.
+    """
+    folder = Path(checkpoint)
+    where = subprocess.run(
+        ["git", "-C", Path(__file__).parent, "describe", "--always", "--dirty"], capture_output=True, text=True
+    )
+    return {
+        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "checkpoint": {"name": folder.name, "sha256": folder_digest(folder) if folder.is_dir() else None},
+        "data": None if data is None else _data_facts(data),
+        "machine": machine_facts() | {"torch": torch.__version__},
+        "load_before": round(os.getloadavg()[0], 2),
+        "commit": where.stdout.strip() or None,
+        "date": datetime.now(UTC).date().isoformat(),
+    }
+
+
+def _data_facts(data):
+    facts = ("source", "recipe_version", "seed")
+    return {"name": Path(data.path).name} | {name: data.attributes[name] for name in facts if name in data.attributes}
+
+
+def stamp(found):
+    """The conditions in one line of Markdown."""
+    facts, data = found["machine"], found["data"]
+    parts = [f"Checkpoint {found['checkpoint']['name']} {(found['checkpoint']['sha256'] or '')[:12]}".strip()]
+    if data is not None:
+        parts.append(", ".join(f"{name} {value}" for name, value in data.items()))
+    parts.append(f"{facts['processor']}, {facts['threads']} threads, torch {facts['torch']}")
+    parts += [f"commit {found['commit']}", found["date"], f"`{found['command']}`"]
+    if found["load_before"] > IDLE:
+        parts.append(f"other work ran beside it (load {found['load_before']}): ratios count, seconds do not")
+    return "*" + "; ".join(parts) + ".*"
 
 
 def write_results(output, name, report, text, indent=2):

@@ -36,7 +36,7 @@ def run(context):
     layers -> feature set -> kind -> LCTG's share minus that of no network. "left_out": surfaces with a take that is
     silent or equal to one of another surface.
     """
-    takes, rows, shares = _Takes(context), {}, {}
+    takes, rows, shares = Takes(context), {}, {}
     if len(takes.surfaces) < FOLDS:
         return {"second_judge": None}
     for name, make in _rows(context, takes).items():  # another real take comes first
@@ -61,7 +61,7 @@ def run(context):
     return {"second_judge": facts | {"rows": rows, "network": network}}
 
 
-class _Takes:
+class Takes:
     """Real takes of the held-out surfaces, and what judges make of others in their place.
 
     Takes play three parts: the surface's, the real one, and the one in whose place another is put. They are dealt anew,
