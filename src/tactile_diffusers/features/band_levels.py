@@ -16,7 +16,8 @@ from ..signal import band_edges
 SMOOTHING_SECONDS = 0.4
 #: Powers relative to white noise of unit RMS below which a band counts as silent.
 POWER_FLOOR = 1e-6
-#: Times that levels are measured and corrected: gains overlap in time and frequency, so one pass falls short of them.
+#: Times that gains are corrected, on the powers of one transform: they overlap in time, so one time falls short. What
+#: the synthesis smears over neighbouring bins stays: 0.043 dB in nine bands, where three transforms leave 0.041.
 PASSES = 3
 #: Largest correction in dB: more means that the decoder left a band empty, and would only lift its noise.
 LARGEST_GAIN_DB = 20.0
@@ -84,9 +85,12 @@ class _Grid:
         """Undoes `transform`."""
         return torch.istft(transform, self.window, self.hop, window=self.hann, length=samples).numpy()
 
-    def log_powers(self, transform, smooth=True):
-        """(batch, bins, frames + 1) -> (batch, bands, frames), natural log of power over white noise's."""
-        power = self.sums @ (transform.real.square() + transform.imag.square())
+    def powers(self, transform):
+        """(batch, bins, frames + 1) -> (batch, bands, frames + 1): power over white noise's, at the edges of hops."""
+        return self.sums @ (transform.real.square() + transform.imag.square())
+
+    def log_powers(self, power, smooth=True):
+        """(batch, bands, frames + 1) of `powers` -> (batch, bands, frames), natural log."""
         power = 0.5 * (power[..., 1:] + power[..., :-1])  # from the edges of hops to their middles
         if smooth:
             half = len(self.smoothing) // 2
@@ -94,16 +98,20 @@ class _Grid:
             power = torch.nn.functional.conv1d(padded, self.smoothing[None, None]).view_as(power)
         return torch.log(power + POWER_FLOOR)
 
-    def fast_modulation(self, transform):
+    def fast_modulation(self, power):
         """What the window resolves and the smoothing does not."""
-        return self.log_powers(transform, smooth=False) - self.log_powers(transform)
+        return self.log_powers(power, smooth=False) - self.log_powers(power)
 
-    def amplify(self, transform, gains):
-        """Bins multiplied by the exponentials of gains of their bands, (batch, bands, frames)."""
+    @staticmethod
+    def factors(gains):
+        """(batch, bands, frames) natural logs of amplitude -> factors (batch, bands, frames + 1), at edges of hops."""
         edges = torch.nn.functional.pad(gains, (1, 1), mode="replicate")
-        edges = torch.exp(0.5 * (edges[..., 1:] + edges[..., :-1]))  # back to the edges of hops
+        return torch.exp(0.5 * (edges[..., 1:] + edges[..., :-1]))
+
+    def amplify(self, transform, factors):
+        """Bins multiplied by the factors of their bands."""
         # real times complex would be computed as complex times complex
-        return torch.view_as_complex(torch.view_as_real(transform) * edges[:, self.members, :, None])
+        return torch.view_as_complex(torch.view_as_real(transform) * factors[:, self.members, :, None])
 
 
 def measure_band_levels(waveform, sampling_rate, band, count, window, hop):
@@ -121,7 +129,7 @@ def measure_band_levels(waveform, sampling_rate, band, count, window, hop):
         RMS, smoothed over 0.4 s; the last row is what lies above `band`.
     """
     grid = _Grid(sampling_rate, band, count, window, hop, torch.float64)
-    return grid.log_powers(grid.transform(np.asarray(waveform))).numpy()
+    return grid.log_powers(grid.powers(grid.transform(np.asarray(waveform)))).numpy()
 
 
 def measure_fast_modulation(waveform, sampling_rate, band, count, window, hop):
@@ -133,7 +141,7 @@ def measure_fast_modulation(waveform, sampling_rate, band, count, window, hop):
         `np.ndarray`: (batch, count + 1, samples / hop) float64, difference of natural logs of power.
     """
     grid = _Grid(sampling_rate, band, count, window, hop, torch.float64)
-    return grid.fast_modulation(grid.transform(np.asarray(waveform))).numpy()
+    return grid.fast_modulation(grid.powers(grid.transform(np.asarray(waveform)))).numpy()
 
 
 def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, modulation_gain=None):
@@ -152,16 +160,14 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, modul
     waveform = np.asarray(waveform, dtype=np.float32)
     grid = _Grid(sampling_rate, band, levels.shape[1] - 1, window, hop, torch.float32)
     levels = torch.as_tensor(np.asarray(levels), dtype=torch.float32)
-    limit, gains = LARGEST_GAIN_DB * np.log(10) / 20, 0.0
-    transform = restored = grid.transform(waveform)
-    for number in range(PASSES + (modulation_gain is not None)):
-        if number < PASSES:
-            step = levels - grid.log_powers(restored)
-        else:
-            factors = torch.as_tensor(np.asarray(modulation_gain), dtype=torch.float32)[..., None]
-            step = (factors - 1) * grid.fast_modulation(restored)
-        gains = torch.clamp(gains + 0.5 * step, -limit, limit)
-        shaped = grid.invert(grid.amplify(transform, gains), waveform.shape[-1])
-        if number + 1 < PASSES + (modulation_gain is not None):
-            restored = grid.transform(shaped)
-    return shaped
+    limit, gains = LARGEST_GAIN_DB * np.log(10) / 20, torch.zeros_like(levels)
+    transform = grid.transform(waveform)
+    power = grid.powers(transform)
+    for _ in range(PASSES):
+        restored = power * grid.factors(gains).square()
+        gains = torch.clamp(gains + 0.5 * (levels - grid.log_powers(restored)), -limit, limit)
+    if modulation_gain is not None:
+        deepened = torch.as_tensor(np.asarray(modulation_gain), dtype=torch.float32)[..., None] - 1
+        restored = power * grid.factors(gains).square()
+        gains = torch.clamp(gains + 0.5 * deepened * grid.fast_modulation(restored), -limit, limit)
+    return grid.invert(grid.amplify(transform, grid.factors(gains)), waveform.shape[-1])
