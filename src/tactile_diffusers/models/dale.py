@@ -30,6 +30,7 @@ from .dale_state import (
 )
 from .distilled import check_distilled_steps
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
+from .hooks import HookMixin
 from .rating_statistics import RatingStatistics
 from .safe_loading import SafeLoadingMixin
 from .scalar_network import ScalarNetwork
@@ -39,7 +40,7 @@ from .unet_1d import UNet1D, from_patches, to_patches
 NUM_SCALARS = 2
 
 
-class DALEModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
+class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMixin, AttentionMixin, PeftAdapterMixin):
     r"""
     Velocity network in the latent space of LCTG, steered by perceptual ratings.
 

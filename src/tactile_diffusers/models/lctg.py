@@ -16,6 +16,7 @@ from ..schedulers.angles import to_angle
 from .compiling import CompileMixin
 from .distilled import check_distilled_steps
 from .embeddings import TimestepEmbedder, expand_timestep
+from .hooks import HookMixin
 from .safe_loading import SafeLoadingMixin
 from .unet_1d import ChannelRMSNorm, UNet1D
 
@@ -90,7 +91,7 @@ class TactileEncoder(nn.Module):
         return torch.tanh(self.conv_out(self.act(self.norm_out(hidden_states))))
 
 
-class LCTGModel(SafeLoadingMixin, CompileMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
+class LCTGModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMixin, PeftAdapterMixin):
     r"""
     Encoder and velocity decoder between a texture and a compact latent.
 
