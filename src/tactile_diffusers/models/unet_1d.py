@@ -14,6 +14,8 @@ from .attention import CrossAttention1D
 
 #: up to this number of positions a convolution is computed as a matrix product over patches
 FEW_POSITIONS = 8
+#: from this number of rows on its channels are last in memory, on CPUs
+MANY_ROWS = 8
 #: each level halves the length: no texture is longer than 2^32 samples
 MOST_LEVELS = 32
 
@@ -31,17 +33,22 @@ class ChannelRMSNorm(nn.Module):
 
 
 class Conv1d(nn.Conv1d):
-    """`nn.Conv1d`, computed as one matrix product where it has few positions.
+    """`nn.Conv1d`, computed as one matrix product where it has few positions, and channels last in a batch.
 
     On CPUs, PyTorch multiplies the weights by a matrix with a column for each position; with eight columns or fewer a
-    product with the two exchanged is about three times as fast.
+    product with the two exchanged is about three times as fast. A batch of eight or more is a tenth faster with its
+    channels last in memory, which PyTorch does for two-dimensional convolutions alone; blocks between keep that order.
     """
 
     def forward(self, hidden_states):
         (size,), (stride,), (padding,) = self.kernel_size, self.stride, self.padding
-        # a compiled or exported graph has one form for all lengths
-        if torch.compiler.is_compiling() or hidden_states.shape[-1] + 2 * padding - size >= FEW_POSITIONS * stride:
+        if torch.compiler.is_compiling():  # a compiled or exported graph has one form for all lengths and batches
             return super().forward(hidden_states)
+        if hidden_states.shape[-1] + 2 * padding - size >= FEW_POSITIONS * stride:
+            if len(hidden_states) < MANY_ROWS or hidden_states.device.type != "cpu":
+                return super().forward(hidden_states)
+            last = hidden_states[:, :, None].contiguous(memory_format=torch.channels_last)
+            return F.conv2d(last, self.weight[:, :, None], self.bias, (1, stride), (0, padding)).squeeze(2)
         patches = F.pad(hidden_states, (padding, padding)).unfold(2, size, stride).transpose(1, 2).flatten(2)
         return F.linear(patches, self.weight.flatten(1), self.bias).transpose(1, 2)
 
