@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch._dynamo.utils import counters
 
-#: One row or more, the shortest length or longer, a length to be padded or not: torch keeps a graph of each, not of each
+#: One row or more, the shortest length or longer, padded or not: torch keeps a graph of each of these, not of each
 #: length and batch.
 MOST = 8
 
