@@ -12,7 +12,7 @@ from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import existing_file, load_pipeline, refuse
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.held_out import check_fit
+from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.evaluation.metrics.reference import Reference
 from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title

@@ -3,9 +3,10 @@
 import numpy as np
 import torch
 
+from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.evaluation.baselines import BaselineRequest, Decimated, latent_rate
 from tactile_diffusers.evaluation.envelopes import Grid
-from tactile_diffusers.evaluation.held_out import check_fit, open_held_out
+from tactile_diffusers.evaluation.held_out import open_held_out
 from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key, snr_db
 from tactile_diffusers.evaluation.sampling import noise_seeds, reconstruct
 from tactile_diffusers.evaluation.sections import Context, Settings

@@ -78,7 +78,7 @@ class TestPooling:
         np.testing.assert_array_equal(first, second)
 
     def test_impossible_ratings_are_errors(self, scores):
-        renamed = RaterScores(scores.values, scores.raters, scores.surfaces, ("rough", *RATING_AXES[1:]))
+        renamed = RaterScores(scores.values, scores.raters, scores.surfaces, ("first", *RATING_AXES[1:]))
         twice = RaterScores(scores.values, scores.raters, (*SURFACES[:8], "s2"), RATING_AXES)
         alike = RaterScores(scores.values * [0, 1, 1], scores.raters, scores.surfaces, RATING_AXES)
         for bad, message in (

@@ -13,9 +13,10 @@ from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.models.calibration import scalar_shift
 from tactile_diffusers.training import adapting
-from tactile_diffusers.training.adapting import Errors, adapt
+from tactile_diffusers.training.adapting import adapt
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.recalibration import Recalibration, Surfaces, explain, generate_surfaces, recalibrate
+from tactile_diffusers.training.verdict import Errors
 
 SHORT = {"train_batch_size": 4, "lr_warmup_steps": 1, "checkpointing_steps": 2, "validation_steps": 2}
 SHORT |= {"max_train_steps": 4, "quiet": True}
@@ -115,7 +116,7 @@ def _change(dale, rng, axes=3):
     learned = dale.latent_channels - bands - dale.config.envelope_channels
     shapes = np.zeros(learned), np.ones(learned), np.ones(bands)
     offset, slopes, factor = rng.normal(size=size), rng.normal(size=(axes, size)), np.exp(0.1 * rng.normal(size=size))
-    return Recalibration(offset, slopes, factor, np.array([0.5, 0.0, 0.0]), np.eye(axes) + 0.3, shapes)
+    return Recalibration(offset, slopes, factor, np.array([0.5, 0.0, 0.0]), np.eye(axes) + 0.3, axes, shapes)
 
 
 class TestCalibratedModel:

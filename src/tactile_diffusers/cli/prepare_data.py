@@ -11,6 +11,7 @@ from ..data.sens3 import convert_sens3
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
+from ..virtual.further_axes import FURTHER_AXES
 from ..virtual.raters import RATERS, RATING_CORRELATION
 from .program import Parser, command, count, existing_file, existing_folder, positive_number, program, seed
 
@@ -25,6 +26,7 @@ SOURCE_OPTIONS = {
         "raters": RATERS,
         "rating_correlation": RATING_CORRELATION,
         "impulsiveness": 1.0,
+        "further_axes": (),
         "workers": 1,
         "output": None,
     },
@@ -94,6 +96,8 @@ def _add_virtual(add):
     shown = "{:g} {:g} {:g}".format(*RATING_CORRELATION)
     purpose = f"correlations of (rough, bumpy), (rough, slippery), (bumpy, slippery) in the ratings; default: {shown}"
     add("--rating_correlation", nargs=3, type=float, metavar="R", help=purpose)
+    shown = f"axes beside the three on which the raters answer, of {', '.join(FURTHER_AXES)}; default: none"
+    add("--further_axes", nargs="+", choices=FURTHER_AXES, metavar="AXIS", help=shown)
     number("workers", count, "processes; the result does not depend on it")
     add("--calibrate", action="store_true", help="recompute the constants of the percepts, and stop")
 

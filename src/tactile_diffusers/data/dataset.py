@@ -42,8 +42,9 @@ class PreparedDataset(torch.utils.data.Dataset):
         recordings (`tuple[str, ...]`): names of all recordings of the file, "surface/explorer/trial".
         explorers (`int`): how many in the whole file.
         ratings (`SurfaceRatings`): of all surfaces of the file: mean, std and count over raters, the z-scores of single
-            raters, and their reliability. If raters are held out, of these in the split "hard", of the others
-            elsewhere.
+            raters, and their reliability, on the axes of `RATING_AXES` or those of `set_axes`. If raters are held out,
+            of these in the split "hard", of the others elsewhere.
+        rating_axes (`tuple[str, ...]`): all axes that the raters were asked about.
         segments (`SegmentTable`): one row a segment of this view. Its columns, and what follows from them, (len,):
         recording_ids, surface_ids (`np.ndarray`): int64, of each segment.
         starts (`np.ndarray`): int64, first sample of each within its recording, at this view's rate.
@@ -118,10 +119,19 @@ class PreparedDataset(torch.utils.data.Dataset):
         self._splits = Splits(surfaces["split"], **recordings)
         self.splits = tuple(SPLITS[number] for number in surfaces["split"])
         group = "ratings_hard" if self.split == "hard" and "ratings_hard" in file else "ratings"
-        self.ratings = SurfaceRatings.from_dict(read_group(file[group]))
-        for values in (self.ratings.mean, self.ratings.std, self.ratings.count):
-            if np.shape(values) != (len(self.surfaces), len(RATING_AXES)) or np.isinf(values).any():
+        self.ratings = self._all_ratings = ratings = SurfaceRatings.from_dict(read_group(file[group]))
+        self.rating_axes = ratings.axes
+        for values in (ratings.mean, ratings.std, ratings.count):
+            if np.shape(values) != (len(self.surfaces), len(self.rating_axes)) or np.isinf(values).any():
                 raise ValueError("ratings are not those of its surfaces")
+        self.set_axes(RATING_AXES)
+
+    def set_axes(self, axes=None):
+        """Chooses the axes of `ratings` and their order; `None` = all that there are. Returns the view itself."""
+        axes = self.rating_axes if axes is None else tuple(axes)
+        if self.ratings.axes != axes:
+            self.ratings = self._all_ratings.take(axes)
+        return self
 
     def _read_segments(self, file, max_samples, max_surfaces):
         table = SegmentTable(**read_group(file[f"segments/{self.subset}"]))

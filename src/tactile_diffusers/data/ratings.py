@@ -1,4 +1,7 @@
-"""Ratings: from raters' answers to one vector per surface (paper section 2.1), and how far the raters agree."""
+"""Ratings: from raters' answers to one vector per surface (paper section 2.1), and how far the raters agree.
+
+Axes are what the data name: the three of `RATING_AXES` come first, others follow.
+"""
 
 from dataclasses import dataclass, field
 
@@ -8,6 +11,9 @@ from ..signal import RATING_AXES, coverage_distance
 
 #: A rater whose answers (0-8 scale) have a smaller standard deviation gives one answer: the rest is rounding.
 LEAST_DEVIATION = 1e-6
+#: Beginnings of the words that name the three axes, or their other direction.
+_STEMS = dict(zip(RATING_AXES, (("rough", "smooth"), ("bump", "flat", "even"), ("slipper", "stick")), strict=True))
+_LARGER = dict(zip(RATING_AXES, ("rougher", "bumpier", "more slippery"), strict=True))
 #: Correlations over fewer common surfaces are left out: over two, every one is 1 or -1.
 LEAST_COMMON = 3
 #: Why a rater is left out of an axis, by the number of answers.
@@ -53,14 +59,15 @@ class SurfaceRatings:
     """Pooled ratings of surfaces.
 
     Attributes:
-        mean (`np.ndarray`): (surfaces, 3) float32, mean over raters of their z-scores; NaN = not rated.
-        std (`np.ndarray`): (surfaces, 3) float32, population standard deviation over raters.
-        count (`np.ndarray`): (surfaces, 3) float32, raters that answered.
-        raw_mean, raw_scale (`np.ndarray`): (3,) float32, the typical rater's mean and standard deviation, 0-8 scale.
+        mean (`np.ndarray`): (surfaces, axes) float32, mean over raters of their z-scores; NaN = not rated.
+        std (`np.ndarray`): (surfaces, axes) float32, population standard deviation over raters.
+        count (`np.ndarray`): (surfaces, axes) float32, raters that answered.
+        raw_mean, raw_scale (`np.ndarray`): (axes,) float32, the typical rater's mean and standard deviation, 0-8 scale.
         left_out (`list[str]`): raters left out of an axis, and why.
         reliability (`RatingReliability` or `None`): how far the raters agree; `None` if nobody rated.
-        single (`np.ndarray` or `None`): (raters, surfaces, 3) float32, z-scores of single raters, NaN = no answer;
+        single (`np.ndarray` or `None`): (raters, surfaces, axes) float32, z-scores of single raters, NaN = no answer;
             `None` if nobody rated.
+        axes (`tuple[str, ...]`): their names.
     """
 
     mean: np.ndarray
@@ -71,11 +78,24 @@ class SurfaceRatings:
     left_out: list = field(default_factory=list)
     reliability: RatingReliability | None = None
     single: np.ndarray | None = None
+    axes: tuple[str, ...] = RATING_AXES
+
+    def take(self, axes):
+        """The same ratings on these axes, in this order; NaN where nobody was asked. Reliability stays that of all."""
+        columns = [self.axes.index(axis) if axis in self.axes else None for axis in axes]
+
+        def taken(values, nothing=np.nan):
+            parts = [np.full(values.shape[:-1], nothing) if c is None else values[..., c] for c in columns]
+            return np.stack(parts, axis=-1).astype(np.float32)
+
+        single = None if self.single is None else taken(self.single)
+        moments = taken(self.mean), taken(self.std), taken(self.count, 0), taken(self.raw_mean), taken(self.raw_scale)
+        return SurfaceRatings(*moments, self.left_out, self.reliability, single, tuple(axes))
 
     @classmethod
     def from_dict(cls, fields):
         """The inverse of `dataclasses.asdict`."""
-        fields = {**fields, "left_out": list(fields["left_out"])}
+        fields = {**fields, "left_out": list(fields["left_out"]), "axes": tuple(fields.get("axes", RATING_AXES))}
         if fields.get("reliability") is not None:
             fields["reliability"] = RatingReliability(**fields["reliability"])
         return cls(**fields)
@@ -93,6 +113,7 @@ def pool_ratings(scores, surfaces, training):
 
     The mean is never standardised again: as raters disagree, it varies less over surfaces than one rater's z-scores. A
     rater without two different answers on training surfaces is left out of that axis, and `left_out` names the rater.
+    A further axis on which nobody differs is left out, too.
 
     Args:
         scores (`RaterScores`): answers on the 0-8 scale, NaN = missing.
@@ -103,32 +124,59 @@ def pool_ratings(scores, surfaces, training):
         `SurfaceRatings`.
 
     Raises:
-        ValueError: if an axis of `RATING_AXES` is missing, a surface is named twice, or no rater is left on one axis.
+        ValueError: if an axis of `RATING_AXES` is missing, axes clash (`check_axes`), a surface is named twice, or no
+            rater is left on one of `RATING_AXES`.
     """
-    axes = _axis_numbers(scores, RATING_AXES)
+    names = check_axes(scores.axes)
+    axes = _axis_numbers(scores, names)
     column = {name: i for i, name in enumerate(scores.surfaces)}
     if len(column) < len(scores.surfaces):
         twice = next(name for i, name in enumerate(scores.surfaces) if column[name] != i)
         raise ValueError(f"`scores` has the surface {twice!r} more than once: merge or rename its answers.")
-    values = np.full((len(scores.raters), len(surfaces), len(RATING_AXES)), np.nan)
+    values = np.full((len(scores.raters), len(surfaces), len(names)), np.nan)
     rated = [i for i, name in enumerate(surfaces) if name in column]
     values[:, rated] = scores.values[:, [column[surfaces[i]] for i in rated]][:, :, axes]
 
     mean, scale, answers = _moments(values[:, training], axis=1)
     usable = scale > LEAST_DEVIATION
     left_out = [
-        f"{scores.raters[r]} on {RATING_AXES[a]}: {_TOO_FEW[min(2, answers[r, a])]} training surfaces"
+        f"{scores.raters[r]} on {names[a]}: {_TOO_FEW[min(2, answers[r, a])]} training surfaces"
         for r, a in np.argwhere(~usable)
     ]
-    if not usable.any(axis=0).all():
-        axis = RATING_AXES[int(np.argmin(usable.any(axis=0)))]
+    rated = usable.any(axis=0)
+    if not rated[: len(RATING_AXES)].all():
+        axis = RATING_AXES[int(np.argmin(rated))]
         raise ValueError(f"No rater differs between training surfaces on {axis}: add ratings or training surfaces.")
     z = (values - mean[:, None]) / np.where(usable, scale, np.nan)[:, None]
     pooled, deviation, count = _moments(z, axis=0)
     pooled[count == 0] = deviation[count == 0] = np.nan
+    kept = tuple(name for name, known in zip(names, rated, strict=True) if known)
+    usable, mean, scale, *pooled = (array[:, rated] for array in (usable, mean, scale, pooled, deviation, count))
     typical = [np.nanmean(np.where(usable, moment, np.nan), axis=0).astype(np.float32) for moment in (mean, scale)]
-    pooled = [array.astype(np.float32) for array in (pooled, deviation, count)]
-    return SurfaceRatings(*pooled, *typical, left_out, rating_reliability(scores), z.astype(np.float32))
+    pooled = [array.astype(np.float32) for array in pooled]
+    reliability = rating_reliability(scores, kept)
+    return SurfaceRatings(*pooled, *typical, left_out, reliability, z[..., rated].astype(np.float32), kept)
+
+
+def check_axes(axes):
+    """The names of axes, those of `RATING_AXES` first.
+
+    Raises:
+        ValueError: if two names are the same but for capitals, or one names an axis of `RATING_AXES` another way or
+            in the other direction, such as "smoothness".
+    """
+    found = {}
+    for axis in axes:
+        known = [ours for ours, stems in _STEMS.items() if axis.lower().startswith(stems)]
+        if known and axis != known[0]:
+            raise ValueError(
+                f"`axes`: {axis!r} is {known[0]!r} by another name or in the other direction. Call it {known[0]}; "
+                f"larger answers must mean {_LARGER[known[0]]}."
+            )
+        if axis.lower() in found:
+            raise ValueError(f"`axes`: {found[axis.lower()]!r} and {axis!r} are the same name. Rename one of them.")
+        found[axis.lower()] = axis
+    return (*(axis for axis in RATING_AXES if axis in axes), *(axis for axis in axes if axis not in RATING_AXES))
 
 
 def _axis_numbers(scores, axes):

@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 
 from ..data import PreparedDataset
-from ..data.checkpoint_fit import check_fit  # noqa: F401 (where evaluations look for it)
 from ..data.splits import SPLITS
 from ..signal import band_edges, band_levels_db
 from .baselines import BaselineRequest, TrainingTextures

@@ -24,8 +24,8 @@ CHUNK = 256
 class RatedTextures:
     """Measures of textures of rated surfaces, from which the truth of any request is estimated.
 
-    `measures` are name -> (n, ...), one entry per texture; `surface_ids` (n,) are rows of `ratings` (S, 3), NaN = not
-    rated. `importance` (S,) is how much of the population a surface stands for: ones, or draws over probability if they
+    `measures` are name -> (n, ...), one entry per texture; `surface_ids` (n,) are rows of `ratings` (S, axes), NaN =
+    not rated. `importance` (S,) is how much of the population a surface stands for: ones, or draws over probability if they
     were drawn. `dropped` surfaces gave no texture. A ValueError if these do not fit together.
     """
 
@@ -98,7 +98,7 @@ class RatedTextures:
 
     def change(self, name, request):
         """`mean` over that of the whole population, and its 95 % interval as of `interval`: (...,) and two of these."""
-        nothing = np.full(len(RATING_AXES), np.nan)
+        nothing = np.full(self.ratings.shape[1], np.nan)
         (value, left_out), (base, base_left_out) = (self._left_out(name, r) for r in (request, nothing))
         return value - base, self._interval(request, value - base, left_out - base_left_out)
 
@@ -132,20 +132,21 @@ class RatedTextures:
 
 
 def log_kernel(ratings, request, width=KERNEL_WIDTH):
-    """Log of the Gaussian kernel between surfaces' ratings (S, 3) and a request (3,) over its specified axes: (S,).
+    """Log of the Gaussian kernel between ratings (S, axes) and a request (axes,) over its specified axes: (S,).
 
     0 at the request itself, -inf for a surface that is not rated on a specified axis. A ValueError if `request` is not
-    three ratings, `width` (z-scores) is not above zero, or no surface is rated on a specified axis.
+    a rating of each axis, `width` (z-scores) is not above zero, or no surface is rated on a specified axis.
     """
     request = np.asarray(request, dtype=np.float64)  # None becomes NaN
-    if request.shape != (len(RATING_AXES),) or np.isinf(request).any():
-        raise ValueError(f"`request` must be {len(RATING_AXES)} ratings, NaN = not specified, got {request.tolist()}.")
+    axes = ratings.shape[1]
+    if request.shape != (axes,) or np.isinf(request).any():
+        raise ValueError(f"`request` must be {axes} ratings, NaN = not specified, got {request.tolist()}.")
     if not width > 0:
         raise ValueError(f"`width` must be above zero, got {width}.")
     specified = ~np.isnan(request)
     logs = -0.5 * np.square((ratings[:, specified] - request[specified]) / width).sum(1)
     if np.isnan(logs).all():
-        names = [name for name, given in zip(RATING_AXES, specified, strict=True) if given]
+        names = [RATING_AXES[k] if k < len(RATING_AXES) else f"axis {k}" for k in np.flatnonzero(specified)]
         raise ValueError(f"No surface is rated on {' and '.join(names)}: leave these axes of `request` unspecified.")
     return np.where(np.isnan(logs), -np.inf, logs)
 

@@ -63,6 +63,7 @@ def virtual_truth(
     hard = dataset.split == "hard"
     asked = _people(facts, "raters", [f"rater-{number}" for number in range(collection.raters)], hard)
     ratings = fresh_ratings(candidates, collection, training=numbers, raters=asked)
+    ratings = ratings[:, [collection.rating_axes.index(axis) for axis in dataset.ratings.axes]]
     met = _met_candidates(facts, candidates, hard)
     drawn, importance = draw_surfaces(ratings[met], requests, surfaces, seed)
     drawn = met[drawn]

@@ -1,6 +1,7 @@
 """A picture of a texture: waveform, spectrum and spectrogram."""
 
 import math
+from itertools import zip_longest
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings,
 def _title(texture, friction_coefficient, ratings):
     axes = ", ".join(
         f"{axis} {'not specified' if math.isnan(value) else f'{value:+.2g}'}"
-        for axis, value in zip(RATING_AXES, ratings, strict=True)
+        for axis, value in zip_longest(RATING_AXES, ratings, fillvalue="further axis")
     )
     friction = "unknown" if math.isnan(friction_coefficient) else f"{friction_coefficient:.2f}"
     return f"{axes}\nfriction coefficient {friction}, RMS {1e3 * rms(texture):.2f} mN"

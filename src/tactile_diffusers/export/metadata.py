@@ -10,6 +10,8 @@ from ..signal.rows import check_samples
 
 #: Key under which a file of another's format holds what is stored with the texture, as JSON.
 METADATA_KEY = "tactile_diffusers"
+#: More ratings are no ratings of one texture.
+MOST_AXES = 32
 #: What the numbers in a file mean, for programs and people without this package; written beside them under `units`.
 UNITS = {
     "texture": f"N: lateral force about its mean, band {BAND_HZ[0]:g}-{BAND_HZ[1]:g} Hz, at a normal force of "
@@ -17,7 +19,8 @@ UNITS = {
     "sampling_rate": "Hz, of the texture as it was generated",
     "friction_coefficient": "mean lateral force / mean normal force",
     "reference_speed": "mm/s: the finger's, at which the texture is felt in this time",
-    "ratings": f"z-scores in the order {', '.join(RATING_AXES)}; larger = rougher, bumpier, more slippery",
+    "ratings": f"z-scores in the order {', '.join(RATING_AXES)}; larger = rougher, bumpier, more slippery; then "
+    "those of the checkpoint's further axes",
 }
 _NAMES = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
 
@@ -56,14 +59,15 @@ def check_texture(texture, sampling_rate):
 
 
 def check_ratings(ratings):
-    """Ratings (3,) float64 in the order of `RATING_AXES`, NaN = not specified; refuses other numbers of them."""
+    """Ratings (axes,) float64, those of `RATING_AXES` and a checkpoint's further ones, NaN = not specified."""
     try:
         found = np.array([math.nan if value is None else float(value) for value in ratings])
     except (TypeError, ValueError, OverflowError):
         found = np.empty(0)
-    if len(found) != len(RATING_AXES) or np.isinf(found).any():
+    if not len(RATING_AXES) <= len(found) <= MOST_AXES or np.isinf(found).any():
         raise ValueError(
-            f"`ratings` must be {len(RATING_AXES)} numbers, {', '.join(RATING_AXES)}, got {ratings!r}. "
+            f"`ratings` must be {len(RATING_AXES)} numbers, {', '.join(RATING_AXES)}, and those of a checkpoint's "
+            f"further axes, at most {MOST_AXES}, got {ratings!r}. "
             "Give NaN for an axis that is not specified."
         )
     return found

@@ -33,13 +33,38 @@ def scalar_shift(config, ratings):
     """
     if config.calibration is None:
         return None
+    count = config.network_axes or len(config.rating_axes)
     values = (config.calibration[name] for name in ("offset", "slopes", "centre", "covariance"))
     offset, slopes, centre, covariance = (torch.tensor(v, dtype=torch.float32, device=ratings.device) for v in values)
     ratings = ratings.float()
     limits = (config.rating_statistics or {}).get("range")
     if limits is not None:
         ratings = ratings.clamp(*torch.tensor(limits, device=ratings.device).unbind(-1))
-    return offset + expected_ratings(ratings, centre, covariance) @ slopes
+    return offset + calibration_inputs(ratings, centre, covariance, count) @ slopes
+
+
+def calibration_inputs(ratings, centre, covariance, count):
+    """What slopes are multiplied by, (batch, axes): ratings of the first `count` axes, and of each further one how far
+    it lies from what they let expect, 0 where it is open."""
+    filled = expected_ratings(ratings, centre, covariance)
+    known, further = filled[:, :count], filled[:, count:]
+    expected = (known - centre[:count]) @ torch.linalg.solve(covariance[:count, :count], covariance[:count, count:])
+    left = torch.where(ratings[:, count:].isnan(), 0.0, further - centre[count:] - expected)
+    return torch.cat([known, left], dim=1)
+
+
+def network_ratings(config, ratings):
+    """Ratings (batch, axes) of the axes that DALE's networks know, (batch, network_axes).
+
+    Where one is asked that they do not know, an open one counts as it is expected to be then.
+    """
+    count = config.network_axes
+    if count is None or count == ratings.shape[1]:
+        return ratings
+    centre, covariance = (torch.tensor(config.calibration[n]).to(ratings) for n in ("centre", "covariance"))
+    expected = expected_ratings(ratings, centre, covariance)[:, :count]
+    known, asked = ratings[:, :count], ~ratings[:, count:].isnan().all(1, keepdim=True)
+    return torch.where(known.isnan() & asked, expected, known)
 
 
 def expected_ratings(ratings, centre, covariance):

@@ -11,7 +11,7 @@ from diffusers.models.modeling_utils import ModelMixin
 
 from ..schedulers.angles import to_angle
 from ..signal import RATING_AXES
-from .calibration import check_calibration, scalar_shift
+from .calibration import check_calibration, network_ratings, scalar_shift
 from .compiling import CompileMixin
 from .dale_output import DALEConditions, DALEOutput
 from .dale_state import (
@@ -90,6 +90,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         scalar_width (`int`, *optional*): of a network that generates the scalars first, in one step, so that the U-Net
             generates the rest of the state to fit them; `None` = all together. Needs `distilled_steps` = 1.
         calibration (`dict`, *optional*): by how much scalars are shifted, given the ratings (`calibration.py`).
+        network_axes (`int`, *optional*): how many of the axes, the first ones, the networks know; the others act
+            through `calibration` alone; `None` = all.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
 
     Raises:
@@ -130,6 +132,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         distilled_steps: int | None = None,
         scalar_width: int | None = None,
         calibration: dict | None = None,
+        network_axes: int | None = None,
     ):
         super().__init__()
         check_distilled_steps(distilled_steps)
@@ -155,10 +158,16 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
             raise ValueError(f"`scalar_width` needs `distilled_steps` = 1, got {distilled_steps}: there is one step.")
         RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
         check_calibration(calibration, scalars, len(rating_axes))
+        seen = len(rating_axes) if network_axes is None else network_axes
+        if not 0 < seen <= len(rating_axes) or (seen < len(rating_axes) and calibration is None):
+            raise ValueError(
+                f"`network_axes` must be from 1 to {len(rating_axes)}, the number of `rating_axes`, and needs a "
+                f"`calibration` where it is less, got {network_axes}."
+            )
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
-        self.rating_embedder = RatingEmbedder(len(rating_axes), rating_dim)
-        self.rating_pool = torch.nn.Linear(len(rating_axes) * rating_dim, embedding_dim)
+        self.rating_embedder = RatingEmbedder(seen, rating_dim)
+        self.rating_pool = torch.nn.Linear(seen * rating_dim, embedding_dim)
         #: channels of the U-Net: envelope and learned latents patch by patch, departures, scalars
         self.channel_groups = [(envelope_channels + learned) * patch_size, level_channels, scalars]
         self.unet = UNet1D(
@@ -170,7 +179,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
             kernel_size=kernel_size,
             cross_attention_dim=rating_dim if cross_attention else None,
         )
-        self.scalar_network = ScalarNetwork(scalars, len(rating_axes), scalar_width) if scalar_width else None
+        self.scalar_network = ScalarNetwork(scalars, seen, scalar_width) if scalar_width else None
 
     @property
     def latent_channels(self):
@@ -327,7 +336,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         return [DALEConditions(blocks, ratings, shift) for blocks in self.unet.condition(embeddings, tokens=tokens)]
 
     def _held(self, ratings):
-        """Ratings (batch, axes) within the training surfaces' range."""
+        """What the networks see of ratings (batch, axes): those that they know, within the training surfaces' range."""
         if ratings.shape[-1] != len(self.config.rating_axes):
             raise ValueError(
                 f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
@@ -337,7 +346,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         if limits is not None:  # nothing is known beyond: the response is held, it does not turn back
             low, high = torch.tensor(limits, dtype=ratings.dtype, device=ratings.device).unbind(-1)
             ratings = ratings.clamp(low, high)
-        return ratings
+        return network_ratings(self.config, ratings)
 
     def _embed(self, ratings, timesteps, dtype):
         """Embeddings of times and ratings (batch, dim) or (steps, batch, dim), and tokens (batch, axes, dim)."""

@@ -151,7 +151,8 @@ class ReconstructionMixin:
                 = unknown, which costs most of what is known about slipperiness.
 
         Returns:
-            `np.ndarray`: (batch, axes) float32, z-scores in the order of `dale.config.rating_axes`.
+            `np.ndarray`: (batch, axes) float32, z-scores in the order of `dale.config.rating_axes`; NaN on axes that
+            the estimator does not know.
 
         Raises:
             ValueError: if the checkpoint has no estimator, or there is another number of friction coefficients.
@@ -169,7 +170,8 @@ class ReconstructionMixin:
         pooled = self.dale.pool_state(self.dale.pack(latents, encoded.level, friction)).to(self.rating_estimator.dtype)
         ratings = self.rating_estimator(pooled, torch.isfinite(friction)).float().cpu().numpy()
         self.maybe_free_model_hooks()
-        return ratings
+        further = len(self.dale.config.rating_axes) - ratings.shape[1]  # an adapted DALE's own axes
+        return np.pad(ratings, ((0, 0), (0, max(0, further))), constant_values=np.nan)
 
 
 def friction_of(friction_coefficient, level):

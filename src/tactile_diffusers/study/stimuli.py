@@ -6,8 +6,9 @@ import numpy as np
 import pandas
 
 from ..data import PreparedDataset
+from ..data.checkpoint_fit import check_fit
 from ..evaluation import SLUGS, BaselineRequest, TrainingTextures, default_baselines
-from ..evaluation.held_out import check_fit, check_unseen
+from ..evaluation.held_out import check_unseen
 from ..evaluation.sampling import generate, noise_seeds, reconstruct
 from ..export import write_npz, write_wav
 from ..signal import RATING_AXES, rms

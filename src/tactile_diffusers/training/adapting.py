@@ -4,15 +4,15 @@ How much it helps is measured on surfaces that are left out, and said in words.
 """
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 import torch
-from scipy import stats
 from sklearn.linear_model import Ridge
 
 from ..data.checkpoint_fit import check_fit
+from ..data.ratings import check_axes
 from ..signal import nine_band_error_db, resample
 from .card import finish
 from .dale_data import encode_dataset, mean_and_std, training_states
@@ -20,14 +20,14 @@ from .energy import StateViews, energy_score
 from .energy_step import LatentStep
 from .launch import make_accelerator, training_parser
 from .loop import Trainer
+from .new_axes import add_axes, carried_words
 from .recalibration import TAKES, Surfaces, generate_surfaces, recalibrate, scalars_of, spectra_db
 from .record import read_log, surfaces_of, write_record
 from .steps import DALETrainingStep
+from .verdict import Errors, verdict_of
 
 #: Fewer surfaces are recalibrated only (examples/results/adaptation.md).
 FINE_TUNED_FROM = 20
-#: Below, an interval over surfaces says nothing.
-TOO_FEW = 8
 #: Parts that are left out in turn, and the share of surfaces that the trial of the training leaves out.
 FOLDS, LEFT_OUT = 10, 0.2
 #: Where the trial writes, inside the output folder.
@@ -124,12 +124,9 @@ def check_adaptable(pipe, dataset):
             f"{dataset.path} holds a single surface, {dataset.surfaces[surfaces[0]]!r}: what differs between a world "
             "and one of its surfaces cannot be told apart. Record two surfaces or more, ten if you can."
         )
-    axes, found = len(pipe.dale.config.rating_axes), dataset.ratings.mean.shape[1]
-    if axes != found:
-        raise ValueError(
-            f"The checkpoint has {axes} rating axes, {list(pipe.dale.config.rating_axes)}, the data have {found}: "
-            "prepare data with the same axes."
-        )
+    check_axes(
+        (*pipe.dale.config.rating_axes, *(a for a in dataset.rating_axes if a not in pipe.dale.config.rating_axes))
+    )
 
 
 # --- the lab
@@ -145,17 +142,35 @@ class Lab:
     real: Surfaces
     generated: Surfaces
     pretrained: dict
+    new_axes: list
 
     @classmethod
     def read(cls, pipe, dataset, args):
         """Encodes the recordings and generates as many textures again, 32 of each surface."""
+        new_axes = []
+        if set(dataset.rating_axes) - set(pipe.dale.config.rating_axes):
+            new_axes = add_axes(pipe.dale, dataset.set_axes().ratings, np.unique(dataset.surface_ids))
+        dataset.set_axes(pipe.dale.config.rating_axes)
         latents = encode_dataset(pipe, dataset, args.quiet)
         real = _packed(pipe.dale, dataset, latents)
         steps = pipe.resolve_steps()[1]
         generated = generate_surfaces(pipe.dale.eval(), pipe.dale_scheduler, real.ratings, TAKES, steps, args.seed)
-        pretrained = {"state": pipe.dale.state_dict(), "config": dict(pipe.dale.config)}
+        # without diffusers' note on which entries were defaults once: it would make them defaults again
+        config = {name: value for name, value in pipe.dale.config.items() if name != "_use_default_values"}
+        pretrained = {"state": pipe.dale.state_dict(), "config": config}
         pretrained["state"] = {name: value.clone() for name, value in pretrained["state"].items()}
-        return cls(pipe, dataset, latents, real, generated, pretrained)
+        return cls(pipe, dataset, latents, real, generated, pretrained, new_axes)
+
+    @cached_property
+    def real_db(self):
+        """Mean spectra of the surfaces, dB: (n, bands)."""
+        return self.real.mean(spectra_db(self.pipe.dale, scalars_of(self.pipe.dale, self.real)))
+
+    @cached_property
+    def given_errors(self):
+        """Errors of the given checkpoint, dB: (n,)."""
+        dale = self.pipe.dale
+        return np.abs(self.generated.mean(spectra_db(dale, scalars_of(dale, self.generated))) - self.real_db).mean(1)
 
     def copy_of_dale(self):
         """The pretrained DALE, another object."""
@@ -187,7 +202,7 @@ class Lab:
         lines = [
             f"Adapted to {len(names)} surfaces, {len(self.real.owners)} segments of {self.dataset.source}: {shown}."
         ]
-        axes = self.pipe.dale.config.rating_axes
+        axes = list(self.pipe.dale.config.rating_axes)
         still = [axis for axis, values in zip(axes, self.real.ratings.T, strict=True) if not _differ(values)]
         if len(still) == len(axes):
             lines.append(
@@ -195,6 +210,9 @@ class Lab:
             )
         elif still:
             lines.append(f"No ratings that differ on {', '.join(still)}: these sliders stay as they are.")
+        scalars = self.real.mean(scalars_of(self.pipe.dale, self.real))
+        for axis in self.new_axes:
+            lines.append(carried_words(axis, self.real.ratings[:, axes.index(axis)], scalars))
         if not self.real.knows_friction.any():
             lines.append("The friction coefficient of the recordings is unknown: that of textures stays as it is.")
         if self.dataset.unit != "N":
@@ -251,56 +269,12 @@ def decoder_errors(pipe, textures, sampling_rate, seed):
 # --- the judgement of surfaces that are left out
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Errors of the mean spectra of n surfaces from their ratings, dB, of a method and of the given checkpoint."""
-
-    own: np.ndarray
-    given: np.ndarray
-
-    def words(self, name):
-        """The mean error, with its interval where there are enough surfaces."""
-        interval = "" if len(self.own) < TOO_FEW else " [{:.2f}, {:.2f}]".format(*_interval(self.own))
-        return (
-            f"{name}: mean spectra of {len(self.own)} surfaces from their ratings are off by {self.own.mean():.2f} dB"
-            f"{interval}."
-        )
-
-    def against(self, name):
-        """A sentence on whether it is better than the given checkpoint, and whether one can tell."""
-        gain, count = self.given - self.own, len(self.own)
-        better = int((self.own < self.given).sum())
-        text = f"{name} is better than the given checkpoint on {better} of {count} surfaces left out"
-        text += f" ({self.own.mean():.2f} against {self.given.mean():.2f} dB)"
-        if count < TOO_FEW:
-            return f"{text}; too few to say more."
-        low, high = _interval(gain)
-        if low > 0:
-            return f"{text}: by {gain.mean():.2f} dB [{low:.2f}, {high:.2f}]."
-        told = "it is worse" if high < 0 else "no difference that can be told"
-        return f"{text}: {told} ({low:.2f} to {high:.2f} dB)."
-
-
-def _interval(values):
-    """95 % interval of the mean of values (n,), by Student's t."""
-    reach = stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / len(values) ** 0.5
-    return values.mean() - reach, values.mean() + reach
-
-
-def _errors(dale, lab, predicted):
-    """Error of the mean spectrum of each surface: mean over bands, dB, (n,)."""
-    real = lab.real.mean(spectra_db(dale, scalars_of(dale, lab.real)))
-    return np.abs(predicted - real).mean(1)
-
-
 def judge_recalibration(lab):
     """Errors with each surface left out: `{"zero-shot", "recalibrated", "ridge", "mean spectrum": Errors}`."""
-    dale, count, ratings = lab.pipe.dale, len(lab.real), lab.real.ratings
-    real = lab.real.mean(spectra_db(dale, scalars_of(dale, lab.real)))
+    dale, count, ratings, real = lab.pipe.dale, len(lab.real), lab.real.ratings, lab.real_db
     made = scalars_of(dale, lab.generated)
     made_ratings = ratings[lab.generated.owners]
-    found = {"zero-shot": lab.generated.mean(spectra_db(dale, made))}
-    found |= {name: np.empty_like(real) for name in ("recalibrated", "ridge", "mean spectrum")}
+    found = {name: np.empty_like(real) for name in ("recalibrated", "ridge", "mean spectrum")}
     parts = np.random.default_rng(0).permutation(count) % min(FOLDS, count)
     filled = np.nan_to_num(ratings)
     for part in np.unique(parts):
@@ -309,24 +283,8 @@ def judge_recalibration(lab):
         found["recalibrated"][out] = lab.generated.mean(spectra_db(dale, change.moved(made, made_ratings)))[out]
         found["ridge"][out] = Ridge(1.0).fit(filled[kept], real[kept]).predict(filled[out])
         found["mean spectrum"][out] = real[kept].mean(0)
-    errors = {name: np.abs(values - real).mean(1) for name, values in found.items()}
-    return {name: Errors(own, errors["zero-shot"]) for name, own in errors.items()}
-
-
-def verdict_of(judged, updates, trial, tried):
-    """The verdict, a paragraph in words."""
-    lines = [judged["recalibrated"].against("Recalibrated, it")]
-    lines.append(
-        f"A ridge regression on the same surfaces is off by {judged['ridge'].own.mean():.2f} dB, their mean spectrum "
-        f"by {judged['mean spectrum'].own.mean():.2f} dB."
-    )
-    if not tried:
-        lines.append("DALE was not trained further.")
-    elif not updates:
-        lines.append("Further training made it no better on surfaces left out: DALE was not trained further.")
-    else:
-        lines.append(f"It was then trained for {updates} updates. " + trial.against("Trained further, it"))
-    return " ".join(lines)
+    errors = {"zero-shot": lab.given_errors} | {name: np.abs(v - real).mean(1) for name, v in found.items()}
+    return {name: Errors(own, lab.given_errors) for name, own in errors.items()}
 
 
 # --- further training
@@ -352,8 +310,7 @@ def run_trial(lab, args):
     }
     best = best_step(scores)
     errors = np.array([scores[best][f"surface_{number}_db"] for number in range(len(out))])
-    given = lab.generated.mean(spectra_db(lab.pipe.dale, scalars_of(lab.pipe.dale, lab.generated)))
-    return best, Errors(errors, _errors(lab.pipe.dale, lab, given)[out])
+    return best, Errors(errors, lab.given_errors[out])
 
 
 def best_step(scores):
@@ -381,7 +338,6 @@ def make_validation(lab, dale, out):
     states, ratings = rows["state"][chosen], rows["ratings"][chosen].double().numpy()
     views = StateViews(dale, rows["state"])
     real, scheduler, steps = lab.real.keep(out), lab.pipe.dale_scheduler, lab.pipe.resolve_steps()[1]
-    wanted = real.mean(spectra_db(lab.pipe.dale, scalars_of(lab.pipe.dale, real)))
 
     def validate(model):
         make = partial(generate_surfaces, model, scheduler, steps=steps)
@@ -389,7 +345,7 @@ def make_validation(lab, dale, out):
         first, second = (views(make(ratings, 1, seed=seed).states) for seed in (0, 1))
         found = {"energy": float(energy_score(first, second, views(states)))}
         made = make(real.ratings, TAKES, seed=2)
-        errors = np.abs(made.mean(spectra_db(model, scalars_of(model, made))) - wanted).mean(1)
+        errors = np.abs(made.mean(spectra_db(model, scalars_of(model, made))) - lab.real_db[out]).mean(1)
         return found | {f"surface_{number}_db": error for number, error in enumerate(errors)}
 
     return validate

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from ..models.calibration import expected_ratings
+from ..models.calibration import calibration_inputs, expected_ratings
 from ..models.dale_state import cosines
 from ..models.rating_statistics import RatingStatistics
 from ..models.unet_1d import from_patches
@@ -127,6 +127,8 @@ class Recalibration:
         offset, slopes, factor (`np.ndarray`): (num_scalars,), (axes, num_scalars), (num_scalars,): a number becomes
             offset + ratings @ slopes + factor * number.
         centre, covariance (`np.ndarray`): of the ratings, (axes,) and (axes, axes).
+        count (`int`): of the axes, the first ones, that DALE's networks know; the slopes of further ones are of what
+            those leave open (`calibration_inputs`).
         shapes (`tuple`): shift and factor of the learned latents (channels,), factor of departures (bands,).
     """
 
@@ -135,12 +137,16 @@ class Recalibration:
     factor: np.ndarray
     centre: np.ndarray
     covariance: np.ndarray
+    count: int
     shapes: tuple
 
     def moved(self, scalars, ratings):
         """Scalars (n, num_scalars) at ratings (n, axes) after the recalibration."""
-        filled = _filled(ratings, self.centre, self.covariance)
-        return self.offset + filled @ self.slopes + self.factor * scalars
+        return (
+            self.offset
+            + _inputs(ratings, self.centre, self.covariance, self.count) @ self.slopes
+            + self.factor * scalars
+        )
 
     def apply(self, dale):
         """Sets the entries of DALE's config; one that is calibrated already is calibrated further."""
@@ -181,29 +187,34 @@ def recalibrate(dale, real, generated):
         generated (`Surfaces`): `generate_surfaces` from the ratings of the same surfaces.
     """
     values, made = scalars_of(dale, real), scalars_of(dale, generated)
-    made_means, count, axes = generated.mean(made), len(real), real.ratings.shape[1]
+    made_means, count = generated.mean(made), len(real)
+    axes, known_axes = real.ratings.shape[1], dale.config.network_axes or real.ratings.shape[1]
     takes = len(made) / count
     scale = np.sqrt(np.square(made - made_means[generated.owners]).sum(0) / (len(made) - count)).clip(1e-3)
     centre, covariance = _rating_distribution(dale, real.ratings)
-    inputs = _filled(real.ratings, centre, covariance)
+    inputs = _inputs(real.ratings, centre, covariance, known_axes)
     inputs[:, np.isnan(real.ratings).all(0)] = 0.0  # sliders that nobody rated stay as they are
+    inputs, further = inputs[:, :known_axes], inputs[:, known_axes:]
     differences = real.mean(values) - made_means
     offset, slopes = np.zeros(values.shape[1]), np.zeros((axes, values.shape[1]))
     for columns in groups_of(dale):
         known = np.isfinite(differences[:, columns]).all(1)  # friction may be unknown
         if known.any():
-            found = explain(differences[known][:, columns], inputs[known], scale[columns])
-            offset[columns], slopes[:, columns] = found
-    left = values - (made_means + offset + inputs @ slopes)[real.owners]
+            own = differences[known][:, columns]
+            offset[columns], slopes[:known_axes, columns] = explain(own, inputs[known], scale[columns])
+            left = own - offset[columns] - inputs[known] @ slopes[:known_axes, columns]
+            if axes > known_axes:  # further axes explain what those before leave, whose slopes stay as they are
+                slopes[known_axes:, columns] = explain(left, further[known], scale[columns])[1]
+    left = values - (made_means + offset + inputs @ slopes[:known_axes])[real.owners]
     variance = np.nanmean(real.mean(np.square(np.nan_to_num(left))), axis=0)
     ratio = np.sqrt((variance / scale**2 - 1 / takes).clip(1e-6))  # without what the takes' own mean scatters
     factor = _limited(np.where(np.isfinite(values).all(0), ratio, 1.0), count / (count + SPREAD_SURFACES))
     # a wider spread must not make the pretrained mapping steeper: what it adds along the ratings is taken away
     apart = inputs - inputs.mean(0)
-    steep = np.linalg.solve(apart.T @ apart + np.eye(axes), apart.T @ made_means)
+    steep = np.linalg.solve(apart.T @ apart + np.eye(known_axes), apart.T @ made_means)
     offset = offset + (1 - factor) * (made_means.mean(0) - inputs.mean(0) @ steep)
-    slopes = slopes + (1 - factor) * steep
-    return Recalibration(offset, slopes, factor, centre, covariance, _shapes(dale, real, generated))
+    slopes[:known_axes] += (1 - factor) * steep
+    return Recalibration(offset, slopes, factor, centre, covariance, known_axes, _shapes(dale, real, generated))
 
 
 def _limited(ratio, weight):
@@ -236,6 +247,11 @@ def _rating_distribution(dale, ratings):
     weight = len(ratings) / (len(ratings) + RATING_SURFACES)
     own = np.atleast_2d(np.cov(filled, rowvar=False, bias=True))
     return centre + weight * (filled.mean(0) - centre), covariance + weight * (own - covariance)
+
+
+def _inputs(ratings, centre, covariance, count):
+    parts = (torch.from_numpy(np.array(values, float)) for values in (ratings, centre, covariance))
+    return calibration_inputs(*parts, count).numpy()
 
 
 def _filled(ratings, centre, covariance):

@@ -5,9 +5,10 @@ from math import ceil
 
 import numpy as np
 
-from ..signal import SEGMENT_SECONDS
+from ..signal import RATING_AXES, SEGMENT_SECONDS
 from ..signal.checks import check_number, check_seed, check_whole_number
 from .exploration import VELOCITY_RATE
+from .further_axes import check_further_axes, further_answers
 from .raters import RATERS, RATING_CORRELATION, check_rating_correlation, draw_raters
 from .recipe import RECIPE_VERSION
 from .surface import VirtualSurface
@@ -29,6 +30,7 @@ class Collection:
         rating_correlation (`tuple[float, float, float]`): of the impressions that raters share, as (rough, bumpy),
             (rough, slippery), (bumpy, slippery).
         impulsiveness (`float`): 0 = Gaussian profiles, 1 = the recipe, 2 = twice the intermittency and catches.
+        further_axes (`tuple[str, ...]`): on which the raters answer beside the three, of `FURTHER_AXES`.
 
     Raises:
         ValueError: naming the argument, if one is out of range.
@@ -41,6 +43,7 @@ class Collection:
     raters: int = RATERS
     rating_correlation: tuple[float, float, float] = RATING_CORRELATION
     impulsiveness: float = 1.0
+    further_axes: tuple[str, ...] = ()
 
     def __post_init__(self):
         checked = {
@@ -51,6 +54,7 @@ class Collection:
             "raters": check_whole_number("raters", self.raters),
             "rating_correlation": check_rating_correlation(self.rating_correlation),
             "impulsiveness": check_number("impulsiveness", self.impulsiveness, at_least=0, at_most=4),
+            "further_axes": check_further_axes(self.further_axes),
         }
         for name, value in checked.items():  # plain numbers, as they come back from a file
             object.__setattr__(self, name, value)
@@ -58,7 +62,14 @@ class Collection:
     @property
     def attributes(self):
         """The settings as attributes of a file: a dict."""
-        return {"recipe_version": RECIPE_VERSION, **asdict(self)}
+        further = ", ".join(self.further_axes)
+        found = {"recipe_version": RECIPE_VERSION, **asdict(self), "further_axes": further}
+        return found if further else {name: value for name, value in found.items() if name != "further_axes"}
+
+    @property
+    def rating_axes(self):
+        """Names of the axes that raters answer on."""
+        return (*RATING_AXES, *self.further_axes)
 
     @classmethod
     def from_attributes(cls, attributes):
@@ -71,7 +82,11 @@ class Collection:
         return VirtualSurface(self.seed, index, self.impulsiveness)
 
     def answers(self, surfaces, trial=0):
-        """(raters, surfaces, 3) answers about a list of `VirtualSurface`."""
+        """(raters, surfaces, axes) answers about a list of `VirtualSurface`."""
         raters = draw_raters(self.seed, self.raters)
         settings = self.agreement, self.rating_correlation, trial
-        return np.stack([one.answers(raters, *settings) for one in surfaces], axis=1)
+        answers = np.stack([one.answers(raters, *settings) for one in surfaces], axis=1)
+        if not self.further_axes:
+            return answers
+        asked = self.further_axes, self.raters, self.agreement, trial
+        return np.concatenate([answers, np.stack([further_answers(self.seed, s, *asked) for s in surfaces], 1)], -1)

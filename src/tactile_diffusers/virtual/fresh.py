@@ -10,7 +10,7 @@ from ..data.ratings import pool_ratings
 from ..data.recordings import RaterScores, Recording
 from ..data.segments import SegmentLimits, find_windows
 from ..data.turnarounds import DEFAULT_TURNAROUNDS
-from ..signal import BAND_HZ, DEVICE_RATE, RATING_AXES
+from ..signal import BAND_HZ, DEVICE_RATE
 from ..signal.checks import check_whole_number
 from .exploration import VELOCITY_RATE
 from .streams import Stream, stream
@@ -31,7 +31,7 @@ def fresh_ratings(candidates, collection, training=None, raters=None):
         raters (`Sequence[int]`, *optional*): numbers of those who are asked; defaults to all of the collection.
 
     Returns:
-        `np.ndarray`: (candidates, 3) float32, means over raters of their z-scores.
+        `np.ndarray`: (candidates, axes) float32, means over raters of their z-scores.
 
     Raises:
         ValueError: if `candidates` or `raters` are none, or raters cannot be z-scored (see `pool_ratings`).
@@ -43,7 +43,7 @@ def fresh_ratings(candidates, collection, training=None, raters=None):
     everybody = replace(collection, raters=max(asked) + 1)
     answers = everybody.answers([everybody.surface(number) for number in numbers])[asked]
     names = tuple(str(number) for number in numbers)
-    scores = RaterScores(answers, tuple(str(rater) for rater in asked), names, RATING_AXES)
+    scores = RaterScores(answers, tuple(str(rater) for rater in asked), names, collection.rating_axes)
     gives_scale = np.ones(len(numbers), bool) if training is None else np.arange(len(numbers)) < len(reference)
     return pool_ratings(scores, names, gives_scale).mean[len(reference) :]
 

@@ -4,7 +4,7 @@ from tqdm import tqdm
 
 from ..data.recordings import RecordingsWriter
 from ..io.files import clear_left_behind
-from ..signal import DEVICE_RATE, RATING_AXES
+from ..signal import DEVICE_RATE
 from ..signal.checks import check_whole_number
 from ..signal.constants import VIRTUAL_SOURCE
 from .collection import Collection
@@ -27,6 +27,7 @@ def generate_recordings(
     raters=RATERS,
     rating_correlation=RATING_CORRELATION,
     impulsiveness=1.0,
+    further_axes=(),
     workers=1,
 ):
     """Writes recordings and ratings of virtual surfaces: about 2 ms for each second of recording.
@@ -34,7 +35,7 @@ def generate_recordings(
     Args:
         path (`str` or `Path`): `recordings.h5` to write; it appears when it is complete.
         surfaces (`int`): number of surfaces.
-        seconds, explorers, seed, agreement, raters, rating_correlation, impulsiveness: of `Collection`.
+        seconds, explorers, seed, agreement, raters, rating_correlation, impulsiveness, further_axes: of `Collection`.
         quiet (`bool`): no progress bar.
         workers (`int`): processes that explore; 1 = this one. The result does not depend on it.
 
@@ -43,7 +44,8 @@ def generate_recordings(
         FileNotFoundError: if the folder of `path` does not exist.
         ChildProcessError: if a worker was killed.
     """
-    collection = Collection(seconds, explorers, seed, agreement, raters, rating_correlation, impulsiveness)
+    settings = agreement, raters, rating_correlation, impulsiveness, further_axes
+    collection = Collection(seconds, explorers, seed, *settings)
     surfaces, workers = check_whole_number("surfaces", surfaces), check_whole_number("workers", workers)
     clear_left_behind(path)
     with RecordingsWriter(path, VIRTUAL_SOURCE, LICENCE, **collection.attributes) as writer:
@@ -56,7 +58,9 @@ def generate_recordings(
                 rates = {"force_rate": DEVICE_RATE, "velocity_rate": VELOCITY_RATE}
                 writer.add_recording(surface.name, f"explorer-{number}", "0", force=force, velocity=velocity, **rates)
         raters = [f"rater-{number}" for number in range(collection.raters)]
-        writer.set_ratings(collection.answers(known), raters, [surface.name for surface in known], RATING_AXES)
+        writer.set_ratings(
+            collection.answers(known), raters, [surface.name for surface in known], collection.rating_axes
+        )
 
 
 def explore(collection, index):

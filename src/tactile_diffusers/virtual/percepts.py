@@ -41,13 +41,18 @@ def expected_powers(surface):
     Returns:
         `tuple[float, float]`: Pacinian-weighted power and power from 20 to 80 Hz, dB re 1 N^2.
     """
+    frequency, power = expected_spectrum(surface)
+    fine = np.sum(pacinian_weight(frequency) * power)
+    return float(10 * np.log10(fine)), float(10 * np.log10(np.sum(power[frequency < COARSE_BELOW_HZ])))
+
+
+def expected_spectrum(surface):
+    """Frequencies (n,), Hz, and the power of the friction fluctuation at each, N^2: `expected_powers` sums it up."""
     line_frequencies, line_powers = _lines(surface)
     frequency = np.concatenate([FREQUENCIES, line_frequencies])
     power = np.concatenate([_continuum(surface) * np.gradient(FREQUENCIES), line_powers])
     power = power / (1 + (frequency / finger_cutoff(REFERENCE_SPEED_MM_S)) ** 2)
-    power = np.where((frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1]), power, 0.0)
-    fine = np.sum(pacinian_weight(frequency) * power)
-    return float(10 * np.log10(fine)), float(10 * np.log10(np.sum(power[frequency < COARSE_BELOW_HZ])))
+    return frequency, np.where((frequency >= BAND_HZ[0]) & (frequency <= BAND_HZ[1]), power, 0.0)
 
 
 def _continuum(surface):
@@ -146,6 +151,7 @@ def calibrate(surfaces=CALIBRATION_SURFACES):
         "seed": CALIBRATION_SEED,
         "constants": constants,
         "correlation": correlation.round(6).tolist(),
+        "further": _further_constants(drawn),
     }
 
 
@@ -163,6 +169,34 @@ def calibration():
             "run examples/prepare_data.py --calibrate."
         )
     return stored
+
+
+def further_inputs(surface):
+    """What percepts beside the three follow from: a dict of floats.
+
+    Regular is what repeats: the share of the profile's power in its grating, less what the envelope wanders. Fine is
+    what is small: the spectrum's centre of power, in octaves, which is one of spatial frequency at one speed. (Recipe;
+    SENS3's raters judged both pairs, arXiv 2401.01818.)
+    """
+    frequency, power = expected_spectrum(surface)
+    grating = surface.grating_level**2
+    return {
+        "regularity": grating / (1 + grating) - surface.intermittency - surface.jitter,
+        "fineness": float(np.sum(power * np.log2(frequency)) / np.sum(power)),
+    }
+
+
+def _further_constants(surfaces):
+    """Mean and scale of `further_inputs` over a population: name -> dict."""
+    found = [further_inputs(surface) for surface in surfaces]
+    columns = {name: [one[name] for one in found] for name in found[0]}
+    return {k: {"mean": round(float(np.mean(v)), 6), "scale": round(float(np.std(v)), 6)} for k, v in columns.items()}
+
+
+def further_percept(surface, name):
+    """Regularity or fineness of a surface, in standard deviations over the population of surfaces."""
+    constants = calibration()["further"][name]
+    return (further_inputs(surface)[name] - constants["mean"]) / constants["scale"]
 
 
 def percepts(surface):

@@ -15,6 +15,9 @@ class Stream(IntEnum):
     EXPLORER = 4  # explorer
     FRESH_WINDOWS = 5  # surface, trial
     TRIAL = 6  # surface, trial of the raters
+    FURTHER_RATER = 7  # rater, axis
+    FURTHER_ANSWERS = 8  # surface, axis
+    FURTHER_TRIAL = 9  # surface, axis, trial of the raters
 
 
 def stream(seed, kind, *numbers):

@@ -6,8 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+from ...data.checkpoint_fit import check_fit
 from ..baselines import default_baselines, latent_rate
-from ..held_out import HeldOutData, check_fit, open_held_out, random_generator
+from ..held_out import HeldOutData, open_held_out, random_generator
 from ..sampling import encode, generate, noise_seeds
 
 #: Limits the rate of latents that were trained without noise: half precision, as they are stored.
@@ -145,6 +146,9 @@ def make_context(
     """
     held_out = open_held_out(data, split, settings.per_surface, seed, baseline_surfaces)
     check_fit(pipe, held_out.dataset)
+    if pipe.dale is not None:  # which may know more axes than three, or other ones
+        held_out.dataset.set_axes(pipe.dale.config.rating_axes)
+        held_out.train.set_axes(pipe.dale.config.rating_axes)
     for name, anchor in (anchors or {}).items():
         check_fit(anchor.pipe, held_out.dataset, f"anchor {name}")
     scales = sorted({1.0, _default_guidance(pipe), *map(float, guidance_scales)})
