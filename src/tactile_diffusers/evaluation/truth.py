@@ -25,8 +25,8 @@ class RatedTextures:
     """Measures of textures of rated surfaces, from which the truth of any request is estimated.
 
     `measures` are name -> (n, ...), one entry per texture; `surface_ids` (n,) are rows of `ratings` (S, axes), NaN =
-    not rated. `importance` (S,) is how much of the population a surface stands for: ones, or draws over probability if they
-    were drawn. `dropped` surfaces gave no texture. A ValueError if these do not fit together.
+    not rated. `importance` (S,) is how much of the population a surface stands for: ones, or draws over probability if
+    they were drawn. `dropped` surfaces gave no texture. A ValueError if these do not fit together.
     """
 
     measures: dict
