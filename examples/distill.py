@@ -139,6 +139,7 @@ def _latent_validation(args, pipe, dale, step):
     """The score on surfaces that training does not see, with the same noise each time."""
     rate = pipe.feature_extractor.sampling_rate
     held_out = PreparedDataset(args.train_data_dir, "validation", "filtered", rate, max_samples=HELD_OUT)
+    held_out.set_axes(dale.config.rating_axes)
     states = training_states(dale, held_out, encode_dataset(pipe, held_out, args.quiet))
     parts = [
         dict(zip(states, part, strict=True)) for part in zip(*(v.split(128) for v in states.values()), strict=True)
@@ -169,6 +170,8 @@ def main(argv=None):
             pipe.lctg.requires_grad_(False)
         rate = pipe.feature_extractor.sampling_rate
         dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
+        if args.model == "dale":
+            dataset.set_axes(teacher.config.rating_axes)
     {"lctg": train_decoder, "dale": train_dale}[args.model](args, pipe, accelerator, dataset)
 
 

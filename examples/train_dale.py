@@ -72,7 +72,8 @@ def read_datasets(args, sampling_rate):
     dataset = PreparedDataset(args.train_data_dir, "train", "filtered", sampling_rate, **limits)
     if args.ratings == "single" and dataset.ratings.single is None:
         raise ValueError("--ratings single: the file holds no single raters' ratings; prepare the data again.")
-    return dataset, PreparedDataset(args.train_data_dir, "validation", "filtered", sampling_rate, max_samples=2000)
+    held_out = PreparedDataset(args.train_data_dir, "validation", "filtered", sampling_rate, max_samples=2000)
+    return dataset.set_axes(), held_out.set_axes()
 
 
 def fit_estimator(args, accelerator, dale, dataset, states, held_out, held_out_states):

@@ -32,6 +32,7 @@ def main(argv=None):
     arguments = parse(parser, argv)
     pipe = load_pipeline(arguments.checkpoint)
     train, held_out = (PreparedDataset(arguments.data, split) for split in ("train", "test"))
+    held_out.set_axes(pipe.dale.config.rating_axes)
     try:
         check_fit(pipe, held_out)
     except ValueError as error:

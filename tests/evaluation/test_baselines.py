@@ -281,7 +281,7 @@ def test_another_rate_and_band():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"ratings": np.zeros(3)}, r"`request.ratings` must have the shape \(n, 3\)"),
+        ({"ratings": np.zeros(3)}, r"`request.ratings` must have the shape \(n, axes\)"),
         ({"textures": None}, "needs `request.textures`, got None"),
         ({"textures": np.zeros((12, 7))}, "`request.textures` must have the shape"),
         ({"textures": np.full((12, SEGMENT_SAMPLES), inf)}, "`request.textures` must be finite"),

@@ -126,5 +126,5 @@ def test_bad_training_data_are_refused(change, message):
 
 def test_requests_that_settle_no_slopes_are_refused():
     requested, groups = requests(6)
-    with pytest.raises(ValueError, match="must vary along all three axes"):
+    with pytest.raises(ValueError, match="must vary along all axes"):
         response_matrix(requested, requested * [1, 1, 0])

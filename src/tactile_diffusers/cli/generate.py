@@ -30,7 +30,7 @@ def rating(word):
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command, with `ratings` as a list of three floats in the order of `RATING_AXES`."""
+    """Arguments of the command, with `ratings` in the order of `RATING_AXES`, or by name."""
     parser = Parser(
         prog=program("generate.py"),
         description="Generate tactile textures from perceptual ratings and write them as .npz, .wav and .png.",
@@ -42,6 +42,8 @@ def parse_arguments(argv=None):
         help="all three ratings, in this order; none = not specified")  # fmt: skip
     for axis in RATING_AXES:
         add(f"--{axis}", type=float, metavar="VALUE", help=f"{axis} alone; axes left out are not specified")
+    add("--rating", nargs=2, action="append", default=[], metavar=("AXIS", "VALUE"), help="an axis by its name, such "
+        "as one that an adapted checkpoint has beside the three; may be given several times")  # fmt: skip
     add("--preset", choices=PRESETS, metavar="NAME", help=f"ratings by name, one of: {'; '.join(PRESETS)}")
     add("--rating_scale", choices=("z", "raw", "percentile"), default="z", help="z: z-scores (default); raw: a typical "
         "rater's 0-8; percentile: 0-100 of the training surfaces")  # fmt: skip
@@ -54,16 +56,21 @@ def parse_arguments(argv=None):
     add("--quiet", action="store_true", help="print errors only")
     arguments = parser.parse_args(argv)
 
-    single = [getattr(arguments, axis) for axis in RATING_AXES]
-    by_axis = any(value is not None for value in single)
+    single = {axis: getattr(arguments, axis) for axis in RATING_AXES if getattr(arguments, axis) is not None}
+    try:
+        single |= {name: rating(value) for name, value in arguments.rating}
+    except argparse.ArgumentTypeError as error:
+        parser.error(f"argument --rating: {error}")
+    by_axis = bool(single)
     if by_axis + (arguments.ratings is not None) + (arguments.preset is not None) != 1:
         axes = ", ".join(f"--{axis}" for axis in RATING_AXES)
-        parser.error(f"give either --ratings, or --preset, or one or more of {axes}")
+        parser.error(f"give either --ratings, or --preset, or one or more of {axes}, --rating")
     if arguments.preset is not None and arguments.rating_scale != "z":
         parser.error("argument --rating_scale: leave it out, the ratings of a --preset are z-scores")
     if arguments.ratings is None:
-        values = PRESETS[arguments.preset] if arguments.preset else single
-        arguments.ratings = [math.nan if value is None else value for value in values]
+        values = PRESETS[arguments.preset] if arguments.preset else [single.get(axis) for axis in RATING_AXES]
+        by_name = single if arguments.rating else None
+        arguments.ratings = by_name or [math.nan if value is None else value for value in values]
     if arguments.seed + arguments.num_textures_per_rating > 2**63:
         parser.error(f"argument --seed: must be smaller for so many textures, got {arguments.seed}")
     return arguments
@@ -93,9 +100,10 @@ def main(argv=None):
     )
     elapsed = time.perf_counter() - start
     ratings = arguments.ratings
-    if arguments.rating_scale != "z":
+    if arguments.rating_scale != "z" or arguments.rating:
+        axes = pipe.dale.config.rating_axes
         ratings = parse_ratings(ratings, pipe.dale.config, arguments.rating_scale)[0].tolist()
-        say(f"ratings in z-scores: {', '.join(f'{a} {z:.2f}' for a, z in zip(RATING_AXES, ratings, strict=True))}")
+        say(f"ratings in z-scores: {', '.join(f'{a} {z:.2f}' for a, z in zip(axes, ratings, strict=True))}")
     seconds = out.textures.shape[-1] / out.sampling_rate
     say(f"{number} x {seconds:.2f} s of texture at {out.sampling_rate} Hz generated in {elapsed:.2f} s")
     _write(arguments, out, ratings, seeds, say)

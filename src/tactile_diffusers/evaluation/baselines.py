@@ -26,7 +26,7 @@ class TrainingTextures:
     """What baselines are fitted on: segments of the training surfaces."""
 
     textures: np.ndarray  # (m, samples) N
-    ratings: np.ndarray  # (m, 3) z-scores of each segment's surface, NaN = not rated
+    ratings: np.ndarray  # (m, axes) z-scores of each segment's surface, NaN = not rated
     friction_coefficients: np.ndarray  # (m,), NaN = unknown
     surface_ids: np.ndarray  # (m,)
     sampling_rate: float  # Hz, a whole number
@@ -42,7 +42,7 @@ class TrainingTextures:
 class BaselineRequest:
     """What is requested: one texture a row."""
 
-    ratings: np.ndarray  # (n, 3) z-scores, NaN = not specified
+    ratings: np.ndarray  # (n, axes) z-scores, NaN = not specified
     textures: np.ndarray | None = None  # (n, samples) N: the recording to describe
     other_takes: np.ndarray | None = None  # (n, samples) N: another segment of the same surface
 
@@ -327,6 +327,6 @@ def _checked_training(training):
 
 def _checked_ratings(name, ratings):
     ratings = np.asarray(ratings, dtype=np.float64)
-    if ratings.ndim != 2 or ratings.shape[-1] != 3 or not len(ratings) or np.isinf(ratings).any():
-        raise ValueError(f"`{name}` must have the shape (n, 3), z-scores or NaN (unknown), got {ratings.shape}.")
+    if ratings.ndim != 2 or ratings.shape[-1] < 1 or not len(ratings) or np.isinf(ratings).any():
+        raise ValueError(f"`{name}` must have the shape (n, axes), z-scores or NaN (unknown), got {ratings.shape}.")
     return ratings

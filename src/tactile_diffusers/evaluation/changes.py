@@ -5,7 +5,6 @@ Latent displacement is not counted: it is measured with the model's own encoder.
 
 import numpy as np
 
-from ..signal import RATING_AXES
 from .metrics.statistics import estimate, number
 
 #: Ratings at which changes are compared.
@@ -46,7 +45,7 @@ def comparisons(axes, fewest):
     real one.
     """
     rows = []
-    for axis in RATING_AXES:
+    for axis in axes:
         for value in (value for value in VALUES if value in axes[axis]):
             entry = axes[axis][value]
             for name in QUANTITIES:
@@ -113,7 +112,7 @@ def null_counts(truth, conditions, fewest, rng):
     found = []
     for _ in range(NULL_SPLITS):
         halves = truth.halves(rng)
-        axes = {axis: {} for axis in RATING_AXES}
+        axes = {axis: {} for axis, _ in conditions}
         for (axis, value), request in conditions.items():
             changes = {name: halves[0].change(name, request)[0] for name in (*_SCALARS, "shape_db")}
             size = truth.effective_size(request)

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ..signal import RATING_AXES
 from .control_tables import matrix_difference, share_right
 from .labels import default_guidance
 from .report_figures import band_centre
@@ -58,8 +57,8 @@ def check_report(report):
     """Raises a ValueError, KeyError, TypeError or AttributeError if no table or picture can be made of a report."""
     comparison_markdown({"one": report})
     for axes in spectra_of({"one": report}).values():
-        for axis in RATING_AXES:
-            for value, bands in axes[axis].items():
+        for axis, swept in axes.items():
+            for value, bands in swept.items():
                 numbers = [float(value), *map(band_centre, bands)]
                 numbers += [leaf["mean"] for leaf in bands.values() if leaf["mean"] is not None]
                 if not np.isfinite(numbers).all():
@@ -88,7 +87,7 @@ def report_row(report):
 
 
 def _diagonal(matrix):
-    return _listed(matrix[axis][axis]["mean"] for axis in range(len(RATING_AXES)))
+    return _listed(matrix[axis][axis]["mean"] for axis in range(len(matrix)))
 
 
 def _listed(values):

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ..signal import RATING_AXES
 from .changes import QUANTITIES, comparisons, counted
 from .labels import default_guidance
 from .tables import text
@@ -48,7 +47,7 @@ def curve_rows(report):
     curves = report["control"]["curves"]
     return {
         f"{axis}, {_CANDIDATES[source]}": by_axis[axis]["reversal"]
-        for axis in RATING_AXES
+        for axis in next(iter(curves.values()))
         for source, by_axis in curves.items()
     }
 
@@ -113,10 +112,11 @@ def _truth_facts(data):
 def response_rows(report):
     """Slopes of estimated on requested ratings, a row for each source and estimated axis."""
     control, ours = report["control"], report["control"][default_guidance(report)]
+    axes = list(ours["axes"])
     sources = {"real": control["response_real"], "generated": ours["response"]}
     sources |= {slug: entry["response"] for slug, entry in control["baselines"].items()}
     return {
-        f"{source}: estimated {axis}": {f"requested {name}": leaf for name, leaf in zip(RATING_AXES, row, strict=True)}
+        f"{source}: estimated {axis}": {f"requested {name}": leaf for name, leaf in zip(axes, row, strict=True)}
         for source, matrix in sources.items()
-        for axis, row in zip(RATING_AXES, matrix, strict=True)
+        for axis, row in zip(axes, matrix, strict=True)
     }

@@ -32,7 +32,7 @@ class Judge:
     """Kernel ridge regression from textures to ratings; make one with `fit`.
 
     `inputs` (n, features) of the training textures are centred by `centre`, their mean embedding; `friction` is mean
-    and standard deviation of log friction, None = not used; `intercept` (3,) mean ratings, `coefficients` (n, 3).
+    and standard deviation of log friction, None = not used; `intercept` (axes,) mean ratings, `coefficients` (n, axes).
     `choices` are dicts, one an axis: "axis", "width" (None = linear), "regularisation" and the cross-validated "r2".
     """
 
@@ -44,9 +44,9 @@ class Judge:
     choices: tuple
 
     @classmethod
-    def fit(cls, points, log_friction, ratings, surface_ids, seed=0):
-        """Fits a judge on embeddings (n, features), log friction (n,), all NaN = not used, and ratings (n, 3), rows
-        with a NaN left out.
+    def fit(cls, points, log_friction, ratings, surface_ids, seed=0, axes=RATING_AXES):
+        """Fits a judge on embeddings (n, features), log friction (n,), all NaN = not used, and ratings (n, axes), rows
+        with a NaN left out; `axes` are their names.
 
         For each axis the kernel (Gaussian of a few widths, or linear) and the regularisation are those with the least
         error on surfaces left out, in five folds; `surface_ids` (n,) say which textures belong together. About 10 s for
@@ -67,14 +67,14 @@ class Judge:
         friction = (float(log_friction.mean()), float(log_friction.std()) or 1.0) if known else None
         inputs = _inputs(points, log_friction, centre, friction)
         fold = (np.random.default_rng(seed).permutation(len(names)) % FOLDS)[surface]
-        choices, targets, coefficients = _cross_validated(inputs, ratings, fold), ratings - intercept, []
+        choices, targets, coefficients = _cross_validated(inputs, ratings, fold, axes), ratings - intercept, []
         for axis, choice in enumerate(choices):
             model = KernelRidge(kernel="precomputed", alpha=choice["regularisation"])
             coefficients.append(model.fit(_kernel(inputs, inputs, choice["width"]), targets[:, axis]).dual_coef_)
         return cls(inputs, centre, friction, intercept, np.stack(coefficients, 1), choices)
 
     def predict(self, points, log_friction):
-        """Estimated ratings (n, 3), z-scores, of embedded textures (n, features) and their log friction (n,).
+        """Estimated ratings (n, axes), z-scores, of embedded textures (n, features) and their log friction (n,).
 
         They spread less than ratings: their slope on them is about R². A ValueError if a feature that is used is not
         finite.
@@ -88,16 +88,16 @@ class Judge:
 
 
 def explained(predicted, ratings):
-    """R²: share of the variance of ratings (n, 3), NaN left out, that predictions (n, 3) explain: (3,)."""
+    """R²: share of the variance of ratings (n, axes), NaN left out, that predictions (n, axes) explain: (axes,)."""
     return 1 - np.nanmean(np.square(predicted - ratings), 0) / np.nanvar(ratings, 0)
 
 
 def response_matrix(estimated, requested):
-    """Slopes of estimated ratings (n, 3) on requested ones (n, 3): (3, 3) [estimated axis, requested axis].
+    """Slopes of estimated ratings (n, axes) on requested ones: (axes, axes) [estimated axis, requested axis].
 
     Least squares with an intercept. Ones on the diagonal are full control, zeros none; anything off the diagonal is
     leakage from one rating into another. The judge's own slopes are below one: read it beside the matrix of real
-    textures. A ValueError if lengths differ, a value is not finite, or the requests do not vary along three axes.
+    textures. A ValueError if lengths differ, a value is not finite, or the requests do not vary along all axes.
     """
     check_consistent_length(estimated, requested)
     requested = check_array(requested, input_name="requested")
@@ -105,7 +105,7 @@ def response_matrix(estimated, requested):
     slopes, _, rank, _ = np.linalg.lstsq(rows, check_array(estimated, input_name="estimated"), rcond=1e-5)
     if rank < rows.shape[1]:
         raise ValueError(
-            "`requested` must vary along all three axes independently, also when one surface is left out: give more "
+            "`requested` must vary along all axes independently, also when one surface is left out: give more "
             "different requests."
         )
     return slopes[1:].T
@@ -127,7 +127,7 @@ def _kernel(a, b, width):
     return np.exp(-0.5 * cdist(a, b, "sqeuclidean") / width**2)
 
 
-def _cross_validated(inputs, ratings, fold):
+def _cross_validated(inputs, ratings, fold, axes):
     """Per axis the width and regularisation of the least squared error over all folds: a tuple of dicts."""
     spaced = inputs[np.linspace(0, len(inputs) - 1, min(len(inputs), 1000)).round().astype(int)]
     distance, centred, settings, r2 = np.median(cdist(spaced, spaced)), ratings - ratings.mean(0), [], []
@@ -139,6 +139,5 @@ def _cross_validated(inputs, ratings, fold):
             r2.append(explained(cross_val_predict(model, kernel, centred, cv=PredefinedSplit(fold)), centred))
     best = np.argmax(r2, 0)
     return tuple(
-        {"axis": name, **settings[best[axis]], "r2": float(r2[best[axis]][axis])}
-        for axis, name in enumerate(RATING_AXES)
+        {"axis": name, **settings[best[axis]], "r2": float(r2[best[axis]][axis])} for axis, name in enumerate(axes)
     )

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from ..io.files import atomic_path
-from ..signal import RATING_AXES, nine_band_error_db, power_spectral_density
+from ..signal import nine_band_error_db, power_spectral_density
 
 _DPI = 90
 _TICKS_HZ = (30, 100, 300, 1000)
@@ -62,11 +62,11 @@ def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, second
         panels[0, 0].legend(fontsize=8)
 
 
-def _over_ratings(quantities, path, draw):
+def _over_ratings(quantities, axes, path, draw):
     """A panel for each quantity (row) and rating axis: `draw` gets panel, axis and the quantity's key."""
-    with figure_panels(path, len(quantities), len(RATING_AXES), (12, 2.8 * len(quantities))) as panels:
+    with figure_panels(path, len(quantities), len(axes), (12, 2.8 * len(quantities))) as panels:
         for row, (name, label) in zip(panels, quantities.items(), strict=True):
-            for panel, axis in zip(row, RATING_AXES, strict=True):
+            for panel, axis in zip(row, axes, strict=True):
                 draw(panel, axis, name)
                 panel.set(xlabel=f"requested {axis}, z", ylabel=label)
             share_limits(row)
@@ -94,7 +94,7 @@ def plot_control(control, guidance, output_path):
         _band(panel, values, [entry[truth] for entry in generated[axis].values()], "black")
 
     quantities = {"level_db": "level, dB re 1 N", "shape_db": "shape change, dB", "log_friction": "log friction"}
-    _over_ratings(quantities, output_path, draw)
+    _over_ratings(quantities, generated, output_path, draw)
 
 
 def plot_curves(curves, output_path):
@@ -109,7 +109,7 @@ def plot_curves(curves, output_path):
         panel.axvspan(-2, 2, color="grey", alpha=0.12, linewidth=0)  # as in training
 
     quantities = {"level_db": "level, dB re 1 N", "centroid_hz": "centroid, Hz", "log_friction": "log friction"}
-    _over_ratings(quantities | {"estimate": "judge's estimate, z"}, output_path, draw)
+    _over_ratings(quantities | {"estimate": "judge's estimate, z"}, curves["model"], output_path, draw)
 
 
 def plot_latent_shift(shift, output_path):
@@ -130,9 +130,9 @@ def plot_axis_spectra(spectra, output_path):
     import matplotlib
 
     colours = matplotlib.colormaps["coolwarm"]
-    with figure_panels(output_path, len(spectra), len(RATING_AXES), (12, 3.4 * len(spectra))) as panels:
+    with figure_panels(output_path, len(spectra), max(map(len, spectra.values())), (12, 3.4 * len(spectra))) as panels:
         for row, (name, axes) in zip(panels, spectra.items(), strict=True):
-            for panel, axis in zip(row, RATING_AXES, strict=True):
+            for panel, axis in zip(row, axes, strict=False):
                 values = sorted(axes[axis], key=float)
                 low, high = float(values[0]), float(values[-1])
                 for value in values:

@@ -54,7 +54,7 @@ def noise_seeds(seed, takes):
 def generate(
     pipe, ratings, seeds, sampling_rate, samples, steps=10, guidance_scale=1.0, decode=True, batch=32, quiet=True
 ):
-    """Generates textures from ratings (n, 3), z-scores, NaN = not specified, with one of `seeds` (n,) each:
+    """Generates textures from ratings (n, axes), z-scores, NaN = not specified, with one of `seeds` (n,) each:
     `Generated`.
 
     Textures are resampled to `sampling_rate` and cut to `samples`. `steps` are of both stages; a guidance scale of 1 is

@@ -77,6 +77,7 @@ def build_dale(lctg, dataset, latents, **config):
         "level_std": level_std,
         "log_friction_mean": friction_mean,
         "log_friction_std": friction_std,
+        "rating_axes": dataset.ratings.axes,
         "rating_statistics": rating_statistics(dataset),
         "reference_speed": mean_and_std(dataset.speeds)[0],
     }

@@ -87,8 +87,13 @@ class Context:
         return _default_guidance(self.pipe)
 
     @property
+    def axes(self):
+        """Names of the axes of ratings: those that the checkpoint knows."""
+        return self.data.dataset.ratings.axes
+
+    @property
     def requests(self):
-        """Ratings of the held-out surfaces, `takes` rows each, and their surfaces: (n, 3) and (n,)."""
+        """Ratings of the held-out surfaces, `takes` rows each, and their surfaces: (n, axes) and (n,)."""
         surfaces = np.repeat(np.unique(self.data.surfaces), self.settings.takes)
         return self.data.dataset.ratings.mean[surfaces], surfaces
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from ...data import PreparedDataset
-from ...signal import RATING_AXES, level
+from ...signal import level
 from ..baselines import BaselineRequest
 from ..changes import against_real, comparisons, counted, no_change, null_counts, paired
 from ..envelopes import surface_means
@@ -58,7 +58,7 @@ def _counts(context, result, truth):
     candidates |= {slug: entry["axes"] for slug, entry in result["baselines"].items()} | {"none": no_change(ours)}
     rows = {name: comparisons(axes, LEAST_EFFECTIVE_SIZE) for name, axes in candidates.items()}
     found = {name: counted(some) | paired(rows["model"], some) for name, some in rows.items()}
-    requests = {key: _request(key) for key in _conditions(context)[1:]}
+    requests = {key: _request(context, key) for key in _conditions(context)[1:]}
     return found | {"null": null_counts(truth, requests, LEAST_EFFECTIVE_SIZE, context.rng("null"))}
 
 
@@ -69,15 +69,15 @@ def _regression(context, truth):
     measures = _measures(context, training.textures, level(training.textures), training.friction_coefficients)
     targets = np.column_stack([measures[name] for name in ("level_db", "log_friction", "shape_db")])
     ratings, targets = (surface_means(values, training.surface_ids) for values in (training.ratings, targets))
-    axes = {axis: {} for axis in RATING_AXES}
-    for index, axis in enumerate(RATING_AXES):
+    axes = {axis: {} for axis in context.axes}
+    for index, axis in enumerate(context.axes):
         # each target has a degree of its own
         fits = [best_polynomial(ratings[:, [index]], target[:, None], data.seed)[0] for target in targets.T]
         for value in context.settings.control_values:
-            requested = truth.draw_ratings(_request((axis, value)), context.settings.control_takes)[:, [index]]
+            requested = truth.draw_ratings(_request(context, (axis, value)), context.settings.control_takes)[:, [index]]
             change = np.array([fit(requested).mean() for fit in fits]) - targets.mean(0)
             changes = {"level_db": change[0], "log_friction": change[1], "shape_db": change[2:]}
-            axes[axis][str(value)] = against_real(changes, truth, _request((axis, value)))
+            axes[axis][str(value)] = against_real(changes, truth, _request(context, (axis, value)))
     return axes
 
 
@@ -100,7 +100,7 @@ def _guided(context, scale, truth, judge):
 def _conditions(context):
     """(axis, value) of every condition; (None, None) is the baseline, nothing specified."""
     values = context.settings.control_values
-    return [(None, None), *((axis, value) for axis in RATING_AXES for value in values)]
+    return [(None, None), *((axis, value) for axis in context.axes for value in values)]
 
 
 def _permuted(context, conditions):
@@ -111,17 +111,17 @@ def _permuted(context, conditions):
     return {key: made if key[0] is None else conditions[key[0], other[key[1]]] for key, made in conditions.items()}
 
 
-def _request(key):
+def _request(context, key):
     axis, value = key
-    return np.array([value if name == axis else np.nan for name in RATING_AXES], dtype=np.float64)
+    return np.array([value if name == axis else np.nan for name in context.axes], dtype=np.float64)
 
 
 def _truth(context):
     """`RatedTextures`: measures of real textures, from which the truth of a request is read."""
     settings, data = context.settings, context.data.dataset
     return truth_of(
-        PreparedDataset(data.path, "hard" if data.split == "hard" else "all"),
-        [_request(key) for key in _conditions(context)],
+        PreparedDataset(data.path, "hard" if data.split == "hard" else "all").set_axes(context.axes),
+        [_request(context, key) for key in _conditions(context)],
         partial(_measures, context),
         candidates=settings.truth_candidates,
         surfaces=settings.truth_surfaces,
@@ -144,12 +144,14 @@ def _judge(context):
     data, training = context.data, context.data.training
     rated = np.isfinite(training.ratings).all(-1)
     if len(np.unique(training.surface_ids[rated])) < FEWEST_SURFACES:
-        return None, {axis: number() for axis in RATING_AXES}
+        return None, {axis: number() for axis in context.axes}
     frictions = np.log(training.friction_coefficients)
-    judge = Judge.fit(data.reference.points, frictions, training.ratings, training.surface_ids, context.seed)
+    judge = Judge.fit(
+        data.reference.points, frictions, training.ratings, training.surface_ids, context.seed, context.axes
+    )
     predicted = _estimate(judge, data.points, data.frictions)
     r2, (low, high) = jackknife(lambda mask: explained(predicted[mask], data.ratings[mask]), data.surfaces)
-    return judge, {axis: number(r2[i], len(data.points), (low[i], high[i])) for i, axis in enumerate(RATING_AXES)}
+    return judge, {axis: number(r2[i], len(data.points), (low[i], high[i])) for i, axis in enumerate(context.axes)}
 
 
 def _estimate(judge, points, frictions):
@@ -157,19 +159,20 @@ def _estimate(judge, points, frictions):
 
 
 def _matrix(estimated, requested, groups):
-    """3 x 3 leaves: slope of the estimated (row) on the requested (column) rating; empty for too few surfaces."""
+    """Leaves, axes x axes: slope of the estimated (row) on the requested (column) rating; empty for few surfaces."""
     rated = np.isfinite(requested).all(-1)
     if estimated is None or len(np.unique(groups[rated])) < _FEWEST_REQUESTS:
-        return [[number() for _ in range(3)] for _ in range(3)]
+        return [[number() for _ in requested.T] for _ in requested.T]
     estimated, requested, groups = estimated[rated], requested[rated], groups[rated]
     slopes, (low, high) = jackknife(lambda mask: response_matrix(estimated[mask], requested[mask]), groups)
-    return [[number(slopes[i, j], len(groups), (low[i, j], high[i, j])) for j in range(3)] for i in range(3)]
+    axes = range(len(slopes))
+    return [[number(slopes[i, j], len(groups), (low[i, j], high[i, j])) for j in axes] for i in axes]
 
 
 def _generated(context, key, scale, truth):
     """Measures of the textures of one condition, from the same noise in each."""
     takes = context.settings.control_takes
-    out = context.generate(truth.draw_ratings(_request(key), takes), context.seeds(3, takes), scale)
+    out = context.generate(truth.draw_ratings(_request(context, key), takes), context.seeds(3, takes), scale)
     return _measures(context, out.textures, out.levels, out.friction_coefficients)
 
 
@@ -178,7 +181,7 @@ def _baseline(context, slug, judge, truth):
     baseline, takes, data = context.baselines[slug], context.settings.control_takes, context.data
     conditions = {}
     for key in _conditions(context):
-        request = BaselineRequest(truth.draw_ratings(_request(key), takes))
+        request = BaselineRequest(truth.draw_ratings(_request(context, key), takes))
         textures = baseline.sample(request, context.rng(f"control {slug}"))
         # a generator in the same state: the friction that belongs to these textures
         frictions = baseline.friction_coefficients(request, context.rng(f"control {slug}"))
@@ -194,9 +197,9 @@ def compare_conditions(context, conditions, truth):
 
     (None, None) is the baseline.
     """
-    axes, base = {axis: {} for axis in RATING_AXES}, conditions[None, None]
+    axes, base = {axis: {} for axis in context.axes}, conditions[None, None]
     for key in _conditions(context)[1:]:
-        axes[key[0]][str(key[1])] = _against_truth(conditions[key], base, truth, _request(key))
+        axes[key[0]][str(key[1])] = _against_truth(conditions[key], base, truth, _request(context, key))
     return {"axes": axes}
 
 
@@ -219,10 +222,10 @@ def _sizes(truth, context):
     """Effective number of surfaces behind each condition, and the distance of their mean rating from the request."""
     sizes, offsets = {}, {}
     for axis, value in _conditions(context)[1:]:
-        request, name = _request((axis, value)), f"{axis} {value:+g}"
+        request, name = _request(context, (axis, value)), f"{axis} {value:+g}"
         size = truth.effective_size(request)
         sizes[name] = number(size, len(truth.ratings))
-        offsets[name] = number(truth.mean_rating(request)[RATING_AXES.index(axis)] - value, size)
+        offsets[name] = number(truth.mean_rating(request)[context.axes.index(axis)] - value, size)
     return {
         "effective_surfaces": sizes,
         "rating_offset": offsets,

@@ -101,7 +101,8 @@ def _protocol_rmse(context, scale):
         return number()
     rows = rng.choice(len(real), min(settings.protocol_segments, len(real)), replace=False)
     rows = np.repeat(rows, settings.protocol_repeats)
-    generated = context.generate(rng.standard_normal((len(rows), 3)), context.seeds(2, len(rows)), scale)
+    ratings = rng.standard_normal((len(rows), len(context.axes)))
+    generated = context.generate(ratings, context.seeds(2, len(rows)), scale)
     return leaf(rmse(generated.textures, real[rows]), rows)
 
 

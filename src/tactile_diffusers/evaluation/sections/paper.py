@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...signal import RATING_AXES, band_levels_db
+from ...signal import band_levels_db
 from ..metrics.rating_effects import latent_shift_percent
 from ..metrics.statistics import leaf
 from ..report_figures import plot_axis_spectra, plot_latent_shift
@@ -35,10 +35,11 @@ def _latent_shift(context):
     def latents(ratings):
         return context.generate(np.tile(ratings, (takes, 1)), seeds, context.default_guidance, decode=False).latents
 
-    baseline = latents(np.zeros(3))
+    steps = np.eye(len(context.axes))
+    baseline = latents(0 * steps[0])
     return {
-        axis: {str(x): leaf(latent_shift_percent(latents(x * np.eye(3)[column]), baseline)) for x in values}
-        for column, axis in enumerate(RATING_AXES)
+        axis: {str(x): leaf(latent_shift_percent(latents(x * steps[column]), baseline)) for x in values}
+        for column, axis in enumerate(context.axes)
     }
 
 
@@ -47,9 +48,9 @@ def _spectra(context):
     values, takes = _sweep(context)
     seeds, edges = context.seeds(5, takes), context.data.edges
     names = [f"{low:.0f}-{high:.0f} Hz" for low, high in pairwise(edges)]
-    others = context.rng("spectra").standard_normal((takes, 3))
-    levels = {axis: {} for axis in RATING_AXES}
-    for column, axis in enumerate(RATING_AXES):
+    others = context.rng("spectra").standard_normal((takes, len(context.axes)))
+    levels = {axis: {} for axis in context.axes}
+    for column, axis in enumerate(context.axes):
         for value in values:
             ratings = others.copy()
             ratings[:, column] = value

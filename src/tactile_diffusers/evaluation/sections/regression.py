@@ -10,7 +10,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
 
 from ...data import PreparedDataset
-from ...signal import RATING_AXES, band_levels_db
+from ...signal import band_levels_db
 from ..envelopes import surface_means
 from ..metrics.statistics import leaf, number
 from ..virtual_truth import can_be_continued, virtual_truth
@@ -32,8 +32,8 @@ def run(context):
     count = context.settings.regression_surfaces
     if can_be_continued(data.dataset):
         fresh = virtual_truth(
-            PreparedDataset(data.dataset.path, "all"),
-            [[np.nan] * len(RATING_AXES)],
+            PreparedDataset(data.dataset.path, "all").set_axes(context.axes),
+            [[np.nan] * len(context.axes)],
             lambda textures, levels, frictions: {"bands": band_levels_db(textures, data.rate, data.edges)},
             surfaces=count,
             candidates=max(count, context.settings.truth_candidates),

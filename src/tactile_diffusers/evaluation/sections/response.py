@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...pipelines.inputs import LARGEST_RATING
-from ...signal import RATING_AXES, level, power_spectral_density
+from ...signal import level, power_spectral_density
 from ..baselines import BaselineRequest
 from ..metrics.errors import DB_PER_NEPER
 from ..metrics.rating_effects import reversal
@@ -13,9 +13,9 @@ from ..metrics.statistics import estimate, leaf, number
 RATINGS = (-LARGEST_RATING, -4.0, -3.0, -2.5, -2.0, -1.0, 0.0, 1.0, 2.0, 2.5, 3.0, 4.0, LARGEST_RATING)
 
 
-def rating_requests(axis, takes):
-    """Requests for one axis (`int`) at all of `RATINGS`, the others not specified: (13 * takes, 3) z-scores."""
-    requests = np.full((len(RATINGS) * takes, len(RATING_AXES)), np.nan)
+def rating_requests(axis, takes, axes=3):
+    """Requests for one axis (`int`) at all of `RATINGS`, the others not specified: (13 * takes, axes) z-scores."""
+    requests = np.full((len(RATINGS) * takes, axes), np.nan)
     requests[:, axis] = np.repeat(RATINGS, takes)
     return requests
 
@@ -30,8 +30,8 @@ def response_curves(context, estimate):
     takes, sources = context.settings.response_takes, {"model": _generated, "knn_blend": _blended}
     return {
         name: {
-            axis: _curve(context, index, source(context, rating_requests(index, takes)), estimate)
-            for index, axis in enumerate(RATING_AXES)
+            axis: _curve(context, index, source(context, rating_requests(index, takes, len(context.axes))), estimate)
+            for index, axis in enumerate(context.axes)
         }
         for name, source in sources.items()
         if name == "model" or name in context.baselines
