@@ -194,3 +194,9 @@ def test_guidance_that_makes_levels_explode_is_refused_in_a_line(tmp_path, capsy
         assert main([*words, "--checkpoint", str(TINY), "--output", str(tmp_path / "out")]) == 2
     assert "generate.py: error: Textures overflow" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_an_axis_by_its_name():
+    assert _parse("--rating", "fineness", "1.5", "--roughness", "1").ratings == {"roughness": 1.0, "fineness": 1.5}
+    with pytest.raises(SystemExit):
+        _parse("--rating", "fineness", "much")

@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 import torch
 
+from tactile_diffusers import TactileTexturePipeline
+from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.data.ratings import SurfaceRatings, check_axes
 from tactile_diffusers.models.calibration import calibration_inputs, scalar_shift
+from tactile_diffusers.signal import RATING_AXES
+from tactile_diffusers.training.adapting import adapt
 from tactile_diffusers.training.new_axes import add_axes, carried_words
 from tactile_diffusers.training.recalibration import Surfaces, recalibrate
+from tactile_diffusers.virtual import generate_recordings
 
 SURFACES = 60
+#: Of a segment, as tiny pipelines have it.
+SECONDS = 0.2048
 
 
 def _ratings(values, axes=("roughness", "bumpiness", "slipperiness", "fineness")):
@@ -103,3 +110,24 @@ def test_what_friction_does_not_carry_is_said():
     assert "so friction carries it" in carried_words("fineness", scalars[:, 0] + 0.3 * noise, scalars)
     assert "hardly carries it" in carried_words("warmth", noise, scalars)
     assert "too few" in carried_words("warmth", noise[:5], scalars[:5])
+
+
+def test_from_recordings_to_a_texture_asked_by_the_new_axis(make_pipeline, tmp_path):
+    recordings = tmp_path / "r.h5"
+    generate_recordings(recordings, surfaces=6, seconds=5, explorers=1, seed=3, quiet=True, further_axes=["fineness"])
+    limits = SegmentLimits(seconds=SECONDS)
+    prepare_recordings(recordings, tmp_path / "p.h5", limits, validation=1, test=1, quiet=True)
+    dataset = PreparedDataset(tmp_path / "p.h5", "train", "filtered", 2500)
+    assert dataset.rating_axes == (*RATING_AXES, "fineness") and dataset.ratings.mean.shape[1] == 3
+    before = make_pipeline()
+    adapt(make_pipeline(), dataset, tmp_path / "out")
+    assert "fineness is new: 4 rated surfaces are too few" in (tmp_path / "out" / "README.md").read_text()
+    pipe = TactileTexturePipeline.from_pretrained(tmp_path / "out")
+    pipe.set_progress_bar_config(disable=True)
+    assert tuple(pipe.dale.config.rating_axes) == dataset.rating_axes == dataset.ratings.axes
+    out = pipe({"fineness": 1.0}, generator=torch.Generator().manual_seed(0))
+    np.testing.assert_array_equal(
+        pipe([[None, None, None, 1.0]], generator=torch.Generator().manual_seed(0)).textures, out.textures
+    )
+    with pytest.raises(ValueError, match="roughness"):
+        before({"fineness": 1.0})

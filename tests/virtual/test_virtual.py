@@ -20,6 +20,7 @@ from tactile_diffusers.virtual import (
     generate_recordings,
     steady_exploration,
 )
+from tactile_diffusers.virtual.collection import Collection
 from tactile_diffusers.virtual.exploration import EXPLORERS, VELOCITY_RATE
 from tactile_diffusers.virtual.friction import contact_force, low_pass, stick_slip
 from tactile_diffusers.virtual.laws import contact_stiffness, finger_cutoff, friction_coefficient, stick_slip_rate
@@ -306,3 +307,20 @@ def test_bad_arguments(tmp_path, arguments, message):
     with pytest.raises(ValueError, match=message):
         generate_recordings(tmp_path / "r.h5", **{"surfaces": 1, "seconds": 2.0, "quiet": True, **arguments})
     assert not list(tmp_path.iterdir())
+
+
+def test_further_axes_leave_the_three_as_they_were():
+    surfaces = [VirtualSurface(3, index) for index in range(120)]
+    further = Collection(4.0, seed=3, further_axes=("fineness", "regularity", "warmth"))
+    answers, three = further.answers(surfaces), Collection(4.0, seed=3).answers(surfaces)
+    np.testing.assert_array_equal(answers[..., :3], three)
+    again = Collection.from_attributes(further.attributes)
+    assert again == further and again.rating_axes[3:] == ("fineness", "regularity", "warmth")
+    assert "further_axes" not in Collection(4.0).attributes
+    means = answers.mean(0)
+    asperity = [-surface.parameters.slope for surface in surfaces]  # a flat spectrum over space is a fine one
+    share = [surface.parameters.grating_level for surface in surfaces]
+    assert np.corrcoef(asperity, means[:, 3])[0, 1] > 0.4 and np.corrcoef(share, means[:, 4])[0, 1] > 0.4
+    assert np.abs(np.corrcoef(means.T)[5, :5]).max() < 0.3  # three standard errors of 120 surfaces
+    with pytest.raises(ValueError, match="`further_axes` must be different names"):
+        Collection(4.0, further_axes=("hot",))

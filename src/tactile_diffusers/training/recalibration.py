@@ -203,8 +203,10 @@ def recalibrate(dale, real, generated):
             own = differences[known][:, columns]
             offset[columns], slopes[:known_axes, columns] = explain(own, inputs[known], scale[columns])
             left = own - offset[columns] - inputs[known] @ slopes[:known_axes, columns]
-            if axes > known_axes:  # further axes explain what those before leave, whose slopes stay as they are
-                slopes[known_axes:, columns] = explain(left, further[known], scale[columns])[1]
+            # further axes explain what those before leave, whose slopes stay as they are; each number by itself, since
+            # most of them do not follow a new axis at all
+            for place, column in enumerate(columns if axes > known_axes else ()):
+                slopes[known_axes:, [column]] = explain(left[:, [place]], further[known], scale[[column]])[1]
     left = values - (made_means + offset + inputs @ slopes[:known_axes])[real.owners]
     variance = np.nanmean(real.mean(np.square(np.nan_to_num(left))), axis=0)
     ratio = np.sqrt((variance / scale**2 - 1 / takes).clip(1e-6))  # without what the takes' own mean scatters
