@@ -12,7 +12,7 @@ from tactile_diffusers.cli import adapt as command
 from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.models.calibration import scalar_shift
-from tactile_diffusers.training import adapting
+from tactile_diffusers.training import adapting, decoder_words
 from tactile_diffusers.training.adapting import adapt
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.recalibration import Recalibration, Surfaces, explain, generate_surfaces, recalibrate
@@ -240,10 +240,10 @@ def test_segments_fit_within_a_sample_of_the_recordings(make_pipeline, rate, sam
 
 
 def test_a_decoder_that_knows_textures_less_well_is_named(make_pipeline, dataset, monkeypatch):
-    errors = iter([np.array([0.5, 0.7]), np.array([0.2])])
-    monkeypatch.setattr(adapting, "decoder_errors", lambda *args: next(errors))
-    words = adapting.decoder_words(make_pipeline(), dataset, 0)
-    assert "within 0.60 dB, of its own textures within 0.20 dB: it knows yours less well" in words
+    for ours, word in (((0.6, 0.2), "less well"), ((0.3, 0.9), "less well"), ((0.3, 0.3), "0.20 dB and 0.2: it stays")):
+        errors = iter([ours, (0.2, 0.2)])
+        monkeypatch.setattr(decoder_words, "decoder_errors", lambda *args, errors=errors: next(errors))
+        assert word in decoder_words.decoder_words(make_pipeline(), dataset, 0)
 
 
 class TestRefusals:

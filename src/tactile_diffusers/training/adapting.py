@@ -13,9 +13,9 @@ from sklearn.linear_model import Ridge
 
 from ..data.checkpoint_fit import check_fit
 from ..data.ratings import check_axes
-from ..signal import nine_band_error_db, resample
 from .card import finish
 from .dale_data import encode_dataset, mean_and_std, training_states
+from .decoder_words import decoder_words
 from .energy import StateViews, energy_score
 from .energy_step import LatentStep
 from .launch import make_accelerator, training_parser
@@ -32,10 +32,8 @@ FINE_TUNED_FROM = 20
 FOLDS, LEFT_OUT = 10, 0.2
 #: Where the trial writes, inside the output folder.
 TRIAL = "trial"
-#: Real textures at most by which a validation judges, and by which the decoder is judged.
-JUDGED, DECODED = 128, 32
-#: By how much worse the decoder may reconstruct a lab's textures than its own.
-DECODER_FACTOR = 2.0
+#: Real textures at most by which a validation judges.
+JUDGED = 128
 DEFAULTS = {
     "train_batch_size": 64,
     "learning_rate": 2e-4,
@@ -237,33 +235,6 @@ def _packed(dale, dataset, latents):
         if not _differ(column):
             column[:] = np.nan  # the same for all says nothing
     return Surfaces(states["state"], owners, ratings, states["knows_friction"].numpy())
-
-
-# --- the decoder, which is not adapted
-
-
-def decoder_words(pipe, dataset, seed):
-    """A sentence on how well the decoder knows the lab's textures, beside those that the pipeline generates itself."""
-    rows = np.linspace(0, len(dataset) - 1, min(DECODED, len(dataset))).round().astype(int)
-    ours = decoder_errors(pipe, dataset.textures(rows), dataset.sampling_rate, seed).mean()
-    ratings = np.zeros((len(rows), len(pipe.dale.config.rating_axes)))
-    made = pipe(ratings, generator=torch.Generator().manual_seed(seed))
-    theirs = decoder_errors(pipe, made.textures, made.sampling_rate, seed).mean()
-    text = f"From their base layer the decoder (LCTG) gives nine bands back within {ours:.2f} dB, of its own textures "
-    text += f"within {theirs:.2f} dB"
-    if ours > DECODER_FACTOR * theirs:
-        return f"{text}: it knows yours less well. It stays as it is; train_lctg.py with your recordings may help."
-    return f"{text}: it stays as it is."
-
-
-def decoder_errors(pipe, textures, sampling_rate, seed):
-    """Nine-band errors (n,), dB, of textures (n, samples) that are encoded and decoded from their base layer."""
-    encoded = pipe.encode(textures, sampling_rate)
-    latents = pipe.lctg.pad_detail(encoded.latents[:, : pipe.lctg.base_channels])
-    out = pipe.decode(latents, encoded.level, generator=torch.Generator().manual_seed(seed))
-    wanted = resample(textures, sampling_rate, out.sampling_rate)
-    samples = min(wanted.shape[-1], out.textures.shape[-1])
-    return nine_band_error_db(out.textures[:, :samples], wanted[:, :samples], out.sampling_rate)
 
 
 # --- the judgement of surfaces that are left out
