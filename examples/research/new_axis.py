@@ -29,11 +29,11 @@ from tactile_diffusers.training.adapting import adapt
 VALUES = (-1.0, 1.0)
 INTRO = """# Does an axis that only your raters know work after fifty surfaces?
 
-The bundled pipeline, recalibrated on {surfaces} simulated surfaces that raters judged on six axes. *Response*: how much of
-the change among real surfaces there is when one rating is -1 or +1 and the others are open, over nine bands of the mean
-spectrum (1 = all; {takes} textures a value, about {truth} fresh surfaces). *One half over the other*: the same between
-random halves of the real surfaces, what a perfect generator could get. Warmth is chance: nothing of a friction force
-tells it."""
+The bundled pipeline, recalibrated on {surfaces} simulated surfaces that raters judged on six axes. *Response*: how much
+of the change among real surfaces there is when one rating is -1 or +1 and the others are open, over nine bands of the
+mean spectrum (1 = all; {takes} textures a value, about {truth} fresh surfaces). *One half over the other*: the same
+between random halves of the real surfaces, what a perfect generator could get. Warmth is chance: nothing of a friction
+force tells it."""
 SURFACES, TAKES, TRUTH_SURFACES, HALVES = 50, 400, 1200, 20
 
 
