@@ -8,7 +8,7 @@ from settings import Settings
 from tactile_diffusers.signal import BAND_HZ, band_edges, band_levels_db
 
 #: Bands of the spectrum's plot, and points of the waveform's.
-BANDS, POINTS = 27, 1200
+BANDS, POINTS = 18, 1200
 USUAL = (10, 90)
 
 
@@ -64,7 +64,7 @@ def _known(value):
 def analysis(desk):
     """The folded part of Make: it is computed while it is open, whenever another texture lies on the strip."""
     gr, studio = desk.gr, desk.studio
-    is_open = gr.State(False)
+    seen, clock = gr.State(), gr.Timer(0.7, active=False)
     with gr.Accordion("Analysis", open=False, elem_id="analysis") as fold:
         table = gr.HTML(elem_id="numbers")
         with gr.Row():
@@ -80,21 +80,18 @@ def analysis(desk):
                 show_label=False,
             )
 
-    def look(tracks, seen, made):
-        if not seen or not tracks:
-            return (gr.skip(),) * 3
-        name, texture = tracks[0]
-        expected = heard = None
-        if np.isfinite(texture.ratings).any() or texture.seed is not None:
-            heard, samples, rate = studio.usual(texture.ratings, Settings(), texture.checkpoint)
-            expected = samples, rate
+    def look(made, before):
+        """The plots, unless they are of this texture already."""
+        if not made or made[0] == before:
+            return (gr.skip(),) * 4
+        now, texture = made
+        tracks = [("this texture", texture)]
+        heard, *expected = studio.usual(texture.ratings, Settings(), texture.checkpoint)
         found = spectrum(tracks, expected)
-        order = list(dict.fromkeys(found["Hz"]))
-        return numbers(studio.scale, tracks, heard), waveform(texture), gr.LinePlot(found, sort=order)
+        plot = gr.LinePlot(found, sort=list(dict.fromkeys(found["Hz"])))
+        return now, numbers(studio.scale, tracks, heard), waveform(texture), plot
 
-    outputs, inputs = [table, wave, bands], [desk.shown, is_open, desk.made]
-    for event, seen in ((fold.expand, True), (fold.collapse, False)):
-        desk.on([event], lambda seen=seen: seen, None, is_open).then(
-            desk.answer(look), inputs, outputs, show_progress="hidden", api_visibility="private"
-        )
-    desk.on([desk.shown.change], look, inputs, outputs)
+    inputs, outputs = [desk.made, seen], [seen, table, wave, bands]
+    desk.on([clock.tick, fold.expand], look, inputs, outputs, trigger_mode="once")
+    desk.on([fold.expand], lambda: gr.Timer(active=True), None, clock)
+    desk.on([fold.collapse], lambda: gr.Timer(active=False), None, clock)

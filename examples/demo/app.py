@@ -107,7 +107,7 @@ def launch(studio, folder, host, port):
         share=False,
         ssr_mode=False,
         theme=theme,
-        css=CSS + parts()[0],
+        head=f"<style>{CSS}{parts()[0]}</style>",
         allowed_paths=[],
         max_file_size=f"{UPLOAD_MIB}mb",
         state_session_capacity=SESSIONS,

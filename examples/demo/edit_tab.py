@@ -36,7 +36,7 @@ def edit_tab(desk, tab):
                 column = gr.Dropdown([], label="Column", elem_id="column", min_width=120, visible=False)
                 rate = gr.Number(10_000, label="Hz, of one column", elem_id="csv-rate", min_width=120, visible=False)
                 newtons = gr.Number(1, label="N per unit", info="1 = by its name", min_width=120, visible=False)
-            told = gr.Markdown("Nothing taken yet: *Edit* takes the texture of Make.", elem_id="edit-told")
+            told = gr.Markdown("", elem_id="edit-told")
         with gr.Column(scale=4, min_width=300):
             wave = gr.LinePlot(
                 x="s", y="mN", height=200, label="Waveform: drag over a stretch to make it anew", elem_id="edit-wave"
@@ -77,8 +77,7 @@ def edit_tab(desk, tab):
         words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz.", *notes]
         return taken(studio.recorded(samples, sampling_rate), " ".join(words))
 
-    def edit(texture, made, chosen, begin, end, strength, *changes):
-        texture = texture or (made and made[1])
+    def edit(texture, chosen, begin, end, strength, *changes):
         if texture is None:
             raise ValueError("There is nothing to edit yet.")
         check_number("stretch", begin, "s", at_least=0)
@@ -97,13 +96,17 @@ def edit_tab(desk, tab):
         low, high = event.index
         return round(float(low), 3), round(float(high), 3), "make a stretch anew"
 
+    def begin(source, made):
+        return (gr.skip(),) * 6 if source or not made else from_made(made)
+
     got = [source, told, wave, desk.strip, desk.shown, own]
+    desk.on([tab.select], begin, [source, desk.made], got)
     desk.on([take.click], from_made, desk.made, got)
     desk.on([upload.change], look, upload, [column, rate, newtons]).then(
         desk.answer(from_file), [upload, column, rate, newtons], got, show_progress="hidden", api_visibility="private"
     )
     desk.on([column.input, rate.submit, newtons.submit], from_file, [upload, column, rate, newtons], got)
     wave.select(stretch, None, [start, stop, action], show_progress="hidden", api_visibility="private")
-    asked = [source, desk.made, action, start, stop, strength, *deltas]
+    asked = [source, action, start, stop, strength, *deltas]
     desk.on([make.click], edit, asked, [source, table, wave, desk.strip, desk.shown, own])
     desk.on([again.click], go_on, own, got)

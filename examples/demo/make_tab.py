@@ -37,7 +37,7 @@ def make_tab(desk, tab, page):
                 y = gr.Dropdown(scale.axes, value=scale.axes[min(1, len(scale.axes) - 1)], label="Up", min_width=100)
         with gr.Column(scale=4, min_width=300):
             with gr.Row():
-                dice = gr.Button("🎲 New takes", elem_id="dice", min_width=90, size="sm")
+                dice = gr.Button("New takes", elem_id="dice", min_width=90, size="sm")
                 undo = gr.Button("↶ Undo", elem_id="undo", min_width=70, size="sm")
                 redo = gr.Button("↷ Redo", elem_id="redo", min_width=70, size="sm")
             take = gr.Radio(list(range(1, TAKES + 1)), value=1, label="Take", elem_id="takes")
@@ -57,10 +57,8 @@ def make_tab(desk, tab, page):
     make.outputs = [*controls, desk.strip, desk.shown, desk.made, history, past, status, pad]
 
     def pad_value(values, x, y):
-        words = {"x": WORDS.get(x, ("less", "more")), "y": WORDS.get(y, ("less", "more"))}
         at = {"x": scale.axes.index(x), "y": scale.axes.index(y)}
-        low, high = words["x"], words["y"]
-        sides = {"left": low[0], "right": low[1], "bottom": high[0], "top": high[1]}
+        sides = dict(zip(("left", "right", "bottom", "top"), (*_words(x), *_words(y)), strict=True))
         state = {axis: values[number] for axis, number in at.items()}
         ranges = {axis: scale.ranges[number] for axis, number in at.items()}
         return json.dumps({**state, "ranges": ranges, "names": {"x": x, "y": y}, "words": sides})
@@ -145,13 +143,15 @@ def _axes(gr, scale):
     """A slider and a switch an axis."""
     sliders, opens = [], []
     for axis, (low, high), value in zip(scale.axes, scale.ranges, scale.from_z([0.0] * len(scale.axes)), strict=True):
+        label = " to ".join(_words(axis)).capitalize()
         with gr.Row(elem_classes="axis"):
-            slider = gr.Slider(low, high, value, step=scale.step, label=axis.capitalize(), elem_id=axis, scale=5)
-            opens.append(gr.Checkbox(label="any", elem_id=f"{axis}-open", scale=1, min_width=64, container=False))
-        words = WORDS.get(axis, ("less", "more"))
-        gr.HTML(f"<div><span>{words[0]}</span><span>{words[1]}</span></div>", elem_classes="ends", padding=False)
-        sliders.append(slider)
+            sliders.append(gr.Slider(low, high, value, step=scale.step, label=label, elem_id=axis))
+            opens.append(gr.Checkbox(label="any", elem_id=f"{axis}-open", min_width=64))
     return sliders, opens
+
+
+def _words(axis):
+    return WORDS.get(axis, (f"less {axis}", f"more {axis}"))
 
 
 def _script(name):

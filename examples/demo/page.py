@@ -11,36 +11,41 @@ from strip import parts, strip_value
 from surfaces_tab import surfaces_tab
 
 CSS = """
-footer, .show-api { display: none !important; }
-.gradio-container { padding: 10px 16px !important; max-width: 1500px !important; margin: auto; overflow: visible !important; }
-#top { position: sticky; top: 0; z-index: 20; background: var(--body-background-fill); padding: 4px 0 8px; }
-#title h1 { font-size: 1.15rem; margin: 0; }
-#title p { margin: 0; font-size: 0.9rem; }
-#status { min-height: 24px; }
-#status p { margin: 0; }
-#presets .wrap { display: grid; grid-template-columns: repeat(auto-fill, minmax(118px, 1fr)); gap: 6px; }
-#presets label { justify-content: center; padding: 7px 6px; }
-#presets input, #takes input { position: absolute; opacity: 0; }
-#presets label:has(:focus-visible), #takes label:has(:focus-visible) { outline: 3px solid #d9480f; }
-#presets label.selected, #takes label.selected { background: #1d4ed8; color: white; border-color: #1d4ed8; }
+footer { display: none !important; }
+gradio-app { display: block !important; }
+.gradio-container { padding: 0 !important; width: 100% !important; min-width: 0 !important; overflow: visible !important; }
+.gradio-container .main { padding: 8px 24px !important; max-width: 1500px; margin: auto; }
+#top { position: sticky; top: 0; z-index: 20; background: var(--body-background-fill); padding: 4px 0; gap: 4px; }
+#title small { font-size: 14px; }
+#title h1 { font-size: 1.15rem; display: inline; margin-right: 12px; }
+#status { min-height: 48px; }
+.axis .form { flex-wrap: nowrap; } .axis .form > :last-child { align-content: center; } .axis .form > .block { padding: 8px 10px; min-width: 0 !important; }
+.axis .form > :first-child { flex: 1 1 auto; } .axis .form > :last-child { flex: 0 0 74px; }
+#presets .wrap { display: grid; grid-template-columns: repeat(auto-fill, minmax(112px, 1fr)); gap: 6px; }
+:is(#presets, #takes) label { padding: 6px; justify-content: center; min-width: 34px; }
+:is(#presets, #takes) label span { margin: 0; }
+:is(#presets, #takes) input { position: absolute; opacity: 0; }
+:is(#presets, #takes) label:has(:focus-visible) { outline: 3px solid #d9480f; }
+:is(#presets, #takes) label.selected { background: #1d4ed8; color: white; border-color: #1d4ed8; }
 :is(button, input, a, [tabindex]):focus-visible { outline: 3px solid #d9480f !important; outline-offset: 1px; }
-.ends div { display: flex; justify-content: space-between; font-size: 0.85em; margin-top: -8px; }
-.axis { align-items: center; }
-.axis label span { white-space: nowrap; }
-.pad { position: relative; height: 250px; border: 1px solid var(--border-color-primary); border-radius: 8px; cursor: crosshair;
-  touch-action: none; background: linear-gradient(45deg, #93c5fd55, #fdba7455); }
-.pad .dot { position: absolute; width: 26px; height: 26px; margin: 0 0 -13px -13px; border: 3px solid #d9480f;
-  background: #d9480f55; border-radius: 50%; pointer-events: none; }
-.pad span:not(.dot) { position: absolute; font-size: 0.85rem; pointer-events: none; color: var(--body-text-color); }
-.pad .left { left: 8px; top: 50%; } .pad .right { right: 8px; top: 50%; }
-.pad .bottom { bottom: 6px; left: 0; right: 0; text-align: center; } .pad .top { top: 6px; left: 0; right: 0; text-align: center; }
-table.numbers { border-collapse: collapse; } table.numbers :is(th, td) { padding: 2px 14px 2px 0; text-align: left; }
+.pad { position: relative; height: 268px; border: 1px solid var(--border-color-primary); border-radius: 8px;
+  cursor: crosshair; touch-action: none; background: linear-gradient(45deg, #93c5fd55, #fdba7455); }
+.pad span { position: absolute; pointer-events: none; color: var(--body-text-color); font-size: 14px; }
+.pad .dot { width: 26px; height: 26px; margin: 0 0 -13px -13px; border: 3px solid #d9480f; background: #d9480f55;
+  border-radius: 50%; }
+.pad .left { left: 8px; top: 46%; } .pad .right { right: 8px; top: 46%; }
+.pad :is(.bottom, .top) { left: 0; right: 0; text-align: center; } .pad .bottom { bottom: 6px; } .pad .top { top: 6px; }
+:is(table.numbers, #lost table) { border-collapse: collapse; border: 0 !important; text-align: left; }
+:is(table.numbers, #lost table) :is(tr, th, td) { padding: 2px 14px 2px 0 !important; border: 0 !important; }
+:is(table.numbers, #lost table) tr { border-bottom: 1px solid var(--border-color-primary) !important; }
 .bar { height: 10px; border-radius: 5px; background: var(--border-color-primary); }
 .bar div { height: 100%; border-radius: 5px; background: #1d4ed8; }
-@media (max-width: 640px) { .pad { height: 200px; } #title p { display: none; } .gradio-container { padding: 4px 8px !important; } }
+@media (max-width: 640px) {
+  .pad { height: 200px; } #title small { display: none; } .gradio-container .main { padding: 4px 10px !important; }
+}
 """
-TITLE = """# Tactile textures
-Say how a surface should feel; drag the finger. It is the friction force of a sliding finger, made audible."""
+TITLE = """<h1>Tactile textures</h1><small>Say how a surface should feel, then drag the finger over it.
+What you hear is the friction force.</small>"""
 HIDDEN = {"show_progress": "hidden", "api_visibility": "private"}
 
 
@@ -110,7 +115,7 @@ def build(studio, folder, **options):
         component.preprocess = lambda self, payload: payload
     with gr.Blocks(title="Tactile textures from ratings", analytics_enabled=False, fill_width=True, **options) as page:
         with gr.Column(elem_id="top"):
-            gr.Markdown(TITLE, elem_id="title")
+            gr.HTML(TITLE, padding=False, elem_id="title")
             desk = Desk(gr, studio, folder)
         with gr.Tabs() as tabs:
             with gr.Tab("Make", id="make") as tab:

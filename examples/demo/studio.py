@@ -16,7 +16,6 @@ from tactile_diffusers.pipelines import TactileTextureEditPipeline, TactileTextu
 from tactile_diffusers.search import PreferenceSearch
 from tactile_diffusers.signal import DEVICE_RATE, resample, rms
 
-BUNDLED = "bundled"
 #: Requests of visitors that are answered by one call, and takes behind the range of what is usual.
 MOST_AT_ONCE, USUAL_TAKES = 8, 16
 
@@ -72,11 +71,12 @@ class Studio:
     """
 
     def __init__(self, checkpoint=None, surfaces=()):
-        own = Path(checkpoint or bundled_checkpoint())
-        self.checkpoints = {own.resolve().name if checkpoint else BUNDLED: str(checkpoint or own)}
-        for folder in map(Path, surfaces):
-            name = folder.resolve().name
-            self.checkpoints[name if name not in self.checkpoints else f"{name} ({len(self.checkpoints)})"] = folder
+        self.checkpoints = {}
+        for folder in (checkpoint or bundled_checkpoint(), *surfaces):
+            name = Path(folder).resolve().name
+            self.checkpoints[name if name not in self.checkpoints else f"{name} ({len(self.checkpoints)})"] = str(
+                folder
+            )
         self.own = next(iter(self.checkpoints))
         # one call at a time: two at once would each take twice as long; those that wait share the next one
         self._lock, self._waiting, self._guard = threading.Lock(), {}, threading.Lock()
