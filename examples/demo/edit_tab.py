@@ -74,8 +74,8 @@ def edit_tab(desk, tab):
         if not path:
             return (gr.skip(),) * 6
         samples, sampling_rate, notes = read_upload(path, column, rate, newtons)
-        words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz.", *notes]
-        return taken(studio.recorded(samples, sampling_rate), " ".join(words))
+        words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz", *notes]
+        return taken(studio.recorded(samples, sampling_rate), "; ".join(words))
 
     def edit(texture, chosen, begin, end, strength, *changes):
         if texture is None:
@@ -102,7 +102,7 @@ def edit_tab(desk, tab):
     got = [source, told, wave, desk.strip, desk.shown, own]
     desk.on([tab.select], begin, [source, desk.made], got)
     desk.on([take.click], from_made, desk.made, got)
-    desk.on([upload.change], look, upload, [column, rate, newtons]).then(
+    desk.on([upload.upload], look, upload, [column, rate, newtons]).then(
         desk.answer(from_file), [upload, column, rate, newtons], got, show_progress="hidden", api_visibility="private"
     )
     desk.on([column.input, rate.submit, newtons.submit], from_file, [upload, column, rate, newtons], got)

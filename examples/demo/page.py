@@ -24,7 +24,7 @@ gradio-app { display: block !important; }
 #presets .wrap { display: grid; grid-template-columns: repeat(auto-fill, minmax(112px, 1fr)); gap: 6px; }
 :is(#presets, #takes) label { padding: 6px; justify-content: center; min-width: 34px; }
 :is(#presets, #takes) label span { margin: 0; }
-:is(#presets, #takes) input { position: absolute; opacity: 0; }
+:is(#presets, #takes) input { position: absolute; opacity: 0; pointer-events: none; }
 :is(#presets, #takes) label:has(:focus-visible) { outline: 3px solid #d9480f; }
 :is(#presets, #takes) label.selected { background: #1d4ed8; color: white; border-color: #1d4ed8; }
 :is(button, input, a, [tabindex]):focus-visible { outline: 3px solid #d9480f !important; outline-offset: 1px; }
