@@ -42,7 +42,7 @@ def make_tab(desk, tab, page):
                 redo = gr.Button("↷ Redo", elem_id="redo", min_width=70, size="sm")
             take = gr.Radio(list(range(1, TAKES + 1)), value=1, label="Take", elem_id="takes")
             preset = gr.Radio(list(PRESETS), value="denim", label="Preset", elem_id="presets")
-            with gr.Accordion("More", open=False):
+            with gr.Accordion("More", open=False) as more_fold:
                 past = gr.Dropdown([], label="History", elem_id="history")
                 default, names = Settings(), list(studio.checkpoints)
                 more = [
@@ -54,7 +54,7 @@ def make_tab(desk, tab, page):
                 ]
     controls = [*sliders, *opens, preset, take, *more]
     make = SimpleNamespace(controls=controls, count=len(scale.axes))
-    make.outputs = [*controls, desk.strip, desk.shown, desk.made, history, past, status, pad]
+    make.outputs = [*controls, desk.strip, desk.shown, desk.made, history, status, pad]
 
     def pad_value(values, x, y):
         at = {"x": scale.axes.index(x), "y": scale.axes.index(y)}
@@ -64,20 +64,18 @@ def make_tab(desk, tab, page):
         return json.dumps({**state, "ranges": ranges, "names": {"x": x, "y": y}, "words": sides})
 
     def create(entry, log, x, y):
-        """What all answers of this tab bring: strip, shown, made, history, its list, status, pad."""
+        """What all answers of this tab bring: strip, shown, made, history, status, pad."""
         values, left_open = entry[: make.count], entry[make.count : 2 * make.count]
         name, number, seed, *how, checkpoint = entry[2 * make.count :]
         ratings = scale.to_z([None if off else value for value, off in zip(values, left_open, strict=True)])
         texture = studio.generate(ratings, Settings(seed + number - 1, *how), checkpoint)
         edited = _is_edited(scale, name, values, left_open)
         log = _remember(log, entry)
-        labels = [(_label(scale, make.count, past), place) for place, past in enumerate(log["entries"])]
         title = f"{name}, edited" if edited else name or "your own"
         told = f"**{title}** · take {number} · feels like: {scale.describe(texture.estimated)}"
         told += "".join(f"<br>{note}" for note in [scale.novelty(ratings)] if note)
-        lists = gr.Dropdown(choices=labels, value=log["at"])
         put = desk.put([(title, texture)], _link(scale, entry))
-        return *put, (entry, texture), log, lists, told, pad_value(values, x, y)
+        return *put, (entry, texture), log, told, pad_value(values, x, y)
 
     def live(log, x, y, *entry):
         return create(entry, log, x, y)
@@ -112,6 +110,10 @@ def make_tab(desk, tab, page):
         rest = entry[2 * make.count :] if preset is ... else (preset, *entry[2 * make.count + 1 :])
         return (*values, *(value is None for value in shown), *rest)
 
+    def list_history(log):
+        labels = [(_label(scale, make.count, entry), place) for place, entry in enumerate(log["entries"])]
+        return gr.Dropdown(labels, value=log["at"])
+
     make.restore, make.with_ratings, make.inputs = restore, with_ratings, [history, x, y, *controls]
 
     def arrive(request: gr.Request, log, x, y, *entry):
@@ -129,6 +131,7 @@ def make_tab(desk, tab, page):
     for button, by in ((undo, -1), (redo, 1)):
         desk.on([button.click], lambda *given, by=by: step(by, *given), make.inputs, make.outputs)
     desk.on([past.input], lambda at, log, *given: step(at - log["at"], log, *given), [past, *make.inputs], make.outputs)
+    desk.on([past.focus, more_fold.expand], list_history, history, past)
     desk.on([x.input, y.input], lambda log, x, y, *entry: pad_value(entry, x, y), make.inputs, pad)
 
     def back(made):

@@ -13,13 +13,16 @@ from surfaces_tab import surfaces_tab
 CSS = """
 footer { display: none !important; }
 gradio-app { display: block !important; }
-.gradio-container { padding: 0 !important; width: 100% !important; min-width: 0 !important; overflow: visible !important; }
+.gradio-container { padding: 0 !important; width: 100% !important; min-width: 0 !important; }
+.gradio-container { overflow: visible !important; }
 .gradio-container .main { padding: 8px 24px !important; max-width: 1500px; margin: auto; }
 #top { position: sticky; top: 0; z-index: 20; background: var(--body-background-fill); padding: 4px 0; gap: 4px; }
 #title small { font-size: 14px; }
 #title h1 { font-size: 1.15rem; display: inline; margin-right: 12px; }
 #status { min-height: 48px; }
-.axis .form { flex-wrap: nowrap; } .axis .form > :last-child { align-content: center; } .axis .form > .block { padding: 8px 10px; min-width: 0 !important; }
+.axis .form { flex-wrap: nowrap; }
+.axis .form > :last-child { align-content: center; }
+ .axis .form > .block { padding: 8px 10px; min-width: 0 !important; }
 .axis .form > :first-child { flex: 1 1 auto; } .axis .form > :last-child { flex: 0 0 74px; }
 #presets .wrap { display: grid; grid-template-columns: repeat(auto-fill, minmax(112px, 1fr)); gap: 6px; }
 :is(#presets, #takes) label { padding: 6px; justify-content: center; min-width: 34px; }

@@ -73,7 +73,7 @@ class Studio:
     def __init__(self, checkpoint=None, surfaces=()):
         self.checkpoints = {}
         for folder in (checkpoint or bundled_checkpoint(), *surfaces):
-            name = Path(folder).resolve().name
+            name = Path(folder).absolute().name
             self.checkpoints[name if name not in self.checkpoints else f"{name} ({len(self.checkpoints)})"] = str(
                 folder
             )

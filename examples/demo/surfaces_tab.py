@@ -3,8 +3,8 @@
 from analysis import numbers, spectrum
 from settings import Settings
 
-HOW = """No adapted checkpoint is open. Three commands make one of a folder of your recordings, see *Your own surfaces* in
-the README; then start the page with
+HOW = """No adapted checkpoint is open. Three commands make one of a folder of your recordings, see *Your own
+surfaces* in the README; then start the page with
 
     python examples/demo/app.py --surfaces adapted
 

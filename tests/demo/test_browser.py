@@ -76,7 +76,7 @@ def _lanes(page, *names):
     """Waits until these textures lie on the strip."""
     try:
         page.wait_for_function(
-            "(names) => String(document.querySelector('[data-version]').strip.data().tracks.map((t) => t.name)) == names",
+            "(wanted) => document.querySelector('[data-version]').strip.data().tracks.map((t) => t.name) == wanted",
             arg=",".join(names),
         )
     except sync_api.TimeoutError:
