@@ -101,6 +101,7 @@ def launch(studio, folder, host, port):
     font, mono = (gr.themes.utils.fonts.Font(name) for name in ("sans-serif", "monospace"))  # others are fetched
     theme = gr.themes.Default(primary_hue="blue", font=[font], font_mono=[mono])
     theme.set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")  # readable, not pale
+    theme.set(button_primary_background_fill="*primary_700", button_primary_background_fill_dark="*primary_700")
     page.launch(
         server_name=host,
         server_port=port,

@@ -19,6 +19,7 @@ gradio-app { display: block !important; }
 #top { position: sticky; top: 0; z-index: 20; background: var(--body-background-fill); padding: 4px 0; gap: 4px; }
 #title small { font-size: 14px; }
 #title h1 { font-size: 1.15rem; display: inline; margin-right: 12px; }
+:is(.min_value, .max_value, .or) { color: var(--body-text-color) !important; }
 #status { min-height: 48px; }
 .axis .form { flex-wrap: nowrap; }
 .axis .form > :last-child { align-content: center; }
