@@ -247,6 +247,9 @@ def test_pictures_and_accessibility_of_every_tab(visit, scheme):
     for tab in TABS:
         _tab(page, tab)
         page.wait_for_timeout(1500)
+        if tab == "Find":
+            page.locator("#find-begin").click()
+            _lanes(page, "A", "B")
         if tab == "Make":
             page.locator("#analysis button").first.click()
             page.locator("#numbers").get_by_text("usual").wait_for()
