@@ -16,6 +16,8 @@ from tactile_diffusers.cli.program import Parser, add_checkpoint_argument, refus
 
 #: Visitors at a time whose last result (a few megabytes) is kept, and requests that may wait.
 SESSIONS, WAITING = 50, 20
+#: Requests that are answered at a time; their textures are made in one call.
+AT_ONCE = 8
 #: Files of visitors are deleted after these seconds, s.
 FILE_SECONDS, CLEANING_SECONDS = 900, 300
 UPLOAD_MIB = 8
@@ -34,6 +36,7 @@ def parse_arguments(argv=None):
         default=os.environ.get("GRADIO_SERVER_NAME", "127.0.0.1"),  # a Space sets it
         help="address to listen on; default: 127.0.0.1, this machine only",
     )
+    parser.add_argument("--surfaces", nargs="+", default=[], metavar="FOLDER", help="adapted checkpoints to compare")
     port = int(os.environ.get("GRADIO_SERVER_PORT", 7860))
     parser.add_argument("--port", type=int, default=port, help="default: 7860")
     arguments = parser.parse_args(argv)
@@ -71,7 +74,7 @@ def _serve(arguments, folder):
     from studio import Studio
 
     logging.disable_progress_bar()
-    page = launch(Studio(arguments.checkpoint), folder, arguments.host, arguments.port)
+    page = launch(Studio(arguments.checkpoint, arguments.surfaces), folder, arguments.host, arguments.port)
     print(f"ready at {page.local_url} (Ctrl+C stops it)", flush=True)
     if not _is_loopback(arguments.host):
         print("Everyone who reaches this machine can use the page: it has no password.", flush=True)
@@ -90,21 +93,22 @@ def launch(studio, folder, host, port):
         `gradio.Blocks`: `close()` ends it.
     """
     import gradio as gr
-    from page import CSS, HEAD, build
+    from page import CSS, build
+    from strip import parts
 
     page = build(studio, folder, delete_cache=(CLEANING_SECONDS, FILE_SECONDS))
-    page.queue(max_size=WAITING, default_concurrency_limit=1)
+    page.queue(max_size=WAITING, default_concurrency_limit=AT_ONCE)
     font, mono = (gr.themes.utils.fonts.Font(name) for name in ("sans-serif", "monospace"))  # others are fetched
     theme = gr.themes.Default(primary_hue="blue", font=[font], font_mono=[mono])
     theme.set(block_info_text_color="*neutral_600", block_info_text_color_dark="*neutral_300")  # readable, not pale
+    theme.set(button_primary_background_fill="*primary_700", button_primary_background_fill_dark="*primary_700")
     page.launch(
         server_name=host,
         server_port=port,
         share=False,
         ssr_mode=False,
         theme=theme,
-        css=CSS,
-        head=HEAD,
+        head=f"<style>{CSS}{parts()[0]}</style>",
         allowed_paths=[],
         max_file_size=f"{UPLOAD_MIB}mb",
         state_session_capacity=SESSIONS,

@@ -8,7 +8,6 @@ import numpy as np
 from strip import strip_page
 
 from tactile_diffusers import export
-from tactile_diffusers.signal import RATING_AXES
 from tactile_diffusers.signal.checks import check_number
 
 #: Where Python keeps what is done with warnings, there is one for all threads.
@@ -86,10 +85,6 @@ def write_files(texture, name, folder, pixel_pitch):
 
 
 def _stem(texture):
-    """A name that tells textures apart, of letters, digits, ".", "_" and "-": "texture_r0.90_b0.50_sopen_seed1"."""
-    ratings = zip(RATING_AXES, texture.ratings, strict=True)
-    parts = (
-        f"{axis[0]}{np.round(value, 2) + 0.0:.2f}" if np.isfinite(value) else f"{axis[0]}open"
-        for axis, value in ratings
-    )
-    return f"texture_{'_'.join(parts)}_seed{texture.seed}"
+    """A name that tells textures apart, of letters, digits, ".", "_" and "-": "texture_0.90_0.50_any_seed1"."""
+    parts = (f"{np.round(value, 2) + 0.0:.2f}" if np.isfinite(value) else "any" for value in texture.ratings)
+    return f"texture_{'_'.join(parts)}_seed{'-none' if texture.seed is None else texture.seed}"

@@ -1,77 +1,112 @@
-"""The tab that edits: a recording, or the texture of the first tab, by ratings; or stretches of it made anew."""
+"""Edit: a recording, or the texture on the strip; before and after lie under one finger."""
 
-import functools
-import html
-
-from answers import edit_answer
-from controls import read_ratings
+from analysis import numbers, waveform
 from settings import Settings
-from uploads import LONGEST_SECONDS, read_upload
+from uploads import KINDS, columns_of, read_upload
 
 from tactile_diffusers.signal.checks import check_number
 
 #: What can be done, and the arguments of `TactileTextureEditPipeline` that ask for it.
 ACTIONS = {
-    "change its ratings": lambda deltas, strength, start, stop: {
+    "change how it feels": lambda deltas, strength, start, stop: {
         "ratings": {axis: delta for axis, delta in deltas.items() if delta} or None,
         "rating_scale": "difference",
         "strength": strength,
     },
     "make a stretch anew": lambda deltas, strength, start, stop: {"mask": [(start, stop)]},
-    "make it 1 s longer": lambda deltas, strength, start, stop: {"continue_s": 1.0},
-    "close it to a loop": lambda deltas, strength, start, stop: {"loop": True},
-    "another take of it": lambda deltas, strength, start, stop: {"strength": 0.95},
+    "1 s longer": lambda deltas, strength, start, stop: {"continue_s": 1.0},
+    "close to a loop": lambda deltas, strength, start, stop: {"loop": True},
+    "another take": lambda deltas, strength, start, stop: {"strength": 0.95},
+    "through the models": lambda deltas, strength, start, stop: {"strength": 0.0},
 }
+BEFORE, AFTER = "before", "after"
 
 
-def edit_tab(gr, studio, asked):
-    """Builds the tab; `asked` holds the ratings and settings of the first one."""
-    gr.Markdown(
-        "Edits a recording (the first "
-        f"{LONGEST_SECONDS:g} s of a WAV or CSV file, as on *Your recording*), or, without a file, the texture of the "
-        "first tab's ratings. What is not asked for stays, as far as *strength* leaves it."
-    )
-    axes = studio.config.rating_axes
+def edit_tab(desk, tab):
+    """The tab."""
+    gr, studio, scale = desk.gr, desk.studio, desk.studio.scale
+    own, source = desk.own_tracks(tab), gr.State()
     with gr.Row():
-        with gr.Column():
-            upload = gr.File(label="Recording (.csv, .wav)", file_types=[".csv", ".wav"], type="binary")
-            rate = gr.Number(10_000, label="Sampling rate, Hz", info="of a CSV file with one column")
-        with gr.Column():
-            action = gr.Radio(list(ACTIONS), value=next(iter(ACTIONS)), label="Do", elem_id="edit-action")
-            deltas = [gr.Slider(-2, 2, 0, step=0.1, label=f"{axis}, change in z-scores") for axis in axes]
-            strength = gr.Slider(0, 1, 0.6, step=0.05, label="Strength", info="0 = as it is, 1 = a fresh take")
+        with gr.Column(scale=3, min_width=260):
+            take = gr.Button("Take the texture of Make", elem_id="take-made", size="sm")
+            upload = gr.File(
+                label="or a recording", file_types=list(KINDS), type="filepath", height=110, elem_id="upload"
+            )
             with gr.Row():
-                start = gr.Number(0.8, label="Stretch from, s")
-                stop = gr.Number(0.9, label="to, s")
-            make = gr.Button("Edit", variant="primary", elem_id="edit")
-    picture, sound, numbers = gr.HTML(elem_id="edit-picture"), gr.HTML(), gr.HTML(elem_id="edit-numbers")
+                column = gr.Dropdown([], label="Column", elem_id="column", min_width=120, visible=False)
+                rate = gr.Number(10_000, label="Hz, of one column", elem_id="csv-rate", min_width=120, visible=False)
+                newtons = gr.Number(1, label="N per unit", info="1 = by its name", min_width=120, visible=False)
+            told = gr.Markdown("", elem_id="edit-told")
+        with gr.Column(scale=4, min_width=300):
+            wave = gr.LinePlot(
+                x="s", y="mN", height=200, label="Waveform: drag over a stretch to make it anew", elem_id="edit-wave"
+            )
+            with gr.Row():
+                start = gr.Number(0.8, label="Stretch from, s", elem_id="start", min_width=100)
+                stop = gr.Number(0.9, label="to, s", elem_id="stop", min_width=100)
+        with gr.Column(scale=4, min_width=300):
+            action = gr.Radio(list(ACTIONS), value=next(iter(ACTIONS)), label="Do", elem_id="edit-action")
+            deltas = [
+                gr.Slider(-2, 2, 0, step=0.1, label=f"More {axis}", elem_id=f"more-{axis}") for axis in scale.axes
+            ]
+            strength = gr.Slider(0, 1, 0.6, step=0.05, label="Strength (0 = as it is, 1 = a fresh take)")
+            with gr.Row():
+                make = gr.Button("Edit", variant="primary", elem_id="edit")
+                again = gr.Button("Go on from the result", elem_id="edit-again")
+    table = gr.HTML(elem_id="edit-numbers")
 
-    make.click(
-        functools.partial(run_edit, gr, studio),
-        [upload, rate, action, start, stop, strength, *deltas]
-        + [asked["scale"], *asked["ratings"], *asked["open"], *asked["settings"]],
-        [picture, sound, numbers],
-        api_visibility="private",
-        show_progress="minimal",
-    )
+    def taken(texture, words):
+        tracks = [(BEFORE, texture)]
+        return texture, words, waveform(texture), *desk.put(tracks), tracks
 
+    def from_made(made):
+        if not made:
+            raise ValueError("There is no texture in Make yet.")
+        return taken(made[1], "The texture of Make.")
 
-def run_edit(gr, studio, content, csv_rate, chosen, begin, end, strength, *values):
-    """Answers the button: yields picture, players and numbers; what is refused is said in their place."""
-    axes = studio.config.rating_axes
-    changes, scale, values = values[: len(axes)], values[len(axes)], values[len(axes) + 1 :]
-    asked, how = values[: 2 * len(axes)], Settings(*values[2 * len(axes) :])
-    try:
+    def look(path):
+        """What there is to choose of a file."""
+        names, has_rate = columns_of(path) if path else ([], True)
+        choices = gr.Dropdown(names, value=None, visible=len(names) > 1)
+        return choices, gr.Number(visible=bool(path) and not has_rate), gr.Number(visible=bool(path))
+
+    def from_file(path, column, rate, newtons):
+        if not path:
+            return (gr.skip(),) * 6
+        samples, sampling_rate, notes = read_upload(path, column, rate, newtons)
+        words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz", *notes]
+        return taken(studio.recorded(samples, sampling_rate), "; ".join(words))
+
+    def edit(texture, chosen, begin, end, strength, *changes):
+        if texture is None:
+            raise ValueError("There is nothing to edit yet.")
         check_number("stretch", begin, "s", at_least=0)
         check_number("stretch", end, "s", above=begin)
-        if content is None:
-            texture = studio.generate([read_ratings(studio, scale, asked)], how).textures[0]
-            samples, sampling_rate = texture.samples, texture.sampling_rate
-        else:
-            samples, sampling_rate, _ = read_upload(content, csv_rate)
-        options = ACTIONS[chosen](dict(zip(axes, changes, strict=True)), strength, begin, end)
-        made = studio.edit(samples, sampling_rate, how, **options)
-    except ValueError as error:
-        yield f'<p role="status"><strong>Not made:</strong> {html.escape(str(error))}</p>', "", ""
-        raise gr.Error(str(error), print_exception=False) from error
-    yield edit_answer(made, scale, studio.config)
+        options = ACTIONS[chosen](dict(zip(scale.axes, changes, strict=True)), strength, begin, end)
+        after = studio.edit(texture, Settings(), **options)
+        tracks = [(BEFORE, texture), (AFTER, after)]
+        return texture, numbers(scale, tracks), waveform(after), *desk.put(tracks), tracks
+
+    def go_on(tracks):
+        if len(tracks) < 2:
+            raise ValueError("There is no result yet.")
+        return taken(tracks[1][1], "The result of the edit before.")
+
+    def stretch(event: gr.SelectData):
+        low, high = event.index
+        return round(float(low), 3), round(float(high), 3), "make a stretch anew"
+
+    def begin(source, made):
+        return (gr.skip(),) * 6 if source or not made else from_made(made)
+
+    got = [source, told, wave, desk.strip, desk.shown, own]
+    desk.on([tab.select], begin, [source, desk.made], got)
+    desk.on([take.click], from_made, desk.made, got)
+    desk.on([upload.upload], look, upload, [column, rate, newtons]).then(
+        desk.answer(from_file), [upload, column, rate, newtons], got, show_progress="hidden", api_visibility="private"
+    )
+    desk.on([column.input, rate.submit, newtons.submit], from_file, [upload, column, rate, newtons], got)
+    wave.select(stretch, None, [start, stop, action], show_progress="hidden", api_visibility="private")
+    asked = [source, action, start, stop, strength, *deltas]
+    desk.on([make.click], edit, asked, [source, table, wave, desk.strip, desk.shown, own])
+    desk.on([again.click], go_on, own, got)

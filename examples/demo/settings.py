@@ -1,4 +1,4 @@
-"""What a visitor may ask for: how textures are made, within limits, and the scales that ratings are shown in."""
+"""What a visitor may ask for, within limits, and the scale of the sliders."""
 
 import math
 from dataclasses import dataclass, fields
@@ -7,26 +7,13 @@ import numpy as np
 
 from tactile_diffusers.models import RatingStatistics
 from tactile_diffusers.pipelines.inputs import parse_ratings
-from tactile_diffusers.signal import RATING_AXES, coverage_distance
+from tactile_diffusers.signal import coverage_distance
 from tactile_diffusers.signal.checks import check_number
-from tactile_diffusers.signal.rating_scales import RATING_SCALE, to_raw
 
-#: What the sliders allow, and what is refused whoever asks: an answer takes seconds and megabytes at most.
-LIMITS = {
-    "steps": (1, 25),
-    "latent_steps": (1, 25),
-    "order": (1, 2),
-    "guidance": (0.0, 5.0),
-    "seed": (0, 2**31 - 1),
-    "duration_s": (0.5, 10.0),
-    "takes": (1, 8),
-}
-#: Seconds of texture that one request may ask for, all takes together.
-MOST_SECONDS = 20.0
+#: What the controls allow, and what is refused whoever asks: an answer takes seconds and megabytes at most.
+LIMITS = {"seed": (0, 2**31 - 1), "guidance": (0.0, 5.0), "duration_s": (0.5, 10.0), "steps": (1, 25)}
 #: Words at the lower and the upper end of each axis.
 WORDS = {"roughness": ("smooth", "rough"), "bumpiness": ("even", "bumpy"), "slipperiness": ("sticky", "slippery")}
-#: Scales, with their names on the page.
-SCALES = {"percentile": "percentile of the training surfaces", "raw": "0–8, the typical rater's", "z": "z-scores"}
 #: Ends of the sliders, in z-scores, where a checkpoint does not say what it was trained on.
 _UNKNOWN_RANGE = (-2.0, 2.0)
 
@@ -36,25 +23,19 @@ class Settings:
     """How textures are made.
 
     Args:
-        steps (`int`): of LCTG; no more than a distilled decoder was made for = that decoder, where there is one.
-        latent_steps (`int`): of DALE; a distilled one takes no more than it was made for.
-        order (`int`): of both solvers, 1 or 2; a distilled decoder keeps its own.
+        seed (`int`): of the noise.
         guidance (`float`): 1 = off.
-        seed (`int`): take k is made with seed + k.
         duration_s (`float`): s.
-        takes (`int`): textures of each rating.
+        steps (`int`): of LCTG; no more than a distilled decoder was made for = that decoder, where there is one.
 
     Raises:
-        ValueError: for a value outside `LIMITS`, one that must be whole and is not, or more than `MOST_SECONDS`.
+        ValueError: for a value outside `LIMITS`, or one that must be whole and is not.
     """
 
-    steps: int = 2
-    latent_steps: int = 5
-    order: int = 2
+    seed: int = 6  # of the bundled checkpoint's first twelve, the one whose takes of presets are estimated best
     guidance: float = 1.0
-    seed: int = 4  # of the bundled checkpoint's first twelve, the one whose takes of the presets are the most usual
     duration_s: float = 1.6  # of the one segment, 1.6384 s, that is made at least
-    takes: int = 1
+    steps: int = 2
 
     def __post_init__(self):
         for field in fields(self):
@@ -64,73 +45,69 @@ class Settings:
                 if value != int(value):
                     raise ValueError(f"`{field.name}` must be a whole number, got {value}.")
                 object.__setattr__(self, field.name, int(value))  # a browser sends 2.0
-        if self.takes * self.duration_s > MOST_SECONDS:
-            raise ValueError(
-                f"All takes together may last {MOST_SECONDS:g} s, got {self.takes} of {self.duration_s:g} s: ask for "
-                "fewer or shorter ones."
-            )
 
 
-def digits(scale):
-    """Decimals with which values on a scale are shown."""
-    return 0 if scale == "percentile" else 2
-
-
-def available_scales(config):
-    """Those of `SCALES` whose statistics DALE's config has; z-scores always."""
-    return [name for name in SCALES if not _lacks(config, name)]
-
-
-def _lacks(config, scale):
-    needed = {"percentile": ("quantiles",), "raw": ("mean", "std"), "z": ()}[scale]
-    return any(getattr(RatingStatistics.from_config(config), name) is None for name in needed)
-
-
-def to_z(values, scale, config):
-    """Ratings of one texture in z-scores: a tuple of floats, NaN = not specified.
+class Scale:
+    """The sliders' scale: percentiles of the training surfaces; z-scores where a checkpoint does not know them.
 
     Args:
-        values (`Sequence[float | None]`): on `scale`, in the order of the axes; `None` = not specified.
-        scale (`str`): of `SCALES`.
         config: DALE's.
-
-    Raises:
-        ValueError: see `parse_ratings`.
     """
-    return tuple(parse_ratings([list(values)], config, scale)[0].tolist())
 
+    def __init__(self, config):
+        self.config, self.statistics = config, RatingStatistics.from_config(config)
+        self.axes = list(config.rating_axes)
+        self.name = "z" if self.statistics.quantiles is None else "percentile"
+        self.step = 0.01 if self.name == "z" else 1
 
-def from_z(ratings, scale, config):
-    """Undoes `to_z`, within the ends of the scale: (axes,) float64, NaN stays."""
-    ratings, statistics = np.asarray(ratings, dtype=np.float64), RatingStatistics.from_config(config)
-    if scale == "raw":
-        return np.clip(to_raw(ratings, np.array(statistics.mean), np.array(statistics.std)), *RATING_SCALE)
-    if scale == "percentile":
-        shares = np.linspace(0, 100, len(statistics.quantiles[0]))
-        rows = zip(ratings, statistics.quantiles, strict=True)
-        return np.array([np.interp(value, row, shares) if np.isfinite(value) else np.nan for value, row in rows])
-    return ratings
+    @property
+    def ranges(self):
+        """Lowest and highest value of each axis' slider."""
+        if self.name == "percentile":
+            return [(0, 100)] * len(self.axes)
+        ends = self.statistics.range or [_UNKNOWN_RANGE] * len(self.axes)
+        return [(math.ceil(low * 100) / 100, math.floor(high * 100) / 100) for low, high in ends]
 
+    def to_z(self, values):
+        """Ratings in z-scores, a tuple with NaN = not specified, of sliders' values, `None` = not specified.
 
-def slider_ranges(scale, config):
-    """Lowest and highest value of each axis' slider on a scale, `list[tuple[float, float]]`.
+        Raises:
+            ValueError: for a value beyond its slider, which names the axis.
+        """
+        for axis, value, (low, high) in zip(self.axes, values, self.ranges, strict=True):
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if value is not None and not (number and low <= value <= high):
+                raise ValueError(f"{axis} must be between {low:g} and {high:g}, got {value!r}.")
+        return tuple(parse_ratings([list(values)], self.config, self.name)[0].tolist())
 
-    They are the 0th and the 100th percentile of the training surfaces, whatever the scale; rounded inwards.
-    """
-    if scale == "percentile":
-        return [(0.0, 100.0)] * len(RATING_AXES)
-    known = RatingStatistics.from_config(config).range
-    ends = np.array(known or [_UNKNOWN_RANGE] * len(RATING_AXES), dtype=np.float64)
-    lows, highs = (from_z(side, scale, config) for side in ends.T)
-    return [(math.ceil(low * 100) / 100, math.floor(high * 100) / 100) for low, high in zip(lows, highs, strict=True)]
+    def from_z(self, ratings):
+        """Where sliders stand: a list, rounded and within their ranges; `None` = not specified."""
+        shown = [None if z is None or not np.isfinite(z) else float(z) for z in ratings]
+        if self.name == "percentile":
+            shares = np.linspace(0, 100, len(self.statistics.quantiles[0]))
+            rows = zip(shown, self.statistics.quantiles, strict=True)
+            shown = [None if z is None else float(np.interp(z, row, shares)) for z, row in rows]
+        digits = 2 if self.name == "z" else 0
+        rows = zip(shown, self.ranges, strict=True)
+        return [None if z is None else round(min(max(z, low), high), digits) for z, (low, high) in rows]
+
+    def describe(self, ratings):
+        """Ratings in words: "roughness 75 · bumpiness any"."""
+        shown = zip(self.axes, self.from_z(ratings), strict=True)
+        return " · ".join(f"{axis} {'any' if value is None else f'{value:g}'}" for axis, value in shown)
+
+    def novelty(self, ratings):
+        """A sentence if no training surface is rated nearly so, else an empty string."""
+        known = self.statistics
+        if known.reach is None:
+            return ""
+        distance = coverage_distance([ratings], known.centre, known.covariance)[0]
+        far = np.isfinite(distance) and distance > known.reach
+        return "No training surface is rated nearly so: the texture is extrapolated." if far else ""
 
 
 def blend(first, second, share):
     """Ratings between two, in z-scores: the first at 0, the second at 1; what either leaves open stays open between.
-
-    Args:
-        first, second (`Sequence[float]`): (axes,) z-scores, NaN = not specified.
-        share (`float`): 0 to 1.
 
     Raises:
         ValueError: for a share outside.
@@ -139,24 +116,3 @@ def blend(first, second, share):
     if share in (0, 1):  # NaN in the other one must not count
         return tuple((first, second)[int(share)])
     return tuple((1 - share) * a + share * b for a, b in zip(first, second, strict=True))
-
-
-def describe(ratings, scale, config):
-    """Ratings in words: "roughness 75, bumpiness not specified, ..." on a scale."""
-    shown = from_z(ratings, scale, config)
-    parts = (f"{value:.{digits(scale)}f}" if np.isfinite(value) else "not specified" for value in shown)
-    return ", ".join(f"{axis} {part}" for axis, part in zip(RATING_AXES, parts, strict=True))
-
-
-def novelty(ratings, config):
-    """A sentence if no training surface is rated nearly so, else an empty string.
-
-    Single axes need no check: the sliders end where training did.
-    """
-    statistics = RatingStatistics.from_config(config)
-    if statistics.reach is None:
-        return ""
-    distance = coverage_distance([ratings], statistics.centre, statistics.covariance)[0]
-    if np.isfinite(distance) and distance > statistics.reach:
-        return "No training surface is rated nearly so in this combination: the texture is extrapolated."
-    return ""

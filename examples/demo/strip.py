@@ -1,47 +1,40 @@
-"""The finger strip: a page of its own that plays a texture under a pointer, in the browser alone."""
+"""The strip under the finger: plays textures under a pointer, in the browser alone."""
 
 import base64
-import html
 import json
 import math
 from pathlib import Path
-
-import numpy as np
-from sound import SOUND_RMS
 
 from tactile_diffusers.playback import TextureProfile
 from tactile_diffusers.playback.finger import CUTOFF_HZ
 from tactile_diffusers.playback.force_laws import SLOWEST_SLIDING, SPEED_EXPONENT, TURNING_SPEED
 from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES
 
-#: Height of the page in pixels.
-HEIGHT = 350
 #: Speed in mm/s that a texture of unknown speed is taken to have: the middle of the paper's limits.
 UNKNOWN_SPEED = 80.0
-_TEMPLATE = Path(__file__).with_name("strip.html")
-_PLACE = "/* DATA */ null"
+#: RMS of what is heard, of full scale: at equal level always, at real level of a texture of `REAL_LEVEL` N.
+SOUND_RMS, REAL_LEVEL = 0.1, 0.02
+_SOURCE = Path(__file__).with_name("strip.html").read_text(encoding="utf-8")
 
 
-def strip_page(texture):
-    """An HTML page that gives the friction force of a finger that is dragged over the texture, seen and estimated.
+def parts():
+    """Style, markup and script of the strip."""
+    return [_SOURCE.split(f"<{tag}>")[1].split(f"</{tag}>")[0] for tag in ("style", "main", "script")]
 
-    Nothing is loaded from elsewhere. The profile is the texture's first segment over position, looped and filled as in
-    [`TextureProfile`], float32; the laws are those of [`TextureStream`], with a lighter filter of the finger's path.
+
+def strip_value(tracks, link=None):
+    """What the strip plays: JSON.
+
+    A profile is the texture's first segment over position, looped and filled as in [`TextureProfile`]; the laws are
+    those of [`TextureStream`], with a lighter filter of the finger's path.
 
     Args:
-        texture ([`Texture`]): at least 0.2 s.
-
-    Returns:
-        `str`: the page.
+        tracks (`Sequence[tuple[str, Texture]]`): by name, at least 0.2 s each: lanes under one finger.
+        link (`str`, *optional*): query that opens the page with the same texture.
     """
-    profile = TextureProfile(texture.samples[:SEGMENT_SAMPLES], texture.sampling_rate, _speed(texture), separate=False)
-    samples = profile.period().astype("<f4")
-    known = math.isfinite(texture.friction_coefficient)
     data = {
-        "profile": base64.b64encode(samples.tobytes()).decode("ascii"),
-        "pitch": profile.pitch,
-        "referenceSpeed": profile.reference_speed,
-        "friction": texture.friction_coefficient if known else 0.0,
+        "tracks": [_track(name, texture) for name, texture in tracks],
+        "link": link,
         "normalForce": REFERENCE_FORCE,
         "speedExponent": SPEED_EXPONENT,
         "slowestSliding": SLOWEST_SLIDING,
@@ -49,21 +42,34 @@ def strip_page(texture):
         "band": BAND_HZ,
         "cutoff": CUTOFF_HZ,
         "deviceRate": DEVICE_RATE,
-        "level": max(texture.rms, 1e-9),
         "soundLevel": SOUND_RMS,
+        "realLevel": REAL_LEVEL,
     }
-    return _TEMPLATE.read_text(encoding="utf-8").replace(_PLACE, json.dumps(data))
+    return json.dumps(data)
 
 
-def strip_html(texture):
-    """The page in a frame that may run scripts and do nothing else."""
-    page = html.escape(strip_page(texture), quote=True)
+def _track(name, texture):
+    speed = texture.reference_speed if math.isfinite(texture.reference_speed) else UNKNOWN_SPEED
+    profile = TextureProfile(texture.samples[:SEGMENT_SAMPLES], texture.sampling_rate, speed, separate=False)
+    known = math.isfinite(texture.friction_coefficient)
+    return {
+        "name": name,
+        "profile": base64.b64encode(profile.period().astype("<f4").tobytes()).decode("ascii"),
+        "pitch": profile.pitch,
+        "referenceSpeed": speed,
+        "friction": texture.friction_coefficient if known else 0.0,
+        "level": max(texture.rms, 1e-9),
+    }
+
+
+def strip_page(texture):
+    """An HTML page that is nothing but the strip of one texture; nothing is loaded from elsewhere."""
+    value = strip_value([("texture", texture)]).replace("<", "\\u003c")
+    style, markup, script = parts()
+    theme = "--body-text-color:CanvasText;--background-fill-primary:Canvas;--border-color-primary:#888;--sl:16px"
     return (
-        f'<iframe class="finger-strip" title="Finger strip" sandbox="allow-scripts" allow="autoplay" '
-        f'style="width:100%;height:{HEIGHT}px;border:0" srcdoc="{page}"></iframe>'
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
+        f"<title>Finger strip</title><style>:root{{color-scheme:light dark;{theme}}}{style}</style>"
+        f'<body id="strip"><main>{markup}</main><script>const element = document.body, watch = () => {{}};\n'
+        f"const props = {{ value: {json.dumps(value)} }};\n{script}</script></body></html>"
     )
-
-
-def _speed(texture):
-    """A texture of unknown speed is played all the same, at a likely one."""
-    return texture.reference_speed if np.isfinite(texture.reference_speed) else UNKNOWN_SPEED

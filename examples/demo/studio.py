@@ -1,24 +1,26 @@
 """From settings to textures and what is known of them, without a page: the studio behind it."""
 
+import functools
 import threading
-import time
-from dataclasses import dataclass, field
+from concurrent.futures import Future
+from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import torch
-from bands import BandRange, draw_latents, estimated_range, rating_range, training_range
-from settings import Settings, novelty
+from settings import Scale, Settings
 
 from tactile_diffusers.checkpoints import bundled_checkpoint
 from tactile_diffusers.pipelines import TactileTextureEditPipeline, TactileTexturePipeline
-from tactile_diffusers.signal import RATING_AXES, nine_band_error_db, resample, rms
+from tactile_diffusers.search import PreferenceSearch
+from tactile_diffusers.signal import DEVICE_RATE, resample, rms
 
-#: Seed of the draws behind the ranges of bands: they must not move while a visitor tries seeds.
-_RANGE_SEED = 0
+#: Requests of visitors that are answered by one call, and takes behind the range of what is usual.
+MOST_AT_ONCE, USUAL_TAKES = 8, 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Texture:
     """One texture and what belongs to it.
 
@@ -47,190 +49,165 @@ class Texture:
         """Duration, s."""
         return len(self.samples) / self.sampling_rate
 
-    @property
+    @functools.cached_property
     def rms(self):
         """N."""
         return float(rms(self.samples))
 
 
-@dataclass(frozen=True)
-class Result:
-    """The answer to one request.
-
-    Args:
-        textures (`list[Texture]`): rating by rating, take by take.
-        settings (`Settings`): that they were made with.
-        seconds (`float`): s.
-        likely (`BandRange`, *optional*): of the first ratings; `None` = the checkpoint cannot tell.
-        training (`BandRange`, *optional*): of the training textures.
-        usual (`np.ndarray`, *optional*): (2, axes) z-scores between which textures of the first ratings are estimated.
-        note (`str`): a warning, or empty.
-    """
-
-    textures: list[Texture] = field(repr=False)
-    settings: Settings
-    seconds: float
-    likely: BandRange | None
-    training: BandRange | None
-    usual: np.ndarray | None = None
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Reconstruction:
-    """A recording and what the codec makes of it, both [`Texture`] of one rate, and their nine-band error in dB."""
-
-    recorded: Texture
-    decoded: Texture
-    nine_band_db: float
-
-
 class Studio:
-    """A checkpoint, loaded and warm, that answers one request at a time; nothing of a request is kept.
+    """Checkpoints, loaded and warm, that answer requests; nothing of a request is kept.
 
     Args:
         checkpoint (`str` or `Path`, *optional*): folder; defaults to the bundled one.
+        surfaces (`Sequence`): folders of adapted checkpoints.
+
+    Attributes:
+        scale ([`Scale`]): of the sliders.
+        checkpoints (`dict[str, Path]`): by name; the first is the page's own.
 
     Raises:
-        OSError, ValueError: if it cannot be loaded, or has no DALE.
+        OSError, ValueError: if one cannot be loaded, or has no DALE.
     """
 
-    def __init__(self, checkpoint=None):
-        folder = str(checkpoint or bundled_checkpoint())
-        self._name = Path(folder).resolve().name
-        self._shared = TactileTexturePipeline.from_pretrained(folder)
-        if self._shared.dale is None:
-            raise ValueError(f"The checkpoint {folder} has no `dale`: it reconstructs, it cannot generate.")
-        self._shared.set_progress_bar_config(disable=True)
-        # one at a time: two at once would each take twice as long, and twice the memory
-        self._lock = threading.Lock()
-        self._training = training_range(self._shared, _RANGE_SEED)
-        self.config = self._shared.dale.config
-        self.generate([(0.0,) * len(RATING_AXES)])  # the first call of anything is slow
+    def __init__(self, checkpoint=None, surfaces=()):
+        self.checkpoints = {}
+        for folder in (checkpoint or bundled_checkpoint(), *surfaces):
+            name = Path(folder).absolute().name
+            self.checkpoints[name if name not in self.checkpoints else f"{name} ({len(self.checkpoints)})"] = str(
+                folder
+            )
+        self.own = next(iter(self.checkpoints))
+        # one call at a time: two at once would each take twice as long; those that wait share the next one
+        self._lock, self._waiting, self._guard = threading.Lock(), {}, threading.Lock()
+        self._pipes = {name: _load(folder) for name, folder in self.checkpoints.items()}
+        self.scale = Scale(self._pipes[self.own].dale.config)
+        wrong = [name for name in self._pipes if list(self._pipes[name].dale.config.rating_axes) != self.scale.axes]
+        if wrong:
+            raise ValueError(f"The checkpoint {self.checkpoints[wrong[0]]} has other axes than {self.scale.axes}.")
+        for name in self.checkpoints:  # the first call of anything is slow
+            self.generate((0.0,) * len(self.scale.axes), checkpoint=name)
 
-    @property
-    def distilled_steps(self):
-        """Steps up to which the distilled decoder is used; 0 = there is none."""
-        distilled = self._shared.lctg_distilled
-        return 0 if distilled is None else distilled.config.distilled_steps
+    def _pipe(self, checkpoint=None):
+        if (checkpoint or self.own) not in self._pipes:
+            raise ValueError(f"There is no checkpoint {checkpoint!r}; there are {list(self._pipes)}.")
+        return self._pipes[checkpoint or self.own]
 
-    def _pipeline(self, settings):
-        """A pipeline of its own for these settings; models are shared."""
-        schedulers, order = ("scheduler", "dale_scheduler"), {"multistep_order": settings.order}
-        parts = {name: getattr(self._shared, name) for name in schedulers[settings.steps <= self.distilled_steps :]}
-        parts = {name: type(one).from_config(one.config, **order) for name, one in parts.items()}
-        return TactileTexturePipeline.from_pipe(self._shared, **parts)
-
-    def generate(self, ratings, settings=None):
-        """Textures of ratings.
+    def generate(self, ratings, settings=None, checkpoint=None):
+        """A texture of ratings.
 
         Args:
-            ratings (`Sequence[Sequence[float]]`): rows of z-scores, NaN = not specified.
-            settings (`Settings`, *optional*): how.
+            ratings (`Sequence[float]`): z-scores, NaN = not specified.
+            settings ([`Settings`], *optional*): how.
+            checkpoint (`str`, *optional*): name of one; default: the page's own.
 
         Returns:
-            [`Result`]
+            [`Texture`]
 
         Raises:
-            ValueError: for impossible ratings.
+            ValueError: for impossible ratings, or an unknown checkpoint.
         """
-        settings = settings or Settings()
-        start = time.perf_counter()
-        seeds = [settings.seed + take for take in range(settings.takes)] * len(ratings)
+        settings, answer = settings or Settings(), Future()
+        self._pipe(checkpoint)
+        kind = (checkpoint or self.own, settings.guidance, settings.duration_s, settings.steps)
+        with self._guard:
+            self._waiting.setdefault(kind, []).append((tuple(ratings), settings.seed, answer))
         with self._lock:
-            pipe = self._pipeline(settings)
-            latent_steps = min(settings.latent_steps, pipe.dale.config.distilled_steps or settings.latent_steps)
-            out = pipe(
-                [list(row) for row in ratings],
-                num_inference_steps=settings.steps,
-                num_latent_inference_steps=latent_steps,
-                guidance_scale=settings.guidance,
-                num_textures_per_rating=settings.takes,
-                duration_s=settings.duration_s,
-                generator=[torch.Generator("cpu").manual_seed(seed) for seed in seeds],
-            )
-            estimated = _estimate(pipe, out.textures, out.sampling_rate, out.friction_coefficient)
-            drawn = draw_latents(pipe, ratings[0], latent_steps, settings.guidance, _RANGE_SEED)
-            likely, usual = rating_range(pipe, drawn), estimated_range(pipe, drawn)
-        textures = [
-            Texture(
-                samples=samples,
-                sampling_rate=out.sampling_rate,
-                friction_coefficient=float(out.friction_coefficient[number]),
-                ratings=tuple(ratings[number // settings.takes]),
-                estimated=estimated[number],
-                seed=seeds[number],
-                reference_speed=out.reference_speed,
-                checkpoint=self._name,
-            )
-            for number, samples in enumerate(out.textures)
-        ]
-        notes = dict.fromkeys(filter(None, (novelty(row, self.config) for row in ratings)))
-        seconds = time.perf_counter() - start
-        return Result(textures, settings, seconds, likely, self._training, usual, " ".join(notes))
+            while not answer.done():  # somebody else's call may have brought it
+                with self._guard:
+                    asked, rest = self._waiting[kind][:MOST_AT_ONCE], self._waiting.pop(kind)[MOST_AT_ONCE:]
+                    self._waiting |= {kind: rest} if rest else {}
+                self._answer(kind, asked)
+        return answer.result()
 
-    def reconstruct(self, samples, sampling_rate, settings=None):
-        """A recording through encoder and decoder, beside itself at the delivery rate.
+    def _answer(self, kind, asked):
+        """Makes the textures of several requests of one kind in one call."""
+        checkpoint, guidance, duration_s, steps = kind
+        try:
+            rows, seeds, _ = zip(*asked, strict=True)
+            generators = [torch.Generator("cpu").manual_seed(seed) for seed in seeds]
+            pipe, how = self._pipe(checkpoint), {"guidance_scale": guidance, "duration_s": duration_s}
+            how["generator"] = generators if len(generators) > 1 else generators[0]
+            out = pipe([list(row) for row in rows], num_inference_steps=steps, **how)
+            made = self._textures(pipe, out, rows, seeds, checkpoint)
+        except Exception as error:
+            for *_, answer in asked:
+                answer.set_exception(error)
+        else:
+            for (*_, answer), texture in zip(asked, made, strict=True):
+                answer.set_result(texture)
 
-        Args:
-            samples (`np.ndarray`): (n,), N, band-passed.
-            sampling_rate (`int`): Hz.
-            settings (`Settings`, *optional*): steps, order and seed are used.
+    def usual(self, ratings, settings, checkpoint=None):
+        """What takes of these ratings are like: (estimated ratings (takes, axes), textures (takes, samples), Hz)."""
+        with self._lock:
+            pipe, generator = self._pipe(checkpoint), torch.Generator("cpu").manual_seed(0)
+            how = {"num_textures_per_rating": USUAL_TAKES, "guidance_scale": settings.guidance, "generator": generator}
+            out = pipe(list(ratings), **how)
+            return np.array(_estimate(pipe, out, len(self.scale.axes))), out.textures, out.sampling_rate
+
+    def edit(self, texture, settings=None, checkpoint=None, **options):
+        """A texture after an edit; `options` of `TactileTextureEditPipeline`.
 
         Returns:
-            [`Reconstruction`]
-        """
-        settings = settings or Settings()
-        with self._lock:
-            pipe = self._pipeline(settings)
-            generator = torch.Generator("cpu").manual_seed(settings.seed)
-            out = pipe.reconstruct(samples, sampling_rate, num_inference_steps=settings.steps, generator=generator)
-            decoded, rate = out.textures[0], out.sampling_rate
-            recorded = resample(samples, sampling_rate, rate).astype(np.float32)
-            size = min(len(recorded), len(decoded))
-            pair = np.stack([recorded[:size], decoded[:size]])
-            estimated = _estimate(pipe, pair, rate, None)
-        unknown = (np.nan,) * len(RATING_AXES)
-        textures = [
-            Texture(row, rate, np.nan, unknown, estimated[number], seed, out.reference_speed)
-            for number, (row, seed) in enumerate(zip(pair, (None, settings.seed), strict=True))
-        ]
-        return Reconstruction(*textures, float(nine_band_error_db(pair[1], pair[0], rate)))
-
-    def edit(self, samples, sampling_rate, settings=None, **options):
-        """A texture before and after an edit, at one rate.
-
-        Args:
-            samples (`np.ndarray`): (n,), N, band-passed.
-            sampling_rate (`int`): Hz.
-            settings (`Settings`, *optional*): steps, order and seed are used.
-            options: of `TactileTextureEditPipeline`.
-
-        Returns:
-            `tuple[Texture, Texture]`
+            [`Texture`]: of the delivery rate, or, where a stretch was filled, of the rate of the one that was given.
 
         Raises:
             ValueError: for an edit that cannot be made.
         """
         settings = settings or Settings()
         with self._lock:
-            pipe = TactileTextureEditPipeline.from_pipe(self._pipeline(settings))
-            generator = torch.Generator("cpu").manual_seed(settings.seed)
-            out = pipe(samples, sampling_rate, num_inference_steps=settings.steps, generator=generator, **options)
-            before = resample(samples, sampling_rate, out.sampling_rate).astype(np.float32)
-            pair = before, out.textures[0].astype(np.float32)
-            frictions = np.nan, float(out.friction_coefficient[0])
-            estimated = [_estimate(pipe, row[None], out.sampling_rate, None)[0] for row in pair]
-        unknown = (np.nan,) * len(RATING_AXES)
-        return tuple(
-            Texture(row, out.sampling_rate, friction, unknown, found, None, out.reference_speed)
-            for row, friction, found in zip(pair, frictions, estimated, strict=True)
-        )
+            pipe = TactileTextureEditPipeline.from_pipe(self._pipe(checkpoint))
+            options["generator"] = torch.Generator("cpu").manual_seed(settings.seed)
+            if "ratings" in options:
+                options["friction_coefficient"] = texture.friction_coefficient
+            out = pipe(texture.samples, texture.sampling_rate, num_inference_steps=settings.steps, **options)
+            if np.isfinite(texture.friction_coefficient) and "ratings" not in options:
+                out.friction_coefficient = np.array([texture.friction_coefficient])
+            return self._textures(self._pipe(checkpoint), out, [texture.ratings], [settings.seed], checkpoint)[0]
+
+    def recorded(self, samples, sampling_rate):
+        """A recording, (n,) in N and band-passed, as a [`Texture`] of the delivery rate."""
+        with self._lock:
+            pipe = self._pipe()
+            samples, unknown = resample(samples, sampling_rate, DEVICE_RATE), (np.nan,) * len(self.scale.axes)
+            out = SimpleNamespace(textures=samples[None], sampling_rate=DEVICE_RATE, friction_coefficient=None)
+            [estimated] = _estimate(pipe, out, len(unknown))
+        return Texture(samples.astype(np.float32), DEVICE_RATE, np.nan, unknown, estimated, None, np.nan)
+
+    def search(self, axes, answers, seed):
+        """A [`PreferenceSearch`] that was given these answers: (first, second, answer) each."""
+        search = PreferenceSearch(self._pipe(), axes=axes, directions=0, seed=seed)
+        for first, second, answer in answers:
+            search.answer(answer, first, second)
+        return search
+
+    def textures_of(self, search, points):
+        """Textures of points (n, dimensions) of a search."""
+        with self._lock:
+            out = search.space.textures(np.asarray(points))
+            ratings = [tuple(row) for row in search.space.ratings(np.asarray(points)).tolist()]
+            return self._textures(self._pipe(), out, ratings, [search.seed] * len(points), None)
+
+    def _textures(self, pipe, out, ratings, seeds, checkpoint):
+        estimated = _estimate(pipe, out, len(self.scale.axes))
+        friction, speed, name = out.friction_coefficient, out.reference_speed, checkpoint or self.own
+        return [
+            Texture(samples, out.sampling_rate, float(friction[n]), ratings[n], estimated[n], seeds[n], speed, name)
+            for n, samples in enumerate(out.textures.astype(np.float32))
+        ]
 
 
-def _estimate(pipe, textures, sampling_rate, friction_coefficient):
+def _load(folder):
+    pipe = TactileTexturePipeline.from_pretrained(folder)
+    if pipe.dale is None:
+        raise ValueError(f"The checkpoint {folder} has no `dale`: it reconstructs, it cannot generate.")
+    pipe.set_progress_bar_config(disable=True)
+    return pipe
+
+
+def _estimate(pipe, out, axes):
     """Estimated ratings of each texture, as tuples; NaN where the checkpoint cannot tell."""
     if pipe.rating_estimator is None:
-        return [(np.nan,) * len(RATING_AXES)] * len(textures)
-    found = pipe.estimate_ratings(textures, sampling_rate, friction_coefficient)
+        return [(np.nan,) * axes] * len(out.textures)
+    found = pipe.estimate_ratings(out.textures, out.sampling_rate, out.friction_coefficient)
     return [tuple(float(value) for value in row) for row in found]

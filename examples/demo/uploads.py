@@ -1,15 +1,16 @@
-"""What visitors upload: bytes of a CSV or WAV file become a texture."""
+"""What visitors upload becomes a texture, by the package's one reader of recordings."""
 
 import math
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from tactile_diffusers.data.folder import read_recording
+from tactile_diffusers.data.folder.tables import KINDS as _KINDS
 from tactile_diffusers.data.folder.tables import read_table
 from tactile_diffusers.signal import band_pass
 
+KINDS = tuple(_KINDS)
 #: Seconds of a recording that are used.
 LONGEST_SECONDS = 10.0
 #: Hz: no more than recorders have.
@@ -18,51 +19,62 @@ HIGHEST_RATE = 200_000
 MOST_COLUMNS = 64
 
 
-def read_upload(content, csv_rate, newtons_per_unit=1.0):
+def columns_of(path):
+    """Names of a file's columns, and whether the file itself, or a column of time, may state the rate.
+
+    Raises:
+        ValueError: for anything that is no table.
+    """
+    path = Path(path)
+    try:
+        table = read_table(path, max_rows=100)
+    except ValueError as error:
+        raise ValueError(_for_visitors(error, path)) from error
+    if len(table.names) > MOST_COLUMNS:
+        raise ValueError(f"The file has {len(table.names)} columns; {MOST_COLUMNS} at most.")
+    return list(table.names), table.rate is not None or len(table.names) > 1
+
+
+def read_upload(path, column=None, rate=None, newtons_per_unit=1.0):
     """Reads a recording as a texture: the first seconds of it, through the band-pass.
 
-    The file lies in a temporary folder while it is read, under a name of ours.
-
     Args:
-        content (`bytes`): a WAV file, of several channels the first, or a table in text that `read_recording` takes:
-            one column of lateral force, or columns with names or time stamps that say which is which.
-        csv_rate (`float`): Hz, for a table of one column.
+        path (`str`): of what `read_recording` takes.
+        column (`str`, *optional*): that is the force; default: the reader's choice.
+        rate (`float`, *optional*): Hz, of a table that has neither a rate nor time stamps.
         newtons_per_unit (`float`): N per unit of the numbers; 1 = as the name of the column states, else N.
 
     Returns:
         `tuple[np.ndarray, int, list[str]]`: (samples,) float64 in N with zero mean, the sampling rate in Hz, and notes.
 
     Raises:
-        ValueError: for anything that is neither kind of file, or a rate or length out of bounds.
+        ValueError: for anything that is no such file, or a rate or length out of bounds.
     """
-    if not content:
-        raise ValueError("The file is empty: choose a CSV or WAV file.")
-    if not 0 < newtons_per_unit < math.inf:
+    path = Path(path)
+    if not path.stat().st_size:
+        raise ValueError("The file is empty.")
+    if not (isinstance(newtons_per_unit, int | float) and 0 < newtons_per_unit < math.inf):
         raise ValueError(f"Newtons per unit must be above 0, got {newtons_per_unit}.")
-    is_wav = content[:4] == b"RIFF"
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / ("upload.wav" if is_wav else "upload.csv")
-        path.write_bytes(content)
-        try:
-            columns = read_table(path, max_rows=100).names
-            if len(columns) > MOST_COLUMNS:
-                raise ValueError(f"The file has {len(columns)} columns; {MOST_COLUMNS} at most.")
-            rate = csv_rate if not is_wav and len(columns) == 1 else None
-            scale = None if newtons_per_unit == 1 else newtons_per_unit
-            force, rate, notes = read_recording(path, 0 if is_wav else None, rate, scale)
-        except ValueError as error:
-            raise ValueError(_without_path(error, path)) from error
+    names, has_rate = columns_of(path)
+    if column is None and path.suffix.lower() == ".wav":
+        column = 0
+    scale = None if newtons_per_unit == 1 else newtons_per_unit
+    try:
+        force, rate, notes = read_recording(path, column, None if has_rate else rate, scale)
+    except ValueError as error:
+        raise ValueError(_for_visitors(error, path)) from error
     if rate > HIGHEST_RATE:
         raise ValueError(f"The sampling rate must be at most {HIGHEST_RATE} Hz, got {rate}.")
     force = force[: int(LONGEST_SECONDS * rate)]
     if np.ptp(force) == 0:
         raise ValueError("The recording is constant: there is no texture in it.")
-    return band_pass(force - force.mean(), rate), rate, [_without_path(note, path) for note in notes]
+    return band_pass(force - force.mean(), rate), rate, [_for_visitors(note, path) for note in notes]
 
 
-def _without_path(text, path):
-    """A message for visitors, who neither know the path nor give options of the command."""
-    text = str(text).replace(f"{path}", "The file")
-    return text.replace("give --rate, in Hz", "give the sampling rate in a file of one column").replace(
-        " (--column)", ""
+def _for_visitors(text, path):
+    """A message for people who neither know the path nor give options of a command."""
+    text = str(text).replace(f"{path}", "The file").replace("give --rate, in Hz", "give the sampling rate")
+    text = text.replace("Give --newtons_per_unit", "Give newtons per unit").replace(
+        "give --newtons_per_unit", "give it"
     )
+    return text.replace(" (--column)", "").replace(" (--recording)", "")

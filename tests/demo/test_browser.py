@@ -1,52 +1,39 @@
-"""A session of use of the demo in headless Chromium, from the command line to the file that is taken away."""
+"""A designer's quarter of an hour in headless Chromium: make, edit, find, blend, compare, export; and what it measures.
+
+`TACTILE_DEMO_PICTURES=examples/demo/pictures pytest -m slow tests/demo/test_browser.py -s` renews the pictures.
+"""
 
 import os
 import re
 import shutil
-import signal
-import socket
-import subprocess
-import sys
+import statistics
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from urllib.parse import parse_qs, urlparse
 
 import numpy as np
 import pytest
 
 pytest.importorskip("gradio")
 sync_api = pytest.importorskip("playwright.sync_api")
-ROOT = Path(__file__).parents[2]
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")]
-#: Where the README's picture goes, if anywhere: TACTILE_APP_SCREENSHOT=examples/figures/app.png pytest tests/demo
-SCREENSHOT = os.environ.get("TACTILE_APP_SCREENSHOT")
-#: Seconds that the page may take to load and to answer (issue 9: 10 and 2 on two cores), with room for a busy machine.
-LOADS_IN, ANSWERS_IN = 40, 15
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    """Address of a running `examples/demo/app.py`; when it ends, what it wrote must be gone."""
-    folder = tmp_path_factory.mktemp("server")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    command = [sys.executable, ROOT / "examples" / "demo" / "app.py", "--port", str(port)]
-    log = folder / "log"
-    with log.open("w") as file:
-        environment = {**os.environ, "TMPDIR": str(folder), "PYTHONPATH": str(ROOT / "src")}
-        process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT, env=environment)
-    try:
-        begin = time.monotonic()
-        while "ready at" not in log.read_text():
-            assert process.poll() is None and time.monotonic() < begin + LOADS_IN, log.read_text()
-            time.sleep(0.1)
-        print(f"ready after {time.monotonic() - begin:.1f} s")
-        yield f"http://127.0.0.1:{port}"
-    finally:
-        process.send_signal(signal.SIGTERM)
-        process.wait(60)
-    assert not list(folder.glob("tactile-app-*")), "temporary files were left behind"
+PICTURES = os.environ.get("TACTILE_DEMO_PICTURES")
+#: axe-core's script, e.g. of `npm pack axe-core`: no part of the project.
+AXE = os.environ.get("AXE_JS")
+TABS = ("Make", "Edit", "Find", "Blend", "Your surfaces", "Export")
+ANSWERS_IN = 15
+#: Sets a slider as a drag does, and gives the milliseconds until the strip plays something else.
+_DRAG = """async ([name, value]) => {
+    const host = document.querySelector("[data-version]"), before = host.dataset.version, start = performance.now();
+    const slider = document.querySelector(`#${name} input[type=range]`);
+    slider.value = value;
+    slider.dispatchEvent(new Event("input", { bubbles: true }));
+    while (host.dataset.version === before && performance.now() < start + 20000)
+        await new Promise(requestAnimationFrame);
+    return performance.now() - start;
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -59,240 +46,235 @@ def browser():
 
 @pytest.fixture
 def visit(browser, server):
-    """A function that opens the page as a new visitor; nothing may be asked of another host."""
-    contexts, elsewhere = [], []
+    """A function that opens the page as a new visitor; nothing may be asked of another host, nor go wrong."""
+    contexts, wrong = [], []
 
-    def open_page():
-        context = browser.new_context(viewport={"width": 1240, "height": 1290}, accept_downloads=True)
+    def open_page(query="", size=(1400, 900), **options):
+        context = browser.new_context(viewport=dict(zip(("width", "height"), size, strict=True)), **options)
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(1000 * ANSWERS_IN)
-        page.on("request", lambda request: elsewhere.append(request.url) if not request.url.startswith(_OWN) else None)
-        page.goto(server)
-        page.wait_for_selector("#picture img", timeout=1000 * LOADS_IN)
-        page.frame_locator("#strip iframe").locator("#readout").wait_for()
+        own = ("http://127.0.0.1:", "data:", "blob:", "about:")
+        page.on("request", lambda request: wrong.append(request.url) if not request.url.startswith(own) else None)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.goto(server + query)
+        page.wait_for_selector("[data-version]")
         return page
 
     yield open_page
     for context in contexts:
         context.close()
-    assert not elsewhere
+    assert not wrong
 
 
-_OWN = ("http://127.0.0.1:", "data:", "blob:", "about:")
+def _tab(page, name):
+    if page.get_by_role("tab", name=name, exact=True).get_attribute("aria-selected") != "true":
+        page.get_by_role("tab", name=name, exact=True).click()
 
 
-def _picture(page, place="#picture"):
-    return page.get_attribute(f"{place} img", "src")
+def _lanes(page, *names):
+    """Waits until these textures lie on the strip."""
+    try:
+        page.wait_for_function(
+            "(wanted) => document.querySelector('[data-version]').strip.data().tracks.map((t) => t.name) == wanted",
+            arg=",".join(names),
+        )
+    except sync_api.TimeoutError:
+        found = page.evaluate("document.querySelector('[data-version]').strip.data().tracks.map((t) => t.name)")
+        pytest.fail(f"{names} wanted, {found} lie on the strip; {page.locator('.toast-body').all_inner_texts()}")
 
 
-def _wait_for_another(page, before, place="#picture"):
-    page.wait_for_function(
-        "([image, before]) => (document.querySelector(image) || { src: before }).src !== before",
-        arg=[f"{place} img", before],
-    )
-    return _picture(page, place)
+def _level(page, lane=0):
+    return page.evaluate(f"document.querySelector('[data-version]').strip.data().tracks[{lane}].level")
 
 
-def _download(page):
-    """Takes the file away, by keyboard alone: for a moment after the strip's frame was exchanged, clicks may miss."""
-    page.locator("#write").press("Enter")
-    page.wait_for_selector("#files a")
-    with page.expect_download() as download:
-        page.locator("#files a").first.press("Enter")
-    return download.value.path()
-
-
-def test_slider_moves_picture_changes_file_is_valid(visit):
-    page = visit()
-    before = _picture(page)
-    slider = page.locator("#roughness input[type=range]")
-    value = float(slider.input_value())
-    slider.focus()
-    page.keyboard.press("ArrowLeft")
-    page.keyboard.press("ArrowLeft")
-    assert float(slider.input_value()) == value - 2
+def test_a_designer_s_quarter_of_an_hour(visit, tmp_path, pink_noise):
     start = time.perf_counter()
-    after = _wait_for_another(page, before)
-    print(f"answered in {time.perf_counter() - start:.2f} s")
-    page.locator("#roughness-open input").check()
-    _wait_for_another(page, after)
-    sync_api.expect(page.locator("#numbers tbody td").first).to_have_text("–")
+    page = visit(permissions=["clipboard-read", "clipboard-write"])
+    print(f"page and first texture after {time.perf_counter() - start:.2f} s")
+    _lanes(page, "denim")
+    for control in (
+        "#strip .ground",
+        "#strip .play",
+        "#roughness",
+        "#slipperiness",
+        "#pad",
+        "#presets",
+        "#dice",
+        "#undo",
+    ):
+        box = page.locator(control).bounding_box()
+        assert 0 <= box["y"] and box["y"] + box["height"] <= 900, f"{control} needs scrolling"
 
-    with np.load(_download(page)) as file:
-        assert file["texture"].shape == (16000,) and np.isnan(file["ratings"][0])
-
-
-def _status(page, words):
-    """Waits until the lasting line says this, or, of "", nothing."""
-    sync_api.expect(page.locator("#status")).to_have_text(re.compile(words) if words else "")
-
-
-def _fill(page, control, value):
-    page.locator(f"#{control} input[type=number]").fill(value)
-
-
-def test_what_belongs_to_earlier_ratings_is_told_until_it_is_made(visit):
-    page = visit()
-    _status(page, "")
-    page.get_by_text("How it is made").click()
-    _fill(page, "takes", "3")
-    _status(page, "have changed since")
-    _fill(page, "duration", "10")
-    _status(page, "Not made: All takes together may last 20 s.*is the earlier texture")
-    before = _picture(page)
-    page.click("#make")
-    page.locator(".toast-body").wait_for()
+    # make: a preset stays, edited; undo; a take; a link
+    waits = [page.evaluate(_DRAG, ["roughness", 20 + number]) for number in range(50)]
+    print(f"slider to strip: median {statistics.median(waits):.0f} ms, longest {max(waits):.0f} ms")
+    page.evaluate("""async () => { // a quick drag: what was asked last is what stays
+        const slider = document.querySelector("#roughness input[type=range]");
+        for (let value = 20; value <= 50; value++) {
+            slider.value = value;
+            slider.dispatchEvent(new Event("input", { bubbles: true }));
+            await new Promise((done) => setTimeout(done, 15));
+        }
+    }""")
+    page.wait_for_function("new URLSearchParams(location.search).get('roughness') === '50'")
     page.wait_for_timeout(1000)
-    _status(page, "Not made")
-    assert _picture(page) == before and page.locator("#status p").bounding_box()["y"] < page.viewport_size["height"]
-    assert not page.locator("[data-testid=status-tracker] .error").locator("visible=true").count()
-    _fill(page, "duration", "1")
-    _status(page, "have changed since")
-    page.click("#make")
-    _wait_for_another(page, before)
-    _status(page, "")
-    page.locator("#scale").get_by_text("z-scores").click()
-    page.wait_for_function("document.querySelector('#roughness input[type=range]').max < 3")
-    page.wait_for_timeout(1000)
-    _status(page, "")
+    assert "roughness=50" in page.url
+    _lanes(page, "denim, edited")
+    assert page.locator("#presets input:checked").get_attribute("value") == "denim"
+    page.locator("#undo").click()
+    _lanes(page, "denim")
+    page.get_by_text("sandpaper").click()
+    _lanes(page, "sandpaper")
+    level = _level(page)
+    page.locator("#dice").click()
+    page.wait_for_function(f"document.querySelector('[data-version]').strip.data().tracks[0].level !== {level}")
+    page.locator("#bumpiness-open input").check()
+    page.wait_for_function("location.search.includes('bumpiness=any')")
+    page.locator("#strip .copy").click()
+    link, level = page.evaluate("navigator.clipboard.readText()"), _level(page)
+    other = visit("/?" + urlparse(link).query)
+    assert _level(other) == level and other.locator("#bumpiness-open input").is_checked()
+
+    # the pad, by pointer and keys
+    pad = page.locator("#pad .pad")
+    pad.click(position={"x": 20, "y": 20})
+    page.wait_for_function("Number(new URLSearchParams(location.search).get('bumpiness')) > 85")
+    before = parse_qs(urlparse(page.url).query)["roughness"][0]
+    pad.press("ArrowRight")
+    page.wait_for_function(f"new URLSearchParams(location.search).get('roughness') !== '{before}'")
+
+    # edit: rougher; then a stretch of a recording
+    _tab(page, "Edit")
+    _lanes(page, "before")
+    page.locator("#more-roughness input[type=number]").fill("1.5")
+    page.locator("#edit").click()
+    _lanes(page, "before", "after")
+    table = tmp_path / "recording.csv"
+    force = 1e3 * pink_noise(20_000, 10_000)[0]
+    rows = (f"{n / 1e4:.4f},{value:.6f},1" for n, value in enumerate(force) if not 4000 <= n < 4040)
+    table.write_text("t_s,Fx_mN,counter\n" + "\n".join(rows))
+    page.locator("#upload input[type=file]").set_input_files(table)
+    sync_api.expect(page.locator("#edit-told")).to_contain_text("40 samples that are missing or no number are bridged")
+    page.get_by_text("make a stretch anew").click()
+    page.locator("#edit").click()
+    _lanes(page, "before", "after")
+
+    # find: some rounds, then the result goes to Make
+    _tab(page, "Find")
+    page.locator("#find-begin").click()
+    _lanes(page, "A", "B")
+    for number in range(1, 5):
+        sync_api.expect(page.locator("#find-told")).to_contain_text(f"Round {number} of 20")
+        rougher = page.evaluate("(() => { const t = document.querySelector('[data-version]').strip.data().tracks;"
+                                " return t[0].level > t[1].level; })()")  # fmt: skip
+        page.locator("#find-first" if rougher else "#find-second").click()
+    sync_api.expect(page.locator("#find-told")).to_contain_text("Round 5 of 20")
+    page.locator("#find-use").click()
+    _lanes(page, "your own")
+    assert float(parse_qs(urlparse(page.url).query)["roughness"][0]) > 50
+
+    # blend, and the adapted checkpoint
+    _tab(page, "Blend")
+    _lanes(page, "A", "blend 50 %", "B")
+    page.evaluate(_DRAG, ["share", 75])
+    _lanes(page, "A", "blend 75 %", "B")
+    _tab(page, "Your surfaces")
+    _lanes(page, Path(str(page.evaluate("new URLSearchParams(location.search).get('checkpoint')"))).name, "mine")
+
+    # export what lies on the strip
+    _tab(page, "Blend")
+    _lanes(page, "A", "blend 75 %", "B")
+    _tab(page, "Export")
+    sync_api.expect(page.locator("#lost")).to_contain_text("SNR")
+    page.locator("#write").click()
+    with page.expect_download() as download:
+        page.locator("#files a").first.click()
+    with np.load(download.value.path()) as file:
+        assert file["texture"].shape == (16000,)
+    with page.expect_download() as download:
+        page.locator("#strip .wav").click()
+    assert download.value.path().read_bytes()[:4] == b"RIFF"
 
 
-def test_numbers_that_are_none_are_told_or_put_back(visit):
+def test_the_strip_plays_the_law_of_streams(visit):
+    """A finger of steady speed feels the texture at its own level, and the mean friction of 0.5 N; keys move it."""
     page = visit()
-    before = _picture(page)
-    field = page.locator("#roughness input[type=number]")
-    value = field.input_value()
-    field.fill("")
-    field.blur()
-    assert field.input_value() == value
-    assert page.locator("#preset input").input_value() == "denim" and _picture(page) == before
-    field.fill("150")
-    _status(page, "Not made: roughness must be between 0 and 100")
-    field.blur()
-    sync_api.expect(field).to_have_value("100")
-    _status(page, "have changed since")
-    sync_api.expect(page.locator("#preset input")).to_have_value("")  # it is denim no more
-
-
-def test_finger_strip_follows_pointer_and_keys(visit):
-    page = visit()
-    frame = page.frame_locator("#strip iframe")
-    frame.locator("#strip").focus()
-    for _ in range(20):
-        page.keyboard.press("Shift+ArrowRight")
-    assert _speed(frame) > 0 or _place(frame) > 60
-    button = frame.locator("#sound")
-    assert button.get_attribute("aria-pressed") == "false" and button.inner_text() == "Sound: off"
-    button.click()
-    sync_api.expect(button).to_have_text("Sound: on")
-    assert button.get_attribute("aria-pressed") == "true"  # from here on the same numbers are also estimated
-    box = frame.locator("#strip").bounding_box()
-    x, y = box["x"], box["y"] + box["height"] / 2
-    page.mouse.move(x + 50, y)
-    page.mouse.down()
-    felt = []
-    for step in range(40):
-        page.mouse.move(x + 50 + 8 * step, y)
-        page.wait_for_timeout(16)
-        felt.append(float(re.search(r"texture ([\d.]+) mN", frame.locator("#readout").inner_text())[1]))
-    if SCREENSHOT:
-        page.evaluate("window.scrollTo(0, 0)")
-        page.screenshot(path=SCREENSHOT)
-    page.mouse.up()
-    assert max(felt) > 0.5
-    assert "mean friction -" in frame.locator("#readout").inner_text() or _speed(frame) == 0
-
-
-def test_strip_gives_the_force_of_the_laws(visit):
-    """A finger of steady speed feels the texture at its own level, and the mean friction of 0.5 N."""
-    frame = visit().frames[-1]
-    texture, mean, data = frame.evaluate("""() => {
-        const finger = new Finger(DATA.deviceRate), texture = [];
+    texture, mean, track = page.evaluate("""() => {
+        const { Finger, data } = document.querySelector("[data-version]").strip, texture = [], track = data().tracks[0];
+        const finger = new Finger(data().deviceRate);
         for (let n = 0; n < 16000; n++) {
-            finger.target = (DATA.referenceSpeed * n) / DATA.deviceRate;
-            finger.step();
+            finger.target = (track.referenceSpeed * n) / data().deviceRate;
+            finger.step(track);
             if (n > 3000) texture.push(finger.texture);
         }
-        return [texture, finger.mean, DATA];
+        return [texture, finger.mean, { level: track.level, friction: track.friction }];
     }""")
-    assert mean == pytest.approx(-0.5 * data["friction"])
-    assert np.sqrt(np.mean(np.square(texture))) == pytest.approx(data["level"], rel=0.15)
-    samples = frame.evaluate("[0, 1, 99].map((n) => [profileAt((n + profile.length) * DATA.pitch), profile[n]])")
-    for found, stored in samples:
-        assert found == pytest.approx(stored, abs=1e-6)
+    assert mean == pytest.approx(-0.5 * track["friction"])
+    assert np.sqrt(np.mean(np.square(texture))) == pytest.approx(track["level"], rel=0.15)
+    ground = page.locator("#strip .ground")
+    place = float(ground.get_attribute("aria-valuenow"))
+    ground.press("Shift+ArrowRight")
+    page.wait_for_function(f"document.querySelector('#strip .ground').getAttribute('aria-valuenow') > {place + 2}")
+    page.locator("#strip .play").click()
+    sync_api.expect(page.locator("#strip .sound")).to_have_attribute("aria-pressed", "true")
+    sync_api.expect(page.locator("#strip .readout")).to_contain_text(re.compile(r"[1-9]\d mm/s"))
 
 
-def _speed(frame):
-    return float(re.search(r"speed (\d+)", frame.locator("#readout").inner_text())[1])
+def test_eight_visitors_at_once(visit, server, visitor_at):
+    """They drag at the same time, each in a process of his own, without browsers that share two cores."""
+
+    def median(visitor):
+        waits = []
+        for number in range(10):
+            begin = time.perf_counter()
+            visitor.move(number)
+            waits.append(time.perf_counter() - begin)
+        return statistics.median(waits)
+
+    visitors = [visitor_at(server) for _ in range(8)]
+    alone = median(visitors[0])
+    with ThreadPoolExecutor(8) as pool:
+        together = statistics.median(pool.map(median, visitors))
+    print(f"one visitor {1e3 * alone:.0f} ms, each of eight {1e3 * together:.0f} ms")
+    assert together < 8 * alone  # they share calls; two idle cores are to give 2, a busy machine does not
 
 
-def _place(frame):
-    return float(re.search(r"position ([\d.]+)", frame.locator("#readout").inner_text())[1])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pictures_and_accessibility_of_every_tab(visit, scheme):
+    page = visit("/?__theme=dark" if scheme == "dark" else "/", color_scheme=scheme)
+    serious = {}
+    for tab in TABS:
+        _tab(page, tab)
+        page.wait_for_timeout(1500)
+        if tab == "Find":
+            page.locator("#find-begin").click()
+            _lanes(page, "A", "B")
+        if tab == "Make":
+            page.locator("#analysis button").first.click()
+            page.locator("#numbers").get_by_text("usual").wait_for()
+        if AXE:
+            page.evaluate(Path(AXE).read_text())
+            # Vega's plots name their brush's marks wrongly; what they show is also in tables and fields
+            found = page.evaluate("axe.run({ exclude: [['.vega-embed']] }, { runOnly: ['wcag2a', 'wcag2aa'] })")[
+                "violations"
+            ]
+            bad = [f"{one['id']}: {node['html'][:140]}" for one in found for node in one["nodes"]
+                   if one["impact"] in ("serious", "critical")]  # fmt: skip
+            serious |= {tab: bad} if bad else {}
+        if tab == "Make":
+            page.locator("#analysis button").first.click()
+            page.wait_for_timeout(500)
+        if PICTURES:
+            page.screenshot(path=Path(PICTURES) / f"{tab.lower().replace(' ', '_')}_{scheme}.png")
+    assert not serious
 
 
-def test_blend(visit):
-    page = visit()
-    page.get_by_role("button", name="Keep as A").click()
-    page.get_by_role("tab", name="Two textures").click()
-    page.get_by_text(re.compile(r"A \(kept\): roughness 0\.[89]")).wait_for()
-    page.click("#make-blend")
-    page.wait_for_selector("#blend-picture img")
-    before = _picture(page, "#blend-picture")
-    page.locator("#share input[type=range]").focus()
-    page.keyboard.press("ArrowRight")
-    _wait_for_another(page, before, "#blend-picture")
-    told = page.locator("#blend-status")
-    sync_api.expect(told).to_have_text("")
-    page.get_by_role("tab", name="Texture", exact=True).click()
-    _fill(page, "bumpiness", "20")
-    page.get_by_role("button", name="Keep as B").click()
-    page.get_by_role("tab", name="Two textures").click()
-    sync_api.expect(told).to_have_text(re.compile("have changed since.*is the earlier"))
-    before = _picture(page, "#blend-picture")
-    page.click("#make-blend")
-    _wait_for_another(page, before, "#blend-picture")
-    sync_api.expect(told).to_have_text("")
-
-
-def test_recording_is_reconstructed_and_uploads_are_bounded(visit, tmp_path, pink_noise):
-    page = visit()
-    page.get_by_role("tab", name="Your recording").click()
-    good, other, large = tmp_path / "good.csv", tmp_path / "other.csv", tmp_path / "large.wav"
-    np.savetxt(good, pink_noise(10_000, 10_000)[0])
-    other.write_bytes(b"\x89PNG\r\n\x1a\n")
-    large.write_bytes(b"RIFF" + bytes(9 * 2**20))
-    chooser = page.locator("#upload input[type=file]")
-    chooser.set_input_files(good)
-    page.wait_for_selector("#upload .file-preview")
-    page.click("#reconstruct")
-    page.wait_for_selector("#recording-picture img")
-    assert "Nine-band error" in page.inner_text("#recording-numbers")
-    empty = tmp_path / "empty.csv"
-    empty.touch()
-    page.locator("#upload button[aria-label=Clear]").click()
-    page.click("#reconstruct")
-    page.locator("#recording-picture").get_by_text("Choose a file first").wait_for()
-    assert not page.locator("#recording-picture img").count() and page.inner_text("#recording-numbers") == ""
-    chooser.set_input_files(empty)
-    page.wait_for_selector("#upload .file-preview")
-    page.click("#reconstruct")
-    page.locator("#recording-picture").get_by_text("The file is empty").wait_for()
-    for path, message in ((other, "holds no number"), (large, "maximum allowed size|too large|exceeds")):
-        page.reload()
-        page.wait_for_selector("#picture img")
-        page.get_by_role("tab", name="Your recording").click()
-        chooser.set_input_files(path)
-        if path == other:
-            page.wait_for_selector("#upload .file-preview")
-            page.click("#reconstruct")
-        page.get_by_text(re.compile(message)).first.wait_for()
-
-
-def test_every_control_is_reached_by_the_keyboard(visit):
-    page = visit()
-    reached = set()
-    for _ in range(60):
-        page.keyboard.press("Tab")
-        reached.add(page.evaluate("(document.activeElement.closest('[id]:not([id^=component])') || {}).id || ''"))
-    assert {"preset", "roughness", "roughness-open", "make", "write", "format"} <= reached
+def test_on_a_phone_strip_and_sliders_are_in_view(visit):
+    page = visit(size=(390, 844))
+    for control in ("#strip .ground", "#roughness", "#bumpiness", "#slipperiness"):
+        box = page.locator(control).bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= 390 and box["y"] + box["height"] <= 844
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    if PICTURES:
+        page.screenshot(path=Path(PICTURES) / "phone.png")

@@ -1,0 +1,54 @@
+"""Blend: two textures and what lies between, from the same noise, under one finger."""
+
+from analysis import numbers
+from settings import Settings, blend
+
+from tactile_diffusers.pipelines import PRESETS
+from tactile_diffusers.signal import RATING_AXES
+
+
+def blend_tab(desk, tab):
+    """The tab."""
+    gr, studio, scale = desk.gr, desk.studio, desk.studio.scale
+    own, names = desk.own_tracks(tab), list(PRESETS)
+    ends = [gr.State(_of_preset(scale, name)) for name in ("glass", "denim")]
+    with gr.Row():
+        labels = []
+        for end, name, state in zip("AB", ("glass", "denim"), ends, strict=True):
+            with gr.Column(min_width=220):
+                chosen = gr.Dropdown(names, value=name, label=f"{end}: a preset", elem_id=f"blend-{end}")
+                keep = gr.Button(f"Take the texture of Make as {end}", elem_id=f"keep-{end}", size="sm")
+                labels.append((chosen, keep, gr.Markdown(scale.describe(state.value)), state))
+        with gr.Column(min_width=260):
+            share = gr.Slider(0, 100, 50, step=1, label="Blend, % of B", elem_id="share")
+            gr.Markdown("All three lie on the strip. *Export* writes whichever you choose.")
+    table = gr.HTML(elem_id="blend-numbers")
+
+    def show(first, second, percent, made):
+        settings = Settings(made[1].seed if made else Settings.seed)
+        between = blend(first, second, percent / 100)
+        rows = {"A": first, f"blend {percent:g} %": between, "B": second}
+        tracks = [(name, studio.generate(row, settings)) for name, row in rows.items()]
+        return *desk.put(tracks), tracks, numbers(scale, tracks)
+
+    inputs, outputs = [*ends, share, desk.made], [desk.strip, desk.shown, own, table]
+    for chosen, keep, label, state in labels:
+
+        def take(made):
+            if not made:
+                raise ValueError("There is no texture in Make yet.")
+            return made[1].ratings, scale.describe(made[1].ratings), None
+
+        def of_preset(name):
+            ratings = _of_preset(scale, name)
+            return ratings, scale.describe(ratings)
+
+        desk.on([keep.click], take, desk.made, [state, label, chosen])
+        desk.on([chosen.input], of_preset, chosen, [state, label])
+        desk.on([state.change], show, inputs, outputs)
+    desk.on([share.input, tab.select], show, inputs, outputs)
+
+
+def _of_preset(scale, name):
+    given = dict(zip(RATING_AXES, PRESETS[name], strict=True))
+    return tuple(float("nan") if given.get(axis) is None else given[axis] for axis in scale.axes)

@@ -1,0 +1,39 @@
+"""Your surfaces: what an adapted checkpoint makes of the ratings of Make, beside the page's own."""
+
+from analysis import numbers, spectrum
+from settings import Settings
+
+HOW = """No adapted checkpoint is open. Three commands make one of a folder of your recordings, see *Your own
+surfaces* in the README; then start the page with
+
+    python examples/demo/app.py --surfaces adapted
+
+Several folders may follow. They appear here, and in *Make* under *More*."""
+
+
+def surfaces_tab(desk, tab):
+    """The tab."""
+    gr, studio = desk.gr, desk.studio
+    others = list(studio.checkpoints)[1:]
+    if not others:
+        gr.Markdown(HOW, elem_id="surfaces-how")
+        return
+    own = desk.own_tracks(tab)
+    with gr.Row():
+        with gr.Column(scale=1, min_width=240):
+            chosen = gr.Radio(others, value=others[0], label="Adapted checkpoint", elem_id="adapted")
+            gr.Markdown("Both make the ratings of *Make*, with its seed: compare them on the strip.")
+        with gr.Column(scale=3, min_width=300):
+            table = gr.HTML(elem_id="surfaces-numbers")
+            plot = gr.LinePlot(x="Hz", y="dB re 1 N²", color="of", title="spectrum", height=260, label="spectrum")
+
+    def compare(name, made):
+        if not made:
+            return (gr.skip(),) * 5
+        texture = made[1]
+        tracks = [(each, studio.generate(texture.ratings, Settings(texture.seed), each)) for each in (studio.own, name)]
+        found = spectrum(tracks)
+        plot = gr.LinePlot(found, sort=list(dict.fromkeys(found["Hz"])))
+        return *desk.put(tracks), tracks, numbers(studio.scale, tracks), plot
+
+    desk.on([tab.select, chosen.input], compare, [chosen, desk.made], [desk.strip, desk.shown, own, table, plot])

@@ -1,0 +1,127 @@
+"""The studio: answers with the bundled checkpoint, their files, tables and the strip."""
+
+import base64
+import json
+import re
+import threading
+
+import numpy as np
+import pytest
+from analysis import numbers, spectrum, waveform
+from downloads import FORMATS, is_map, write_files
+from edit_tab import ACTIONS
+from settings import Settings
+from strip import strip_page, strip_value
+
+from tactile_diffusers import export
+from tactile_diffusers.playback import TextureProfile
+from tactile_diffusers.signal import rms
+
+RATINGS = (1.0, 0.2, -0.8)
+
+
+@pytest.fixture(scope="module")
+def texture(studio):
+    return studio.generate(RATINGS, Settings(seed=3))
+
+
+def test_visitors_at_once_share_a_call_and_get_what_each_would_get_alone(studio, monkeypatch):
+    wanted = {seed: studio.generate(RATINGS, Settings(seed)).samples for seed in range(12)}
+    calls, answer = [], studio._answer
+    monkeypatch.setattr(studio, "_answer", lambda kind, asked: (calls.append(len(asked)), answer(kind, asked)))
+    found = {}
+
+    def visit(seed):
+        found[seed] = studio.generate(RATINGS, Settings(seed)).samples
+
+    threads = [threading.Thread(target=visit, args=(seed,)) for seed in wanted]
+    with studio._lock:  # all wait
+        for thread in threads:
+            thread.start()
+        while sum(map(len, studio._waiting.values())) < len(wanted):
+            pass
+    for thread in threads:
+        thread.join()
+    assert sorted(calls) == [4, 8] and not studio._waiting
+    for seed, samples in wanted.items():
+        np.testing.assert_allclose(found[seed], samples, atol=1e-5)
+
+
+def test_one_visitor_s_mistake_is_told_and_leaves_the_studio_whole(studio):
+    with pytest.raises(ValueError):
+        studio.generate((99.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="no checkpoint 'x'"):
+        studio.generate(RATINGS, None, "x")
+    assert studio.generate(RATINGS).seconds == 1.6
+
+
+def test_analysis_holds_the_texture_and_what_is_usual(studio, texture):
+    heard, samples, rate = studio.usual(RATINGS, Settings())
+    found = spectrum([("this", texture)], (samples, rate))
+    table = found.pivot_table(index="Hz", columns="of", values="dB re 1 N²")
+    low, high = table["usual, 10 %"], table["usual, 90 %"]
+    assert (low < high).all() and ((table["this"] > low - 6) & (table["this"] < high + 6)).mean() > 0.8
+    assert 0.3 < ((heard > np.percentile(heard, 10, axis=0)) & (heard < np.percentile(heard, 90, axis=0))).mean()
+    wave = waveform(texture)
+    assert len(wave) < 1500 and wave["mN"].abs().max() == pytest.approx(1e3 * np.abs(texture.samples).max())
+    told = numbers(studio.scale, [("this", texture)], heard)
+    assert "this: asked" in told and "this: estimated" in told and re.search(r"<td>\d+ to \d+</td>", told)
+
+
+def test_strip_holds_the_profile_and_nothing_from_elsewhere(texture):
+    page, data = strip_page(texture), json.loads(strip_value([("a", texture)]))
+    assert "http" not in page and " src=" not in page and "<audio" not in page
+    [track] = data["tracks"]
+    found = np.frombuffer(base64.b64decode(track["profile"]), "<f4")
+    profile = TextureProfile(texture.samples, texture.sampling_rate, texture.reference_speed)
+    # what the stream reads at the reference speed is that profile through the band of what is felt
+    place = np.arange(len(found)) * profile.pitch
+    felt = profile.read(place, np.full(len(place), texture.reference_speed))
+    spectrum = np.fft.rfft(found)
+    frequencies = np.fft.rfftfreq(len(found), 1 / texture.sampling_rate)
+    spectrum[(frequencies < 22) | (frequencies > 1100)] = 0
+    # 20 % of the RMS: what lies between the edge here, a wall, and the slopes of the profile's filters
+    assert rms(np.fft.irfft(spectrum) - felt) < 0.2 * rms(felt)
+    assert track["friction"] == texture.friction_coefficient and track["pitch"] == profile.pitch
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_is_a_valid_file(texture, tmp_path, name):
+    paths, told = write_files(texture, name, tmp_path, 0.15)
+    assert paths[0].name.startswith("texture_1.00_0.20_-0.80_seed3.") and paths[0].stat().st_size > 500
+    assert [text[:16] for text in told] == ["Pixels 0.15 mm a"] * is_map(name)  # what a friction map cannot hold
+    for one in export.FORMATS.values():
+        if paths[0].name.endswith(f"seed3{one.suffix}"):
+            assert one.read(paths[0])[1]["checkpoint"] == texture.checkpoint
+
+
+def test_pitch_of_a_map_is_the_display_s(texture, tmp_path):
+    name = next(filter(is_map, FORMATS))
+    [path], told = write_files(texture, name, tmp_path, 0.03)
+    assert export.FORMATS["png"].read(path)[1]["pixel_pitch"] == 0.03 and not told
+    for bad in (None, 0, float("nan"), "0.15"):
+        with pytest.raises(ValueError, match="pitch"):
+            write_files(texture, name, tmp_path, bad)
+
+
+@pytest.mark.parametrize("action", ACTIONS)
+def test_every_edit_of_a_recording(studio, texture, action):
+    recorded = studio.recorded(texture.samples.astype(float), texture.sampling_rate)
+    options = ACTIONS[action](dict.fromkeys(studio.scale.axes, 0.0) | {"roughness": -1.0}, 0.8, 0.5, 0.6)
+    after = studio.edit(recorded, Settings(), **options)
+    assert after.seconds == pytest.approx(recorded.seconds + ("continue_s" in options))
+    if options.get("ratings"):
+        assert after.estimated[0] < recorded.estimated[0] - 0.3
+
+
+def test_a_search_goes_where_the_answers_point(studio):
+    answers = []
+    for _ in range(6):
+        search = studio.search(["roughness", "bumpiness"], answers, seed=1)
+        first, second = search.next_pair().tolist()
+        answers.append((first, second, "first" if first[0] > second[0] else "second"))
+    search = studio.search(["roughness", "bumpiness"], answers, seed=1)
+    point = search.best_point()[0]
+    assert point[0] > 0.3
+    [texture] = studio.textures_of(search, [point])
+    assert texture.ratings[:2] == pytest.approx(tuple(point)) and np.isnan(texture.ratings[2])
