@@ -32,7 +32,7 @@ PATIENCE = 1800
 class Step(NamedTuple):
     """One command: its words after `python examples/`, what it makes, and whether it needs the machine for itself.
 
-    {data} is the folder of data sets, {here} that of the results.
+    {data} is the folder of data sets, {here} that of the results, {anchor} an option where one is given.
     """
 
     words: str
@@ -72,11 +72,13 @@ STEPS = {
     "first pages": Step("results/first_pages.py", "{here}/README.md"),
     "steps": Step("benchmarks/decoder.py --data {data}/prepared.h5 --output {here}/steps", "{here}/steps/decoder.json"),
     "speed": Step(
-        "benchmarks/peers.py --batches 1 16 --repeats 5 --output {here}/speed", "{here}/speed/peers.json", timed=True
+        "benchmarks/peers.py --batches 1 16 --repeats 5 --output {here}/speed{anchor}",
+        "{here}/speed/peers.json",
+        timed=True,
     ),
     "speed of a call": Step("benchmarks/speed.py --output {here}/speed", "{here}/speed/speed.json", timed=True),
     "speed against error": Step(
-        "benchmarks/speed_error.py --data {data}/prepared.h5 --output {here}/speed",
+        "benchmarks/speed_error.py --data {data}/prepared.h5 --output {here}/speed{anchor}",
         "{here}/speed/speed_error.json",
         timed=True,
     ),
@@ -110,16 +112,17 @@ def wait_until_idle():
         time.sleep(5)
 
 
-def run(name, data):
+def run(name, data, anchor):
     """Runs a step: its conditions, or `None` if it failed."""
     import shlex
 
     step = STEPS[name]
-    words = shlex.split(step.words.format(data=data, here=HERE))
+    words = shlex.split(step.words.format(data=data, here=HERE, anchor=f" --anchor {anchor}" if anchor else ""))
     if step.timed:
         wait_until_idle()
     found = conditions(bundled_checkpoint()) | {
-        "command": "python examples/" + step.words.format(data="", here=HERE.name)
+        "command": "python examples/"
+        + step.words.format(data="DATA", here=HERE.name, anchor=" --anchor FOLDER" if anchor else "")
     }
     print(f"== {name}: {' '.join(words)}", flush=True)
     begin = time.monotonic()
@@ -131,6 +134,7 @@ def main(argv=None):
     """Runs the command; 1 if a step failed or, with `--check`, figures are stale."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=Path("runs") / "results", help="folder of the data sets")
+    parser.add_argument("--anchor", type=Path, help="checkpoint of the paper's configuration, for the tables of speed")
     parser.add_argument("--only", nargs="+", choices=STEPS, metavar="STEP", help=f"of {', '.join(STEPS)}")
     parser.add_argument("--again", action="store_true", help="also what is done with the present weights")
     parser.add_argument("--check", action="store_true", help="run nothing: are figures of other weights?")
@@ -145,7 +149,7 @@ def main(argv=None):
         made = Path(STEPS[name].makes.format(data=args.data, here=HERE)).exists()
         if made and name in found and name not in old and not args.again:
             continue
-        result = run(name, args.data)
+        result = run(name, args.data, args.anchor)
         if result is None:
             print(f"{name} failed; the same command goes on here.", file=sys.stderr)
             return 1

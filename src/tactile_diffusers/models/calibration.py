@@ -25,6 +25,17 @@ def check_calibration(calibration, scalars, axes):
             raise ValueError(f"`calibration`: `{name}` must be finite numbers of shape {shape}, got {values.shape}.")
 
 
+def check_network_axes(count, axes, calibration):
+    """How many of `axes` the networks see, `None` = all; a `ValueError` unless a `calibration` knows the others."""
+    seen = len(axes) if count is None else count
+    if not 0 < seen <= len(axes) or (seen < len(axes) and calibration is None):
+        raise ValueError(
+            f"`network_axes` must be from 1 to {len(axes)}, the number of `rating_axes`, and needs a `calibration` where "
+            f"it is less, got {count}."
+        )
+    return seen
+
+
 def scalar_shift(config, ratings):
     """The shift at ratings (batch, axes), z-scores, NaN = not specified: (batch, scalars) float32; `None` without one.
 

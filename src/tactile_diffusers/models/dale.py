@@ -11,7 +11,7 @@ from diffusers.models.modeling_utils import ModelMixin
 
 from ..schedulers.angles import to_angle
 from ..signal import RATING_AXES
-from .calibration import check_calibration, network_ratings, scalar_shift
+from .calibration import check_calibration, check_network_axes, network_ratings, scalar_shift
 from .compiling import CompileMixin
 from .dale_output import DALEConditions, DALEOutput
 from .dale_state import (
@@ -158,12 +158,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
             raise ValueError(f"`scalar_width` needs `distilled_steps` = 1, got {distilled_steps}: there is one step.")
         RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
         check_calibration(calibration, scalars, len(rating_axes))
-        seen = len(rating_axes) if network_axes is None else network_axes
-        if not 0 < seen <= len(rating_axes) or (seen < len(rating_axes) and calibration is None):
-            raise ValueError(
-                f"`network_axes` must be from 1 to {len(rating_axes)}, the number of `rating_axes`, and needs a "
-                f"`calibration` where it is less, got {network_axes}."
-            )
+        seen = check_network_axes(network_axes, rating_axes, calibration)
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(seen, rating_dim)
