@@ -30,8 +30,8 @@ def check_network_axes(count, axes, calibration):
     seen = len(axes) if count is None else count
     if not 0 < seen <= len(axes) or (seen < len(axes) and calibration is None):
         raise ValueError(
-            f"`network_axes` must be from 1 to {len(axes)}, the number of `rating_axes`, and needs a `calibration` where "
-            f"it is less, got {count}."
+            f"`network_axes` must be from 1 to {len(axes)}, the number of `rating_axes`, and needs a `calibration` "
+            f"where it is less, got {count}."
         )
     return seen
 
