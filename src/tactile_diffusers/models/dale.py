@@ -1,7 +1,5 @@
 """DALE, the Diffusion Adjective-to-Latent Encoder: ratings to latents, level and friction (paper section 2.2)."""
 
-import math
-
 import torch
 import torch.nn.functional as F
 from diffusers.configuration_utils import ConfigMixin, register_to_config
@@ -20,6 +18,7 @@ from .dale_state import (
     cepstra,
     coloured,
     cosines,
+    log_friction_statistics,
     modulation_numbers,
     normal_scores,
     quantile_numbers,
@@ -272,7 +271,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
             `torch.Tensor`: (batch, in_channels, frames).
         """
         config, levels = self.config, self.config.level_channels
-        friction = standardized(friction_coefficient.clamp_min(1e-3).log(), *self._log_friction_statistics())
+        friction = standardized(friction_coefficient.clamp_min(1e-3).log(), *log_friction_statistics(self.config))
         level = standardized(level, config.level_mean, config.level_std)
         statistics, (mean, std), departure_std = self._statistics(latents)
         band_levels, envelope, learned = latents.tensor_split([levels, levels + config.envelope_channels], dim=1)
@@ -301,17 +300,12 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
             smooth = smooth - smooth.mean(-1, keepdim=True) + means[..., None]
             latents = torch.cat([cosines(levels, smooth).T @ smooth, latents], dim=1)
         level, friction = scalars[:, -NUM_SCALARS:].float().unbind(1)
-        log_friction_mean, log_friction_std = self._log_friction_statistics()
+        log_friction_mean, log_friction_std = log_friction_statistics(self.config)
         return (
             latents,
             level * config.level_std + config.level_mean,
             torch.exp(friction * log_friction_std + log_friction_mean),
         )
-
-    def _log_friction_statistics(self):
-        """Mean and standard deviation; NaN where no friction coefficient was known in training."""
-        mean, std = self.config.log_friction_mean, self.config.log_friction_std
-        return (math.nan, math.nan) if mean is None or std is None else (mean, std)
 
     def condition(self, ratings, timesteps):
         """What of `forward` does not depend on the sample: a sampler prepares it once for all of its steps.

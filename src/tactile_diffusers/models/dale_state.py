@@ -165,3 +165,9 @@ def latent_statistics(latents, level_channels=0, envelope_channels=0, patch_size
         "size_std": deviation(sizes, 0),
     }
     return {name: values.tolist() for name, values in found.items()}
+
+
+def log_friction_statistics(config):
+    """Mean and standard deviation; NaN where no friction coefficient was known in training."""
+    mean, std = config.log_friction_mean, config.log_friction_std
+    return (math.nan, math.nan) if mean is None or std is None else (mean, std)
