@@ -100,6 +100,7 @@ def plot(rows, path):
                 panel.axhline(leaf_mean(rows[name][measure]), color="grey", linestyle=style, label=name)
             panel.set(xscale="log", xlabel="seconds of a texture, batch 1", ylabel=measure)
         panels[0, 0].set_yscale("symlog", linthresh=1)
+        panels[0, 0].set_ylim(bottom=-0.5)
         panels[0, 1].legend(fontsize=7)
 
 

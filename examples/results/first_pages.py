@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Fills the rows of README and of the results' first page that one report of the bundled checkpoint gives.
+"""Fills the rows of README and of the results' first page that a report and a benchmark of the bundled checkpoint give.
 
     python examples/evaluate.py --checkpoint bundled --data prepared.h5 --output examples/results/judges
     python examples/results/first_pages.py            # --check: changes nothing, and fails where a page is stale
@@ -18,7 +18,7 @@ from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.evaluation.result_files import folder_digest
 
 HERE = Path(__file__).parent
-REPORT = HERE / "judges" / "report.json"
+REPORT, PEERS = HERE / "judges" / "report.json", HERE / "speed" / "peers.json"
 PAGES = (HERE.parents[1] / "README.md", HERE / "README.md")
 #: Rows by words of their first cell or second, and the next two: ours, then what stands beside it. {path|digits} is a
 #: mean of the report; "interval" asks for its interval, too, "milli" for thousandths.
@@ -58,6 +58,12 @@ ROWS = {
         "no network {reconstruction/decoders/no_network/snr_db|2}, silence "
         "{reconstruction/baselines/silence/snr_db|2}, another take {reconstruction/baselines/other_take/snr_db|2}",
     ),
+    "atings to 1.64 s of texture": (
+        "{peers/batches/Batch 1/ours, default call/s|3}",
+        "audio-diffusion-pytorch as published {peers/batches/Batch 1/audio-diffusion-pytorch, as published/s|3}, at our "
+        "size {peers/batches/Batch 1/audio-diffusion-pytorch, at our size/s|3}, UNet1DModel of 18 M "
+        "{peers/batches/Batch 1/UNet1DModel, 18 M/s|3}",
+    ),
     "reconstruction RMSE, mN": (
         "11.4",
         "{reconstruction/decoders/lctg/rmse_n|2|milli} (silence {reconstruction/baselines/silence/rmse_n|2|milli}, "
@@ -71,10 +77,13 @@ FIELD = re.compile(r"\{([^|}]+)\|(\d)(?:\|(interval|milli))?\}")
 def filled(template, report, intervals):
     """A template with the report's figures; intervals only where a page has room."""
 
+    both = report | {"peers": json.loads(PEERS.read_text())}
+
     def figure(match):
         path, digits, form = match.groups()
-        leaf = reduce(lambda part, key: part[key], path.split("/"), report)
-        text = f"{leaf['mean'] * (1000 if form == 'milli' else 1):.{digits}f}"
+        leaf = reduce(lambda part, key: part[key], path.split("/"), both)
+        value = leaf["mean"] if isinstance(leaf, dict) else leaf
+        text = f"{value * (1000 if form == 'milli' else 1):.{digits}f}"
         if form == "interval" and intervals:
             text += " [{:.{d}f}, {:.{d}f}]".format(*leaf["interval"], d=digits)
         return text
@@ -104,8 +113,11 @@ def main(argv=None):
     args = parser.parse_args(argv)
     report = json.loads(REPORT.read_text())
     stale = []
-    if report["checkpoint"]["sha256"] != folder_digest(bundled_checkpoint()):
+    digest = folder_digest(bundled_checkpoint())
+    if report["checkpoint"]["sha256"] != digest:
         stale.append(f"{REPORT.name} is of another checkpoint than the bundled one: run evaluate.py again.")
+    if json.loads(PEERS.read_text())["conditions"]["checkpoint"]["sha256"] != digest:
+        stale.append(f"{PEERS.name} is of another checkpoint than the bundled one: run peers.py again.")
     for path in PAGES:
         text = path.read_text()
         made = page_with_figures(text, report, intervals=path == PAGES[1])

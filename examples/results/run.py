@@ -108,7 +108,7 @@ def stale(found, digest):
 def wait_until_idle():
     """Waits until nothing else runs; goes on after half an hour: the conditions tell the load."""
     begin = time.monotonic()
-    while os.getloadavg()[0] > IDLE and time.monotonic() - begin < PATIENCE:
+    while os.getloadavg()[0] > IDLE / 2 and time.monotonic() - begin < PATIENCE:
         time.sleep(5)
 
 

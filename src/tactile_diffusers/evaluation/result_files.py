@@ -15,8 +15,8 @@ import torch
 from ..io.files import write_text
 from ..io.reading import read_json
 
-#: A load of the machine over this, before a measurement begins, is other work beside it.
-IDLE = 0.5
+#: A load of the machine over this, before a measurement begins, is other work beside it; starting one takes the rest.
+IDLE = 0.8
 
 
 def folder_digest(folder):
