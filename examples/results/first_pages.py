@@ -60,8 +60,8 @@ ROWS = {
     ),
     "atings to 1.64 s of texture": (
         "{peers/batches/Batch 1/ours, default call/s|3}",
-        "audio-diffusion-pytorch as published {peers/batches/Batch 1/audio-diffusion-pytorch, as published/s|3}, at our "
-        "size {peers/batches/Batch 1/audio-diffusion-pytorch, at our size/s|3}, UNet1DModel of 18 M "
+        "audio-diffusion-pytorch as published {peers/batches/Batch 1/audio-diffusion-pytorch, as published/s|3}, at "
+        "our size {peers/batches/Batch 1/audio-diffusion-pytorch, at our size/s|3}, UNet1DModel of 18 M "
         "{peers/batches/Batch 1/UNet1DModel, 18 M/s|3}",
     ),
     "reconstruction RMSE, mN": (
