@@ -104,7 +104,7 @@ BAD = {
     "sampling_rate": [0, -1, 2.5, math.nan, math.inf, None, "x", 10**400, [10_000]],
     "friction_coefficient": [0, -0.1, math.inf, None, "x", 10**400, [1.0]],
     "reference_speed": [0, -80, math.inf, None, "x", 10**400, [80.0]],
-    "ratings": [[1, 2], [1, 2, 3, 4], [math.inf, 0, 0], None, "abc", 5, [10**400, 0, 0], [[1], [2], [3]], ["x"] * 3],
+    "ratings": [[1, 2], [1] * 33, [math.inf, 0, 0], None, "abc", 5, [10**400, 0, 0], [[1], [2], [3]], ["x"] * 3],
     "seed": [0.5, math.nan, math.inf, True, 2**64, -1, None, "x", "5", [1]],
     "checkpoint": [5, b"x", ["x"]],
 }

@@ -153,7 +153,7 @@ READERS = {
     "prepared": lambda path: PreparedDataset(path, "all"),
     "generated": lambda path: read_generated(path)[:],
     "ratings": lambda path: read_ratings_file(path, SimpleNamespace(rating_axes=list(RATING_AXES)), 10),
-    "upload": lambda path: read_upload(path.read_bytes(), 5000),
+    "upload": lambda path: read_upload(path, rate=5000),
 }
 
 

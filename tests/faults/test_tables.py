@@ -87,7 +87,7 @@ def test_an_upload(tables, name, foreign, damaged, flips):
 
     def read(path):
         try:
-            return read_upload(path.read_bytes(), RATE)[0]
+            return read_upload(path, rate=RATE)[0]
         except ValueError as error:
             raise (ValueError(f"{path}: {error}") if type(error) is ValueError else error) from error
 
@@ -118,12 +118,12 @@ def test_a_wav_file_from_a_pipe_is_read(tmp_path, length, whole):
 
     table = read_table(with_lengths(length, whole))
     np.testing.assert_allclose(table.numbers("0"), values, atol=1e-4)
-    assert len(read_upload(path.read_bytes(), 0)[0]) == len(values)
+    assert len(read_upload(path)[0]) == len(values)
     for cut in ((length, len(good) - 8), (len(good) - 44, whole, good[44:-100]), (length, whole, b"")):
         with pytest.raises(ValueError, match="a.wav cannot be read as wav .*cut off"):
             read_table(with_lengths(*cut))
         with pytest.raises(ValueError, match="cut off"):
-            read_upload(path.read_bytes(), 0)
+            read_upload(path)
 
 
 def test_pickled_objects_are_refused(tmp_path):

@@ -127,6 +127,7 @@ def pool_ratings(scores, surfaces, training):
         ValueError: if an axis of `RATING_AXES` is missing, axes clash (`check_axes`), a surface is named twice, or no
             rater is left on one of `RATING_AXES`.
     """
+    _axis_numbers(scores, RATING_AXES)
     names = check_axes(scores.axes)
     axes = _axis_numbers(scores, names)
     column = {name: i for i, name in enumerate(scores.surfaces)}
