@@ -6,7 +6,9 @@ import time
 import numpy as np
 import pytest
 
+from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.playback import EndlessProfile, EndlessStream
+from tactile_diffusers.signal import rms
 
 SPEED = 80.0
 RATINGS = [0.5, 0.0, -0.5]
@@ -85,6 +87,23 @@ class TestProfile:
             _read(profile, 0.4, 0.5)
         assert np.abs(_read(profile, 7.3, 7.9) - own).max() > 1e-4
         assert profile.substituted == 1
+
+    def test_an_opening_is_the_middle_of_its_window_and_gives_way_to_it(self):
+        pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
+        pipe.set_progress_bar_config(disable=True)
+        profile, whole = (EndlessProfile(pipe, [1.5, 0.0, -1.0]) for _ in range(2))
+        assert profile.open(0) and not profile.windows and profile.missing()[0] == 0
+        whole.generate(0)
+        middle = (0.3, 0.7)  # of the window: between those fifths where it repeats itself
+        x = np.linspace(*((place - 0.5) * whole.window_length for place in middle), 4000)
+        read, wanted = (one.read(x, np.full(len(x), whole.reference_speed)) for one in (profile, whole))
+        # a tenth of the texture, whose decoder sees less at its edges, and whose level is estimated from its bands
+        assert rms(read - wanted) < 0.1 * rms(wanted)
+        profile.generate(0)
+        handed = profile.read(x, np.full(len(x), whole.reference_speed))
+        assert rms((handed - wanted)[-400:]) < 0.1 * rms(read - wanted) and profile.substituted == 0
+        after = profile.read(x, np.full(len(x), whole.reference_speed))
+        np.testing.assert_allclose(after, wanted, atol=1e-4 * rms(wanted))  # to rounding: the takes' batches differ
 
     def test_reading_may_wait_for_windows(self, make_profile):
         profile, other = make_profile(wait=True), make_profile()

@@ -75,7 +75,7 @@ def test_what_is_interrupted_leaves_nothing_half_made(process, monkeypatch):
 
 def test_a_failure_there_is_raised_here(process):
     with pytest.raises(RuntimeError, match="Generating has failed: .*not a number"):
-        process._generate(-1, ("not a number", 0, True, {}), [0])
+        process._generate(-1, ("not a number", 0, True, {}), "generate", [0])
     profile = EndlessProfile(process, RATINGS)
     profile.generate(0)
     assert list(profile.windows) == [0]

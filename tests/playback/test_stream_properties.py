@@ -132,6 +132,8 @@ class _Noise:
         noise = {index: 0.01 * np.random.default_rng(index % 2**32).standard_normal(3000) for index in indices}
         return {index: TextureProfile(n, RATE, 80.0, repeats=False, fill=False) for index, n in noise.items()}
 
+    open = generate
+
     def interrupt(self):
         pass
 

@@ -51,6 +51,12 @@ def check_band_levels(sampling_rate, band, count, window, hop):
     _members(sampling_rate, tuple(band), count, window)
 
 
+def band_sums(gains, sampling_rate, band, count, window):
+    """Power of each band of white noise of unit RMS after gains of power (bins,): (count + 1,) float64."""
+    members, _ = _members(sampling_rate, tuple(band), count, window)
+    return np.bincount(members, gains, minlength=count + 1) / len(members)
+
+
 def smoothing_kernel(rate):
     """Hann kernel of `SMOOTHING_SECONDS`, of unit sum and odd length, for so many values a second: (n,) float64."""
     half = max(1, round(SMOOTHING_SECONDS * rate / 2))

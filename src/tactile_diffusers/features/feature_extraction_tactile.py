@@ -10,7 +10,7 @@ from transformers.feature_extraction_utils import BatchFeature, FeatureExtractio
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
 from ..signal.checks import check_number
 from ..signal.rows import texture_rows
-from .band_levels import check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
+from .band_levels import band_sums, check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .fast_envelope import envelope_gain, gain_of_frames, measure_fast_envelope
 from .filterbank import FILTER_SCALES, filterbank
 from .low_band import sample_low_band
@@ -281,6 +281,21 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         """Departures of the band levels from their smooth course (`measure_fast_modulation`), as `band_levels`."""
         return measure_fast_modulation(waveform, count=self.level_bands, **self._latent_grid)
 
+    def power_over_time(self, band_levels):
+        """Power over time that band levels ask of a texture, in an arbitrary unit.
+
+        Args:
+            band_levels (`torch.Tensor`): (batch, level_bands + 1, frames), as `denormalize` takes them.
+
+        Returns:
+            `torch.Tensor`: (batch, frames) float64.
+        """
+        grid = self._latent_grid
+        frequencies = np.fft.rfftfreq(grid["window"], 1 / self.sampling_rate)
+        gains = 10 ** (-self._preemphasis(frequencies) / 10)
+        weights = band_sums(gains, grid["sampling_rate"], grid["band"], self.level_bands, grid["window"])
+        return torch.einsum("b,nbf->nf", torch.from_numpy(weights), band_levels.double().exp().cpu())
+
     def denormalize(self, waveform, levels, samples=None, band_levels=None, modulation_gain=None, envelope=None):
         """Undoes `normalize`: pre-emphasis removed, delivery rate, and exactly the RMS that `levels` asks for.
 
@@ -347,10 +362,15 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         margin = min(waveform.shape[-1] - 1, int(2 * self.sampling_rate / self.band[0]))
         padded = np.pad(waveform, ((0, 0), (margin, margin)), mode="reflect")
         bins = np.fft.rfftfreq(padded.shape[-1], 1 / self.sampling_rate)
-        log_bins = np.log(np.maximum(bins, self.preemphasis_frequencies[0]))
-        gains_db = np.interp(log_bins, np.log(self.preemphasis_frequencies), self.preemphasis_db)
-        spectrum = np.fft.rfft(padded, axis=-1) * 10 ** (sign * gains_db / 20)
+        spectrum = np.fft.rfft(padded, axis=-1) * 10 ** (sign * self._preemphasis(bins) / 20)
         return np.fft.irfft(spectrum, n=padded.shape[-1], axis=-1)[:, margin : margin + waveform.shape[-1]]
+
+    def _preemphasis(self, frequencies):
+        """Gains in dB at frequencies (n,) in Hz."""
+        if self.preemphasis_db is None:
+            return np.zeros(len(frequencies))
+        places = np.log(np.maximum(frequencies, self.preemphasis_frequencies[0]))
+        return np.interp(places, np.log(self.preemphasis_frequencies), self.preemphasis_db)
 
     def check_sampling_rate(self, sampling_rate):
         """Raises a `ValueError` unless this is a whole number of Hz that holds the band."""

@@ -1,6 +1,7 @@
 """Where a finger is at device rate, from a touch sensor that is slow and coarse."""
 
 import warnings
+from functools import lru_cache
 
 import numpy as np
 from scipy import signal
@@ -69,12 +70,9 @@ class FingerPath:
             raise ValueError(f"`dimensions` must be 1 or 2, got {dimensions}.")
         self.sampling_rate, self.sensor_rate, self.dimensions = sampling_rate, sensor_rate, dimensions
         self._wait = 1 / sensor_rate + _MARGIN
-        smooth = signal.bessel(_ORDER, cutoff, norm="phase", fs=sampling_rate, output="sos")
-        low = cutoff / 100
-        phase = np.angle(signal.sosfreqz(smooth, worN=[low], fs=sampling_rate)[1][0])
-        self.latency = self._wait - phase / (2 * np.pi * low)
+        smooth, delay, (b, a) = _filters(cutoff, sampling_rate)
+        self.latency = self._wait + delay
         # 1 + latency x low-passed velocity, as one more section: a block is short, and calls cost more than arithmetic
-        b, a = signal.butter(1, _LEAD_SHARE * cutoff, fs=sampling_rate)
         lead = np.append(a, 0) + self.latency * sampling_rate * np.convolve(b, [1, -1])
         self._sections = np.concatenate([smooth, [[*lead, *a, 0]]])
         self._settled = signal.sosfilt_zi(self._sections)[..., None]
@@ -196,6 +194,15 @@ class FingerPath:
         moved = np.diff(place, axis=0, prepend=self._last[None]) * self.sampling_rate
         self._last = place[-1]
         return place, moved
+
+
+@lru_cache(maxsize=8)
+def _filters(cutoff, sampling_rate):
+    """Sections of the low-pass and its delay, s, and the low-pass of the velocity: 7 ms to design, so kept."""
+    smooth = signal.bessel(_ORDER, cutoff, norm="phase", fs=sampling_rate, output="sos")
+    low = cutoff / 100
+    phase = np.angle(signal.sosfreqz(smooth, worN=[low], fs=sampling_rate)[1][0])
+    return smooth, -phase / (2 * np.pi * low), signal.butter(1, _LEAD_SHARE * cutoff, fs=sampling_rate)
 
 
 def _as_reports(time, position, dimensions):

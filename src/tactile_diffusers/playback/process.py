@@ -123,7 +123,14 @@ class _RemoteWindowGenerator(WindowGenerator):
         self._surface = (self.ratings.numpy(), self.seed, fill, {**options, "rating_scale": "z"})
 
     def generate(self, indices):
-        windows, self.level, self.friction_coefficient = self._process._generate(self._key, self._surface, indices)
+        return self._ask("generate", indices)
+
+    def open(self, indices):
+        return self._ask("open", indices)
+
+    def _ask(self, method, indices):
+        found = self._process._generate(self._key, self._surface, method, indices)
+        windows, self.level, self.friction_coefficient = found
         return windows
 
 
@@ -146,15 +153,15 @@ def _serve(pipe, connection, interrupts, threads):
                 answer = repr(error), None
 
 
-def _answer(pipe, generators, key, surface, indices):
-    """Windows, level and friction coefficient of a surface; the latents of the last two surfaces are kept."""
+def _answer(pipe, generators, key, surface, method, indices):
+    """Windows or openings, level and friction coefficient of a surface; latents of the last two surfaces are kept."""
     if key not in generators:
         for old in list(generators)[:-1]:  # the last one is played until this one replaces it
             del generators[old]
         ratings, seed, fill, options = surface
         generators[key] = WindowGenerator(pipe, ratings, seed, fill, **options)
     generator = generators[key]
-    return generator.generate(indices), generator.level, generator.friction_coefficient
+    return getattr(generator, method)(indices), generator.level, generator.friction_coefficient
 
 
 def _watch(pipe, interrupts):

@@ -6,13 +6,14 @@ are not.
 """
 
 import numpy as np
-from scipy import ndimage
-from scipy.fft import next_fast_len
+from scipy.fft import irfft, next_fast_len
 
 from ..signal import BAND_HZ
 from ..signal.checks import check_number
 from .events import separate_events
 
+#: Shortest texture of a profile, s: four periods of the lowest frequency of the band.
+LEAST_SECONDS = 4 / BAND_HZ[0]
 #: Resolutions of the profile per octave of spatial frequency; reading interpolates between two of them.
 PER_OCTAVE = 4
 #: Octaves on either side of what the texture holds that are filled: speeds from a quarter to four times its own.
@@ -83,7 +84,7 @@ class TextureProfile:
         texture = np.asarray(texture, dtype=np.float64)
         sampling_rate = check_number("sampling_rate", sampling_rate, "Hz", above=0)
         reference_speed = check_number("reference_speed", reference_speed, "mm/s", above=0)
-        least = int(np.ceil(4 * sampling_rate / BAND_HZ[0]))
+        least = int(np.ceil(LEAST_SECONDS * sampling_rate))
         if texture.ndim != 1 or len(texture) < least or not np.isfinite(texture).all():
             raise ValueError(
                 f"`texture` must be (samples,), finite, and of at least {least} samples (four periods of "
@@ -117,19 +118,25 @@ class TextureProfile:
         lengths = np.ceil(LEAST_SAMPLES_PER_PERIOD * self.cutoffs * self.length).astype(int)
         self._lengths = np.array([next_fast_len(max(16, int(length)), real=True) for length in lengths] + [16])
         self._begins = np.concatenate([[0], np.cumsum(self._lengths + _MARGIN)])
-        self._samples = np.zeros(self._begins[-1], dtype=np.float32)
-        for begin, length, cutoff in zip(self._begins, self._lengths, self.cutoffs, strict=False):
-            self._samples[begin : begin + length + _MARGIN] = self._resolution(length, cutoff)
+        self._samples = self._ladder()
 
-    def _resolution(self, length, cutoff):
-        """What lies below a cutoff, in so many samples; and one of its end before it, two of its beginning after it."""
-        samples = 2 * (len(self._frequencies) - 1)
-        kept = np.searchsorted(self._frequencies[: length // 2 + 1], cutoff * _TAIL)
-        spectrum = self._spectrum[:kept].copy()
-        if cutoff < self.cutoffs[0]:
-            spectrum /= 1 + (self._frequencies[:kept] / cutoff) ** EDGE_POWER
-        profile = np.fft.irfft(spectrum, n=length) * (length / samples)
-        return np.concatenate([profile[-1:], profile, profile[:2]])
+    def _ladder(self):
+        """What lies below each cutoff, float32: each with one of its end before it and two of its beginning after it.
+
+        In single precision, in which it is kept: a window of an endless texture waits for it.
+        """
+        samples = np.zeros(self._begins[-1], dtype=np.float32)
+        spectrum = (self._spectrum / (2 * (len(self._frequencies) - 1))).astype(np.complex64)
+        power = (self._frequencies / self.cutoffs[0]) ** EDGE_POWER
+        for begin, length, cutoff in zip(self._begins, self._lengths, self.cutoffs, strict=False):
+            kept = np.searchsorted(self._frequencies[: length // 2 + 1], cutoff * _TAIL)
+            below = spectrum[:kept]
+            if cutoff < self.cutoffs[0]:
+                below = below / (1 + power[:kept] * (self.cutoffs[0] / cutoff) ** EDGE_POWER).astype(np.float32)
+            own = samples[begin : begin + length + _MARGIN]
+            own[1:-2] = irfft(below, n=length, norm="forward")
+            own[0], own[-2:] = own[-3], own[1:3]
+        return samples
 
     def period(self):
         """One period of the profile, filled, with all its spatial frequencies: (n,) float64, N, `pitch` mm apart."""
@@ -228,5 +235,6 @@ def _modulated(noise, spectrum, smoothing):
     """Noise (its spectrum) that follows the envelope of a texture (spectrum), smoothed over so many samples."""
     samples = 2 * (len(spectrum) - 1)
     analytic = np.fft.ifft(np.concatenate([2 * spectrum[:-1], np.zeros(samples - len(spectrum) + 1)]))
-    envelope = ndimage.gaussian_filter1d(np.abs(analytic), smoothing, mode="wrap")
+    lines = np.arange(len(spectrum)) / samples  # cycles per sample
+    envelope = np.fft.irfft(np.fft.rfft(np.abs(analytic)) * np.exp(-2 * (np.pi * smoothing * lines) ** 2))
     return np.fft.rfft(np.fft.irfft(noise) * envelope / np.sqrt(np.mean(envelope**2)))
