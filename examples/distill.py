@@ -14,16 +14,14 @@ a whole texture from ratings, the U-Net the rest from these.
 import copy
 
 import torch
-from torch import nn
 
-from tactile_diffusers import DALEModel, TactileTexturePipeline, VDDIMScheduler
+from tactile_diffusers import DALEModel, TactileTexturePipeline
 from tactile_diffusers.data.dataset import PreparedDataset
-from tactile_diffusers.features.fast_envelope import gain_of_frames
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
-from tactile_diffusers.training.energy import energy_score, waveform_views
-from tactile_diffusers.training.energy_step import LatentStep, one_step
+from tactile_diffusers.training.decoder_step import DecoderStep
+from tactile_diffusers.training.energy_step import LatentStep
 from tactile_diffusers.training.launch import (
     at_least_one,
     make_accelerator,
@@ -36,7 +34,7 @@ from tactile_diffusers.training.launch import (
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.record import surfaces_of
 from tactile_diffusers.training.scalars import fit_scalar_network
-from tactile_diffusers.training.steps import BatchNoise, drop_detail
+from tactile_diffusers.training.steps import BatchNoise
 from tactile_diffusers.training.validation import Reconstructions
 
 #: Textures at most from which the scales of DALE's views are taken, and held-out ones by which it is validated.
@@ -55,45 +53,6 @@ def parse_args(argv=None):
     return parse_training_arguments(parser, argv)
 
 
-class DecoderStep(nn.Module):
-    """Energy score of two waveforms decoded from latents: `{"waveform", "input_features"}` -> (loss, scalars)."""
-
-    def __init__(self, model, scheduler, extractor, args):
-        super().__init__()
-        self.model, self.args, self.extractor = model, args, extractor
-        self.scheduler = VDDIMScheduler.from_config(scheduler.config)  # a scheduler has state
-
-    def forward(self, batch, random):
-        real = batch["waveform"]
-        with torch.no_grad():
-            latents = self.model.encode(batch["input_features"])
-            gain = self.gain(latents, real)
-            # from exact to as noisy as the teacher knows: generated latents lie between
-            amount = random.uniform(len(latents), 1, 1)
-            latents = latents + amount * self.model.config.latent_noise * random.normal(*latents.shape)
-            latents = drop_detail(latents, self.model.base_channels, self.args.detail_dropout, random)
-        views = []
-        for _ in range(2):
-            noise = random.normal(*real[:, None].shape)
-            made = one_step(self.velocity, self.scheduler, noise, latents)[:, 0]
-            views.append(self.views(made * gain))
-        loss = energy_score(*views, self.views(real * gain))
-        return loss, {"energy": loss.detach()}
-
-    def velocity(self, *inputs):
-        return self.model(*inputs, return_dict=False)[0]
-
-    def gain(self, latents, like):
-        """The fast envelope, which what is felt has: (batch, samples), or 1."""
-        envelope = self.model.fast_envelope(latents)
-        if envelope is None:
-            return 1.0
-        return torch.from_numpy(gain_of_frames(envelope.double().cpu().numpy(), like.shape[-1])).to(like)
-
-    def views(self, waveform):
-        return waveform_views(waveform, self.extractor.sampling_rate, self.extractor.band)
-
-
 def train_decoder(args, pipe, accelerator, dataset):
     """Distils LCTG's decoder: the pipeline's `lctg_distilled`."""
     extractor, rate = pipe.feature_extractor, dataset.sampling_rate
@@ -108,8 +67,8 @@ def train_decoder(args, pipe, accelerator, dataset):
     # the student's modulation is that of recordings: nothing has to be deepened
     student = copy.deepcopy(pipe.lctg)
     student.register_to_config(distilled_steps=1, modulation_gains=None)
-    student.encoder.requires_grad_(False)
-    step, collate = DecoderStep(student, pipe.scheduler, extractor, args), make_collate(extractor, rate)
+    step = DecoderStep(student, pipe.scheduler, extractor, args.detail_dropout)
+    collate = make_collate(extractor, rate)
     trainer = Trainer(accelerator, args, step, "lctg", dataset, collate, held_out and validate, surfaces_of(dataset))
     student = trainer.run()
     if accelerator.is_main_process:

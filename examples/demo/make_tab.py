@@ -49,7 +49,7 @@ def make_tab(desk, tab, page):
                     gr.Number(default.seed, label="Seed", precision=0, elem_id="seed"),
                     gr.Slider(*LIMITS["guidance"], default.guidance, step=0.05, label="Guidance (1 = off)"),
                     gr.Slider(*LIMITS["duration_s"], default.duration_s, step=0.1, label="Duration, s"),
-                    gr.Slider(*LIMITS["steps"], default.steps, step=1, label="Steps of the decoder"),
+                    gr.Slider(*LIMITS["steps"], studio.steps, step=1, label="Steps of the decoder"),
                     gr.Dropdown(names, value=names[0], label="Checkpoint", elem_id="checkpoint"),
                 ]
     controls = [*sliders, *opens, preset, take, *more]

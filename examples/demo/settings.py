@@ -26,7 +26,7 @@ class Settings:
         seed (`int`): of the noise.
         guidance (`float`): 1 = off.
         duration_s (`float`): s.
-        steps (`int`): of LCTG; no more than a distilled decoder was made for = that decoder, where there is one.
+        steps (`int`, *optional*): of LCTG; `None` = what the checkpoint's own decoder of few steps takes.
 
     Raises:
         ValueError: for a value outside `LIMITS`, or one that must be whole and is not.
@@ -35,13 +35,15 @@ class Settings:
     seed: int = 6  # of the bundled checkpoint's first twelve, the one whose takes of presets are estimated best
     guidance: float = 1.0
     duration_s: float = 1.6  # of the one segment, 1.6384 s, that is made at least
-    steps: int = 2
+    steps: int | None = None
 
     def __post_init__(self):
         for field in fields(self):
             value, (low, high) = getattr(self, field.name), LIMITS[field.name]
+            if value is None and field.default is None:
+                continue
             check_number(field.name, value, at_least=low, at_most=high)
-            if field.type is int:
+            if field.type is not float:
                 if value != int(value):
                     raise ValueError(f"`{field.name}` must be a whole number, got {value}.")
                 object.__setattr__(self, field.name, int(value))  # a browser sends 2.0

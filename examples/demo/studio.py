@@ -65,6 +65,7 @@ class Studio:
     Attributes:
         scale ([`Scale`]): of the sliders.
         checkpoints (`dict[str, Path]`): by name; the first is the page's own.
+        steps (`int`): of its decoder, by default.
 
     Raises:
         OSError, ValueError: if one cannot be loaded, or has no DALE.
@@ -81,7 +82,7 @@ class Studio:
         # one call at a time: two at once would each take twice as long; those that wait share the next one
         self._lock, self._waiting, self._guard = threading.Lock(), {}, threading.Lock()
         self._pipes = {name: _load(folder) for name, folder in self.checkpoints.items()}
-        self.scale = Scale(self._pipes[self.own].dale.config)
+        self.scale, self.steps = Scale(self._pipes[self.own].dale.config), self._pipes[self.own].resolve_steps()[0]
         wrong = [name for name in self._pipes if list(self._pipes[name].dale.config.rating_axes) != self.scale.axes]
         if wrong:
             raise ValueError(f"The checkpoint {self.checkpoints[wrong[0]]} has other axes than {self.scale.axes}.")

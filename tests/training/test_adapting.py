@@ -1,5 +1,6 @@
 """Adapting a pipeline: recalibration in closed form, what it leaves alone, the whole of `adapt` on tiny data."""
 
+import copy
 import json
 from types import SimpleNamespace
 
@@ -12,8 +13,9 @@ from tactile_diffusers.cli import adapt as command
 from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.models.calibration import scalar_shift
-from tactile_diffusers.training import adapting, decoder_words
-from tactile_diffusers.training.adapting import adapt
+from tactile_diffusers.training import adapting, decoder_fit
+from tactile_diffusers.training.adapting import adapt, trains_decoder
+from tactile_diffusers.training.decoder_fit import DecoderFit
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.recalibration import Recalibration, Surfaces, explain, generate_surfaces, recalibrate
 from tactile_diffusers.training.verdict import Errors
@@ -177,8 +179,27 @@ def dataset(prepared):
     return PreparedDataset(prepared, "train", "filtered", 2500)
 
 
-def _weights(pipe):
-    return {name: value.clone() for name, value in pipe.dale.state_dict().items()}
+@pytest.fixture
+def distilled_pipe(make_pipeline, monkeypatch):
+    """`distilled_pipe()`: a tiny pipeline with a decoder of one step; the four surfaces are enough to train it."""
+    for module in (decoder_fit, adapting):
+        monkeypatch.setattr(module, "LEAST_SURFACES", 4)
+
+    def make():
+        pipe = make_pipeline()
+        student = copy.deepcopy(pipe.lctg)
+        student.register_to_config(distilled_steps=1)
+        return TactileTexturePipeline.from_pipe(pipe, lctg_distilled=student)
+
+    return make
+
+
+def _weights(model):
+    return {name: value.clone() for name, value in model.state_dict().items()}
+
+
+def _differ(ours, theirs):
+    return any(not torch.equal(ours[name], theirs[name]) for name in ours)
 
 
 class TestAdapting:
@@ -186,7 +207,7 @@ class TestAdapting:
         results = [adapt(make_pipeline(), dataset, tmp_path / name) for name in "ab"]
         (pipe, verdict), (again, _) = results
         assert dict(pipe.dale.config) == dict(again.dale.config) and pipe.dale.config.calibration
-        assert "too few to say more" in verdict and "not trained further" in verdict
+        assert "too few to say more" in verdict and "The decoder stays as it is" in verdict
         printed = capsys.readouterr().out
         assert printed.index("As it is, the given checkpoint") < printed.index("Recalibrated, it")
         card = (tmp_path / "a" / "README.md").read_text()
@@ -195,34 +216,45 @@ class TestAdapting:
         record = json.loads((tmp_path / "a" / "training.json").read_text())
         assert record["steps"] == 0 and len(record["trained_on"]["surfaces"]) == 4
 
-    @pytest.mark.parametrize("distilled", [None, 1])
-    def test_trained_further(self, make_pipeline, dataset, tmp_path, monkeypatch, distilled):
-        monkeypatch.setattr(adapting, "best_step", lambda scores: 4)
-        pipe = make_pipeline(dale_config={"distilled_steps": distilled, "scalar_width": distilled and 8})
-        before = _weights(pipe)
+    def test_the_decoder_is_trained_where_that_helps(self, distilled_pipe, dataset, tmp_path, capsys):
+        pipe = distilled_pipe()
+        before, teacher = _weights(pipe.lctg_distilled), _weights(pipe.lctg)
         pipe, verdict = adapt(pipe, dataset, tmp_path / "out", fine_tuning="yes", **SHORT)
-        assert any(not torch.equal(before[name], value) for name, value in _weights(pipe).items())
-        assert "trained for 4 updates" in verdict and pipe.dale.config.distilled_steps == distilled
-        assert TactileTexturePipeline.from_pretrained(str(tmp_path / "out")).dale.config.calibration
+        assert "The decoder of one step was trained for 4 updates: its energy score" in verdict
+        saved = TactileTexturePipeline.from_pretrained(str(tmp_path / "out"))
+        assert _differ(before, _weights(saved.lctg_distilled)) and not _differ(teacher, _weights(saved.lctg))
+        assert saved.lctg_distilled.config.distilled_steps == 1 and verdict in (tmp_path / "out/README.md").read_text()
+        assert json.loads((tmp_path / "out" / "training.json").read_text())["steps"] == 4
 
-    @pytest.mark.parametrize("folder", ["trial", ""])
-    def test_killed_and_resumed(self, make_pipeline, dataset, tmp_path, monkeypatch, folder):
-        monkeypatch.setattr(adapting, "best_step", lambda scores: 4)
-        whole, _ = adapt(make_pipeline(), dataset, tmp_path / "whole", fine_tuning="yes", **SHORT)
+    def test_a_training_that_does_not_help_is_thrown_away(self, distilled_pipe, dataset, tmp_path):
+        pipe = distilled_pipe()
+        before = _weights(pipe.lctg_distilled)
+        pipe, verdict = adapt(pipe, dataset, tmp_path / "out", fine_tuning="yes", **SHORT | {"learning_rate": 3.0})
+        assert "so it stays as it is" in verdict and not _differ(before, _weights(pipe.lctg_distilled))
+
+    def test_few_surfaces_and_wishes(self, distilled_pipe, make_pipeline):
+        knows, does_not = DecoderFit(0.2, 0.2, 0.2, 0.2), DecoderFit(0.6, 0.2, 0.2, 0.2)
+        few, enough = (SimpleNamespace(real=range(count)) for count in (3, 4))
+        pipe = distilled_pipe()
+        assert trains_decoder(pipe, enough, does_not, "auto") and trains_decoder(pipe, enough, knows, "yes")
+        assert not trains_decoder(pipe, enough, knows, "auto") and not trains_decoder(pipe, enough, does_not, "no")
+        assert not trains_decoder(pipe, few, does_not, "yes")
+        assert not trains_decoder(make_pipeline(), enough, does_not, "yes")  # it has no decoder of one step
+
+    def test_killed_and_resumed(self, distilled_pipe, dataset, tmp_path, monkeypatch):
+        whole, _ = adapt(distilled_pipe(), dataset, tmp_path / "whole", fine_tuning="yes", **SHORT)
         save = Trainer.save_checkpoint
 
         def save_and_die(trainer):
             save(trainer)
-            if trainer.output == tmp_path / "cut" / folder:
-                raise KeyboardInterrupt
+            raise KeyboardInterrupt
 
         with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
             patched.setattr(Trainer, "save_checkpoint", save_and_die)
-            adapt(make_pipeline(), dataset, tmp_path / "cut", fine_tuning="yes", **SHORT)
+            adapt(distilled_pipe(), dataset, tmp_path / "cut", fine_tuning="yes", **SHORT)
         options = SHORT | {"resume_from_checkpoint": "latest", "fine_tuning": "yes"}
-        resumed, _ = adapt(make_pipeline(), dataset, tmp_path / "cut", **options)
-        ours, theirs = _weights(whole), _weights(resumed)
-        assert all(torch.equal(ours[name], theirs[name]) for name in ours)
+        resumed, _ = adapt(distilled_pipe(), dataset, tmp_path / "cut", **options)
+        assert not _differ(_weights(whole.lctg_distilled), _weights(resumed.lctg_distilled))
 
 
 @pytest.mark.parametrize(("rate", "samples", "fits"), [(2200, 4095, True), (2500, 4095, True), (2500, 4094, False)])
@@ -240,10 +272,10 @@ def test_segments_fit_within_a_sample_of_the_recordings(make_pipeline, rate, sam
 
 
 def test_a_decoder_that_knows_textures_less_well_is_named(make_pipeline, dataset, monkeypatch):
-    for ours, word in (((0.6, 0.2), "less well"), ((0.3, 0.9), "less well"), ((0.3, 0.3), "0.20 dB and 0.2: it stays")):
+    for ours, word in (((0.6, 0.2), "less well"), ((0.3, 0.9), "less well"), ((0.3, 0.3), "0.20 dB and 0.2.")):
         errors = iter([ours, (0.2, 0.2)])
-        monkeypatch.setattr(decoder_words, "decoder_errors", lambda *args, errors=errors: next(errors))
-        assert word in decoder_words.decoder_words(make_pipeline(), dataset, 0)
+        monkeypatch.setattr(decoder_fit, "decoder_errors", lambda *args, errors=errors: next(errors))
+        assert word in decoder_fit.judge_decoder(make_pipeline(), dataset, 0).words()
 
 
 class TestRefusals:

@@ -82,7 +82,9 @@ class TestLearning:
     def test_of_a_decoder(self, script, make_pipeline):
         module, pipe = script("distill"), make_pipeline(lctg_config={"latent_noise": 0.0})
         args = module.parse_args([*_WORDS, "--model", "lctg"])
-        step = module.DecoderStep(copy.deepcopy(pipe.lctg), VDDIMScheduler(), pipe.feature_extractor, args)
+        step = module.DecoderStep(
+            copy.deepcopy(pipe.lctg), VDDIMScheduler(), pipe.feature_extractor, args.detail_dropout
+        )
         generator = torch.Generator().manual_seed(0)
         batch = {
             "waveform": torch.randn((8, 512), generator=generator),

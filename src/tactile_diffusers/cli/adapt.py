@@ -11,9 +11,9 @@ Adapts a pretrained pipeline to the few surfaces of a lab.
 
     tactile-diffusers adapt --train_data_dir prepared.h5 --output_dir adapted
 
-The numbers of a whole texture (spectrum, level, friction, variation over time) are recalibrated in closed form; with
-enough surfaces DALE is then trained for some hundred updates, if surfaces that are left out ask for it. The result is
-a whole pipeline: TactileTexturePipeline.from_pretrained("adapted").
+The numbers of a whole texture (spectrum, level, friction, variation over time) are recalibrated in closed form. A
+decoder that knows your textures less well than its own is then trained for some hundred updates. The result is a
+whole pipeline: TactileTexturePipeline.from_pretrained("adapted").
 """
 
 

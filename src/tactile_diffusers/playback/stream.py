@@ -199,6 +199,9 @@ class TextureStream:
             raise ValueError(f"`profile` must be a TextureProfile or an EndlessProfile, got {type(profile).__name__}.")
         coefficient = check_number("friction_coefficient", friction_coefficient, "N per N of normal force", at_least=0)
         events = getattr(profile, "events", None)
+        for one in (profile, events):  # now, not while a block is due
+            if hasattr(one, "prepare"):
+                one.prepare()
         return profile, coefficient, None if events is None else EventPlayer(events, self.sampling_rate)
 
     def _friction(self, surface, place, velocity, speed, normal_force):

@@ -77,6 +77,7 @@ class WindowGenerator:
         for index, texture in decoded.items():
             filling = self._noise(index, "filling", len(texture)).numpy() if self.fill else None
             windows[index] = TextureProfile(texture, **self._profile, repeats=False, noise=filling)
+            windows[index].prepare()
         return windows
 
     def open(self, indices):
@@ -91,10 +92,11 @@ class WindowGenerator:
             margin = 0
         decoded = self._decode(indices, [self._takes[index] for index in indices], slice(margin, frames - margin))
         begin = margin * self.frame_length
-        return {
-            index: Opening(TextureProfile(texture, **self._profile, separate=False), begin)
-            for index, texture in decoded.items()
-        }
+        openings = {}
+        for index, texture in decoded.items():
+            openings[index] = Opening(TextureProfile(texture, **self._profile, separate=False), begin)
+            openings[index].profile.prepare()
+        return openings
 
     def _decode(self, indices, latents, part):
         """Textures of these frames of windows: `dict[int, np.ndarray]`; empty if interrupted."""

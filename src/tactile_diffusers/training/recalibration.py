@@ -62,7 +62,11 @@ class Surfaces:
 
 @torch.no_grad()
 def generate_surfaces(dale, scheduler, ratings, takes, steps, seed=0, batch=64):
-    """What DALE generates from ratings (n, axes), z-scores: `Surfaces` of so many takes each."""
+    """What DALE generates from ratings (n, axes), z-scores: `Surfaces` of so many takes each.
+
+    Their states are those of the latents that the decoder gets: what a generated state holds besides, as a mean of what
+    varies about its mean, does not reach it.
+    """
     generator, device = torch.Generator().manual_seed(seed), next(dale.parameters()).device
     rows, made = torch.from_numpy(np.repeat(ratings, takes, axis=0)).float(), []
     for part in rows.split(batch):
@@ -71,7 +75,7 @@ def generate_surfaces(dale, scheduler, ratings, takes, steps, seed=0, batch=64):
         scheduler.set_timesteps(steps)
         for t in scheduler.timesteps:
             state = scheduler.step(dale(state, t, part, return_dict=False)[0], t, state, return_dict=False)[0]
-        made.append(state.cpu())
+        made.append(dale.pack(*dale.unpack(state)).cpu())
     return Surfaces(torch.cat(made), np.repeat(np.arange(len(ratings)), takes), ratings, np.ones(len(rows), bool))
 
 

@@ -45,17 +45,9 @@ def _interval(values):
     return values.mean() - reach, values.mean() + reach
 
 
-def verdict_of(judged, updates, trial, tried):
-    """The verdict, a paragraph in words."""
-    lines = [judged["recalibrated"].against("Recalibrated, it")]
-    lines.append(
-        f"A ridge regression on the same surfaces is off by {judged['ridge'].own.mean():.2f} dB, their mean spectrum "
-        f"by {judged['mean spectrum'].own.mean():.2f} dB."
+def verdict_of(judged):
+    """What the recalibration is worth, a paragraph in words."""
+    return (
+        f"{judged['recalibrated'].against('Recalibrated, it')} A ridge regression on the same surfaces is off by "
+        f"{judged['ridge'].own.mean():.2f} dB, their mean spectrum by {judged['mean spectrum'].own.mean():.2f} dB."
     )
-    if not tried:
-        lines.append("DALE was not trained further.")
-    elif not updates:
-        lines.append("Further training made it no better on surfaces left out: DALE was not trained further.")
-    else:
-        lines.append(f"It was then trained for {updates} updates. " + trial.against("Trained further, it"))
-    return " ".join(lines)

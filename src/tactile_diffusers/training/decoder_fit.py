@@ -1,0 +1,121 @@
+"""How well a decoder knows the textures of a lab, and its further training on them where it knows them less well."""
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from ..signal import nine_band_error_db, resample
+from ..signal.waveform_shape import waveform_shape
+from .batches import make_collate
+from .decoder_step import DecoderStep
+from .loop import Trainer
+from .record import surfaces_of
+from .steps import BatchNoise
+
+#: Textures at most by which the decoder is judged.
+DECODED = 32
+#: By how much worse than its own textures it may give a lab's back: factor of the bands' error, and shift of the shapes
+#: of waveforms in standard deviations over textures.
+BANDS_FACTOR, SHAPE_SHIFT = 2.0, 0.5
+#: Share of the surfaces, and at least how many, that its training leaves out; with fewer than so many there is none.
+LEFT_OUT, LEAST_LEFT_OUT, LEAST_SURFACES = 0.1, 2, 5
+#: Share of textures that are decoded without detail layer, as generated ones are.
+DETAIL_DROPOUT = 0.7
+
+
+@dataclass(frozen=True)
+class DecoderFit:
+    """Errors of the decoder from base layers: of nine bands, dB, and of the shape of waveforms, standard deviations.
+
+    `own_bands` and `own_shift` are those of the textures that the pipeline generates itself.
+    """
+
+    bands: float
+    shift: float
+    own_bands: float
+    own_shift: float
+
+    @property
+    def knows(self):
+        """Whether the decoder knows the lab's textures as well as its own."""
+        return self.bands <= BANDS_FACTOR * self.own_bands and self.shift <= self.own_shift + SHAPE_SHIFT
+
+    def words(self):
+        """A sentence."""
+        text = (
+            f"From their base layer the decoder (LCTG) gives nine bands back within {self.bands:.2f} dB and shifts the "
+            f"shape of waveforms by {self.shift:.1f} standard deviations; of its own textures, {self.own_bands:.2f} dB "
+            f"and {self.own_shift:.1f}"
+        )
+        return f"{text}." if self.knows else f"{text}: it knows yours less well."
+
+
+def judge_decoder(pipe, dataset, seed):
+    """The `DecoderFit` of a pipeline's decoder to a data set."""
+    rows = np.linspace(0, len(dataset) - 1, min(DECODED, len(dataset))).round().astype(int)
+    own = decoder_errors(pipe, dataset.textures(rows), dataset.sampling_rate, seed)
+    ratings = np.full((len(rows), len(pipe.dale.config.rating_axes)), np.nan)
+    made = pipe(ratings, generator=torch.Generator().manual_seed(seed))
+    return DecoderFit(*own, *decoder_errors(pipe, made.textures, made.sampling_rate, seed))
+
+
+def decoder_errors(pipe, textures, sampling_rate, seed):
+    """Textures (n, samples), encoded and decoded from their base layer: nine-band error, dB, and largest shift of a
+    statistic of `waveform_shape` in its standard deviations over textures."""
+    encoded = pipe.encode(textures, sampling_rate)
+    latents = pipe.lctg.pad_detail(encoded.latents[:, : pipe.lctg.base_channels])
+    out = pipe.decode(latents, encoded.level, generator=torch.Generator().manual_seed(seed))
+    wanted = resample(textures, sampling_rate, out.sampling_rate)
+    samples = min(wanted.shape[-1], out.textures.shape[-1])
+    made, wanted = out.textures[:, :samples], wanted[:, :samples]
+    shapes, theirs = waveform_shape(made), waveform_shape(wanted)
+    shifts = [abs(shapes[k].mean() - v.mean()) / max(v.std(), 1e-6) for k, v in theirs.items()]
+    return float(nine_band_error_db(made, wanted, out.sampling_rate).mean()), float(max(shifts))
+
+
+def train_decoder(pipe, dataset, args, accelerator):
+    """Trains `lctg_distilled` further on a lab's textures and keeps it if that helps surfaces that are left out.
+
+    Its encoder stays, so latents, DALE and the teacher `lctg` stay as they are.
+
+    Args:
+        pipe (`TactileTexturePipeline`): with an `lctg_distilled`, which is replaced.
+        dataset (`PreparedDataset`): at the pipeline's working rate, of `LEAST_SURFACES` or more.
+        args (`argparse.Namespace`): of the training.
+        accelerator (`Accelerator`): of it.
+
+    Returns:
+        `str`: what it did to surfaces left out, a sentence.
+    """
+    ids = np.random.default_rng(args.seed).permutation(np.unique(dataset.surface_ids))
+    out = np.isin(dataset.surface_ids, ids[: max(LEAST_LEFT_OUT, round(LEFT_OUT * len(ids)))])
+    collate = make_collate(pipe.feature_extractor, dataset.sampling_rate)
+    student = copy.deepcopy(pipe.lctg_distilled)
+    step = DecoderStep(student, pipe.scheduler, pipe.feature_extractor, DETAIL_DROPOUT)
+    validate = make_validation(step, collate, dataset, np.flatnonzero(out))
+    before = validate(student.eval())["energy"]
+    kept = torch.utils.data.Subset(dataset, np.flatnonzero(~out).tolist())
+    args.train_batch_size = min(args.train_batch_size, len(kept) // accelerator.num_processes)
+    student = Trainer(accelerator, args, step, "lctg", kept, collate, validate, surfaces_of(dataset)).run()
+    after = validate(student)["energy"]
+    text = f"trained for {args.max_train_steps} updates: its energy score on surfaces left out went from {before:.3f} "
+    if after >= before:
+        return f"The decoder was {text}to {after:.3f}, so it stays as it is."
+    pipe.register_modules(lctg_distilled=student)
+    return f"The decoder of one step was {text}to {after:.3f}. Calls of more steps take the teacher, which stays."
+
+
+def make_validation(step, collate, dataset, rows):
+    """`validate(model)`: energy score of the decoder on so many rows of a data set, with the same noise each time."""
+    rows = rows[np.linspace(0, len(rows) - 1, min(DECODED, len(rows))).round().astype(int)]
+    batch = collate([dataset[int(row)] for row in rows])
+
+    @torch.no_grad()
+    def validate(model):
+        device = next(model.parameters()).device
+        random = BatchNoise(torch.Generator(device).manual_seed(0), device)
+        return {"energy": float(step({name: value.to(device) for name, value in batch.items()}, random)[0])}
+
+    return validate

@@ -1,0 +1,57 @@
+"""The training step of a decoder of one step: energy scores of the waveforms that it makes of latents."""
+
+import torch
+from torch import nn
+
+from ..features.fast_envelope import gain_of_frames
+from ..schedulers import VDDIMScheduler
+from .energy import energy_score, waveform_views
+from .energy_step import one_step
+from .steps import drop_detail
+
+
+class DecoderStep(nn.Module):
+    """Energy score of two waveforms decoded from latents: batches of `make_collate` -> (loss, scalars to log).
+
+    Args:
+        model (`LCTGModel`): is trained, but for its encoder.
+        scheduler (`VDDIMScheduler`): LCTG's.
+        extractor (`TactileFeatureExtractor`): the pipeline's.
+        detail_dropout (`float`): share of textures without detail layer, which generated ones are.
+    """
+
+    def __init__(self, model, scheduler, extractor, detail_dropout):
+        super().__init__()
+        self.model, self.extractor, self.detail_dropout = model, extractor, detail_dropout
+        self.model.encoder.requires_grad_(False)
+        self.scheduler = VDDIMScheduler.from_config(scheduler.config)  # a scheduler has state
+
+    def forward(self, batch, random):
+        real = batch["waveform"]
+        with torch.no_grad():
+            latents = self.model.encode(batch["input_features"])
+            gain = self.gain(latents, real)
+            # from exact to as noisy as the teacher knows: generated latents lie between
+            amount = random.uniform(len(latents), 1, 1)
+            latents = latents + amount * self.model.config.latent_noise * random.normal(*latents.shape)
+            latents = drop_detail(latents, self.model.base_channels, self.detail_dropout, random)
+        views = []
+        for _ in range(2):
+            noise = random.normal(*real[:, None].shape)
+            made = one_step(self.velocity, self.scheduler, noise, latents)[:, 0]
+            views.append(self.views(made * gain))
+        loss = energy_score(*views, self.views(real * gain))
+        return loss, {"energy": loss.detach()}
+
+    def velocity(self, *inputs):
+        return self.model(*inputs, return_dict=False)[0]
+
+    def gain(self, latents, like):
+        """The fast envelope, which what is felt has: (batch, samples), or 1."""
+        envelope = self.model.fast_envelope(latents)
+        if envelope is None:
+            return 1.0
+        return torch.from_numpy(gain_of_frames(envelope.double().cpu().numpy(), like.shape[-1])).to(like)
+
+    def views(self, waveform):
+        return waveform_views(waveform, self.extractor.sampling_rate, self.extractor.band)
