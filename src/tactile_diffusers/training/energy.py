@@ -22,6 +22,8 @@ SPECTROGRAMS = ((16, 8, 4), (64, 16, 1), (256, 64, 1))
 BANDED_WINDOW, BANDS, BAND_FRAMES = 64, 7, 4
 #: Samples of the pieces of the waveform itself: its polarity.
 PIECES = (16, 64)
+#: Windows over which the polarity is judged, samples, and its weight: among whole pieces it hardly moves a distance.
+POLARITY_WINDOWS, POLARITY = (512, 2048), 2.0
 #: Power relative to unit RMS that is added under logarithms.
 FLOOR = 1e-3
 #: Windows of gain and learned latents in a state, in frames: their length and hop.
@@ -56,7 +58,8 @@ def _gap(a, b, weight):
 def waveform_views(waveform, sampling_rate, band):
     """Views of waveforms (batch, samples), about unit RMS, with their envelope: list of (batch, places, values).
 
-    Log spectra over time in three resolutions; levels of bands over 45 ms; pieces of the waveform itself.
+    Log spectra over time in three resolutions; levels of bands over 45 ms; pieces of the waveform itself; the skewness
+    of it and of its slope.
     """
     views = []
     for length, hop, together in SPECTROGRAMS:
@@ -68,7 +71,14 @@ def waveform_views(waveform, sampling_rate, band):
             views.append(2 * _together((bands + FLOOR).log() / 2, BAND_FRAMES))
         views.append(_together((power + FLOOR).log() / 2, together))
     views += [waveform.unfold(-1, length, length // 2) for length in PIECES]
-    return views
+    return views + [_skewness(values, length) for values in (waveform, waveform.diff()) for length in POLARITY_WINDOWS]
+
+
+def _skewness(values, length):
+    """Third moments of values (batch, samples) over windows, of unit RMS over all: (batch, windows, 1)."""
+    cubes = (values / (values.square().mean(-1, keepdim=True) + 1e-6).sqrt()) ** 3
+    length = min(length, values.shape[-1])
+    return POLARITY * torch.tanh(cubes.unfold(-1, length, length).mean(-1))[..., None]
 
 
 def _together(values, count):
