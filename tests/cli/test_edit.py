@@ -40,6 +40,20 @@ def test_a_recording_made_more_slippery(recording, capsys):
     assert "ratings of the recording: roughness +0.10" in capsys.readouterr().out
 
 
+def test_an_axis_that_an_adapted_checkpoint_knows_besides(recording, make_pipeline, tmp_path, capsys):
+    path, _ = recording
+    axes = ["roughness", "bumpiness", "slipperiness", "fineness"]
+    make_pipeline(dale_config={"rating_axes": axes}).save_pretrained(tmp_path / "adapted")
+    words = ["--rating", "fineness", 0.5, "--checkpoint", tmp_path / "adapted", "--source_ratings", 0.1, 0.2, 0.3]
+    assert edit.main(_words(path, *words)) == 2
+    assert "own rating of fineness: give `source_ratings`" in capsys.readouterr().err
+    assert edit.main(_words(path, *words, -0.4)) == 0
+    np.testing.assert_allclose(_made(path, "edited")[1]["ratings"], [0.1, 0.2, 0.3, 0.1], rtol=1e-6)
+    assert "fineness -0.40" in capsys.readouterr().out
+    assert edit.main(_words(path, *words, -0.4, 1.0)) == 2
+    assert "the checkpoint has 4 axes" in capsys.readouterr().err
+
+
 def test_stretches_made_anew(recording, capsys):
     path, texture = recording
     assert edit.main(_words(path, "--mask", 0.3, 0.35, "--mask", 0.5, 0.52, "--quiet")) == 0

@@ -20,16 +20,24 @@ def parse_arguments(argv=None):
         add(f"--{axis}", type=float, metavar="VALUE", help=f"{axis}, on --rating_scale; what is left out stays")
     add("--rating_scale", choices=("difference", "z", "raw", "percentile"), default="difference", help="difference: "
         "z-scores added to the recording's (default); else as of generate")  # fmt: skip
-    add("--source_ratings", nargs=len(RATING_AXES), type=float, metavar=tuple(a.upper() for a in RATING_AXES),
-        help="the recording's own, z-scores; default: estimated")  # fmt: skip
+    add("--rating", nargs=2, action="append", default=[], metavar=("AXIS", "VALUE"), help="an axis by its name, such "
+        "as one that an adapted checkpoint knows besides; may be given several times")  # fmt: skip
+    add("--source_ratings", nargs="+", type=float, metavar="Z", help="the recording's own, z-scores in order of the "
+        "checkpoint's axes; default: estimated")  # fmt: skip
     add("--strength", type=float, default=0.5, metavar="S", help="0: the recording, 1: a fresh take; default: 0.5")
     add("--mask", nargs=2, type=float, action="append", metavar=("START", "STOP"), help="s; what lies between is made "
         "anew; may be given several times")  # fmt: skip
     add("--repair", action="store_true", help="make anew where the force stays at an end of its range")
     arguments = parser.parse_args(argv)
-    rated = any(getattr(arguments, axis) is not None for axis in RATING_AXES)
-    if rated + bool(arguments.mask or arguments.repair) != 1:
-        parser.error(f"give either --mask or --repair, or one or more of {', '.join(f'--{a}' for a in RATING_AXES)}")
+    arguments.ratings = {axis: getattr(arguments, axis) for axis in RATING_AXES if getattr(arguments, axis) is not None}
+    try:
+        arguments.ratings |= {name: float(value) for name, value in arguments.rating}
+    except ValueError as error:
+        parser.error(f"argument --rating: {error}")
+    if bool(arguments.ratings) + bool(arguments.mask or arguments.repair) != 1:
+        parser.error(
+            f"give either --mask or --repair, or one or more of {', '.join(f'--{a}' for a in RATING_AXES)}, --rating"
+        )
     return arguments
 
 
@@ -67,13 +75,16 @@ def _rated(arguments, pipe, recording):
     """Options of a call that changes ratings, and the ratings that are reached for."""
     from ..pipelines.recordings import target_ratings
 
-    ratings = {axis: getattr(arguments, axis) for axis in RATING_AXES}
-    source = arguments.source_ratings
+    axes, ratings, source = pipe.dale.config.rating_axes, arguments.ratings, arguments.source_ratings
     if source is None:
         source = pipe.estimate_ratings(recording.texture, recording.rate, recording.friction_coefficient)[0]
-    source = np.asarray(source, dtype=np.float32)
+    if len(source) > len(axes):
+        raise ValueError(
+            f"--source_ratings: the checkpoint has {len(axes)} axes, {', '.join(axes)}; got {len(source)}."
+        )
+    source = np.pad(np.asarray(source, dtype=np.float32), (0, len(axes) - len(source)), constant_values=np.nan)
     if not arguments.quiet:
-        print("ratings of the recording:", ", ".join(f"{a} {z:+.2f}" for a, z in zip(RATING_AXES, source, strict=True)))
+        print("ratings of the recording:", ", ".join(f"{a} {z:+.2f}" for a, z in zip(axes, source, strict=True)))
     import torch
 
     target = target_ratings(ratings, arguments.rating_scale, torch.from_numpy(source[None]), pipe.dale.config)
