@@ -388,3 +388,55 @@ def test_nothing_recognised(tmp_path, content):
     assert entry["pattern"].startswith("TODO") and entry["force"].startswith("TODO")
     with pytest.raises(FileNotFoundError, match="There is no folder .*nowhere"):
         inspect_folder(tmp_path / "nowhere", quiet=True)
+
+
+@pytest.fixture
+def awkward(tmp_path):
+    """Twelve surfaces in words that are not known: two axes of force, decimal commas, two clocks, answers in Excel."""
+    root = tmp_path / "labor"
+    names = "Glas Holz Filz Leder Jeans Kork Stein Papier Sand Samt Gummi Blech".split()
+    (root / "Kraft").mkdir(parents=True), (root / "Weg").mkdir()
+    for seed, name in enumerate(names):
+        x, _, z = 1e3 * force(seed=seed).T
+        frame = pd.DataFrame({"Zeit [s]": np.arange(len(x)) / 1000, "Fx [mN]": x, "Fz [mN]": z})
+        frame.to_csv(root / "Kraft" / f"{name}_Kraft.csv", sep=";", decimal=",", index=False)
+        x, y = position().T
+        stamps = (12.5 + np.arange(len(x)) / 487).round(3)
+        frame = pd.DataFrame({"Zeit [s]": stamps, "x [mm]": x, "y [mm]": y})
+        frame.to_csv(root / "Weg" / f"{name}_pos.csv", sep=";", decimal=",", index=False)
+    rows = pd.MultiIndex.from_product([[f"P{i}" for i in range(6)], names], names=["Proband", "Oberfläche"])
+    rows = rows.to_frame(index=False)
+    for seed, axis in enumerate(["glatt", "huckelig", "rutschig"]):
+        rows[axis] = answers(seed, count=len(rows))
+    rows.to_excel(root / "Bewertungen.xlsx", index=False)
+    return root
+
+
+def test_words_that_are_not_known(awkward):
+    layout = drafted(awkward)
+    forces, positions = layout["files"]
+    assert (forces["pattern"], positions["pattern"]) == ("Kraft/{surface}_Kraft.csv", "Weg/{surface}_pos.csv")
+    assert forces["force"] == {"x": "Fx [mN]", "z": "Fz [mN]", "unit": "mN", "normal_sign": -1}
+    assert forces["time"] == positions["time"] == {"column": "Zeit [s]", "unit": "s"}
+    assert "487 Hz" in draft_layout(inspect_folder(awkward, quiet=True))  # stamps of 2 and 3 ms
+    ratings = layout["ratings"]
+    assert ratings["surface"] == "Oberfläche" and "there are Proband" in ratings["rater"]
+    assert all("one of glatt, huckelig, rutschig" in axis["column"] for axis in ratings["axes"].values())
+
+
+def test_clocks_that_begin_apart_are_named(awkward, tmp_path):
+    text = draft_layout(inspect_folder(awkward, quiet=True))
+    for axis, column in zip(("roughness", "bumpiness", "slipperiness"), ("glatt", "huckelig", "rutschig"), strict=True):
+        text = re.sub(
+            rf'({axis} = {{ column = )"TODO[^"]*", high = "TODO: (\w+) [^"]*"', rf'\1"{column}", high = "\2"', text
+        )
+    text = re.sub(r'rater = "TODO[^"]*"', 'rater = "Proband"', text)
+    (tmp_path / "layout.toml").write_text(re.sub(r'"TODO[^"]*"', '"x"', text))
+    layout = load_layout(tmp_path / "layout.toml")
+    with pytest.raises(ValueError, match="both began together, set `offset`"):
+        convert_folder(awkward, layout, tmp_path / "recordings.h5", quiet=True)
+    (tmp_path / "layout.toml").write_text(
+        (tmp_path / "layout.toml").read_text().replace("position = {", "offset = -12.5\nposition = {")
+    )
+    report = convert_folder(awkward, load_layout(tmp_path / "layout.toml"), tmp_path / "recordings.h5", quiet=True)
+    assert "12 recordings of 12 surfaces" in str(report)

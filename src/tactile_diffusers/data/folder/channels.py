@@ -52,11 +52,11 @@ def read_channels(name, channels, filter, report):
         slope = velocity_from_position(position.values, position.true_rate, filter.window, filter.order)
         motion = replace(position, values=slope)
     if motion is not None:
-        force, motion = on_one_clock(force, motion)
+        before, (force, motion) = (force, motion), on_one_clock(force, motion)
         shorter, longer = sorted((force, motion), key=lambda channel: channel.seconds)
         if shorter.seconds < SHORTEST_SHARE * longer.seconds:
             place = f"{shorter.where} ({shorter.seconds:.3g} s, {longer.where} {longer.seconds:.3g} s)"
-            report.note("recordings: force and motion differ in length: is a rate wrong, or a file cut off?", 1, place)
+            report.note(f"recordings: force and motion {_why_shorter(*before)}", 1, place)
     for channel in (force, motion):
         if channel is not None:
             _check_usable(channel)
@@ -74,6 +74,15 @@ def read_channels(name, channels, filter, report):
             velocity = np.concatenate([velocity, 0.0 * velocity], axis=1)
         arrays |= {"velocity": velocity, "velocity_rate": motion.rate}
     return arrays
+
+
+def _why_shorter(force, motion):
+    """Why little of force and motion is left in common: `Timed` as they were read."""
+    lengths = sorted((force.seconds, motion.seconds))
+    if lengths[0] < SHORTEST_SHARE * lengths[1] or None in (force.start, motion.start):
+        return "differ in length: is a rate wrong, or a file cut off?"
+    apart = force.start + force.offset - motion.start
+    return f"have clocks that begin apart: if both began together, set `offset` = {apart:.6g} in the files with motion"
 
 
 def _read_source(source, channels, report):
@@ -106,7 +115,10 @@ def _read_source(source, channels, report):
         described = getattr(files, channel)
         part = clock.values[:, start : start + len(described.columns)] * described.scale
         start += len(described.columns)
-        part = part * [1, 1, described.normal_sign] if channel == "force" else part
+        if channel == "force":
+            if described.y is None:
+                part = np.insert(part, 1, 0.0, axis=1)
+            part = part * [1, 1, described.normal_sign]
         parts[channel] = replace(clock, values=part, counts={})
     return parts
 

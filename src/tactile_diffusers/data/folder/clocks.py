@@ -177,7 +177,8 @@ def on_one_clock(force, motion):
     if any(skip >= len(channel.values) for skip, channel in zip(skips, (force, motion), strict=True)):
         channels = zip((force, motion), starts, strict=True)
         spans = [f"{channel.where} {start:.3f} to {start + channel.seconds:.3f} s" for channel, start in channels]
-        raise Unusable(f"force and motion do not overlap in time: {', '.join(spans)}; check `time` and `offset`")
+        remedy = "check `time`; if both began together, set `offset`"
+        raise Unusable(f"force and motion do not overlap in time: {', '.join(spans)}; {remedy}")
     rate, counts = motion.rate, dict(motion.counts)
     if force.start is not None and motion.start is not None:
         ratio = (motion.true_rate / motion.rate) / (force.true_rate / force.rate)

@@ -12,7 +12,7 @@ from pathlib import Path, PurePath
 
 from .clocks import SHORTEST_SHARE, whole
 from .draft_names import assign_roles, content_of
-from .draft_ratings import RatingsGuess, guess_ratings
+from .draft_ratings import RatingsGuess, guess_by_surfaces, guess_ratings
 from .draft_tables import HEAD_ROWS, TableGroup, list_files, open_groups
 from .layout import CHANNEL_UNITS, FORMAT, TODO, VERSION, VelocityLayout
 from .layout_text import toml_comment, toml_table
@@ -129,13 +129,15 @@ def _find_channels(group):
     along = lateral.get("") or force.get("x") or force.get("")
     if {"x", "y", "z"} <= force.keys():
         channels["force"] = {axis: force[axis] for axis in "xyz"}
+    elif {"x", "z"} <= force.keys():  # of two axes; a force that is named lateral is one whichever way it slides
+        channels["force"] = {axis: force[axis] for axis in "xz"}
     elif group.kind == "wav" and content_of(group.files.words) != "sound":
         channels["lateral"] = {"": facts.columns[0]}
     elif along is not None:
         channels["lateral"] = {"": along}
         rest = [column.name for column in (*force.values(), *lateral.values()) if column is not along]
         if rest:
-            group.doubts.append(f"without three axes of force only one column is used, not {', '.join(rest)}")
+            group.doubts.append(f"without axes of force only one column is used, not {', '.join(rest)}")
     for name in ("position", "velocity"):
         columns = facts.measuring(name)
         along = columns.get("x") or columns.get("")
@@ -156,7 +158,11 @@ def _choose_channels(groups):
 
 def _find_ratings(inventory, groups):
     """Sets the ratings, of the group with most axes and surfaces, and which of their surfaces is which recorded one."""
-    guesses = [guess_ratings(group, set(inventory.surfaces)) for group in groups]
+    surfaces = set(inventory.surfaces)
+    guesses = [guess_ratings(group, surfaces) for group in groups]
+    if not guesses:  # words that are not known; whoever names the recorded surfaces row by row probably rates them
+        others = [group for group in inventory.groups if group.tables and not group.channels]
+        guesses = [guess for group in others if (guess := guess_by_surfaces(group, surfaces)) is not None]
     if not guesses:
         return
     ratings = inventory.ratings = max(guesses, key=lambda guess: (len(guess.axes), len(guess.surfaces)))

@@ -183,8 +183,11 @@ def _items(texts, is_folder, parent):
             if shared:
                 items[len(items) - bool(before) :] = [before + shared]
                 column = [text.removeprefix(shared) for text in column]
+            ending = _shared_ending(column)
+            column = [text.removesuffix(ending) for text in column]
             condition = "condition" if following.lower() in UNIT_WORDS else inherited
             items.append(NameField(list(column), word, _FIELD_OF_WORD.get(word, condition)))
+            items += [ending] * bool(ending)
         elif before:
             items[-1] += column[0]
         else:
@@ -194,6 +197,14 @@ def _items(texts, is_folder, parent):
     if is_folder and main and len(set(texts)) == len(set(main.values)):  # one name, such as texture_01 or 0007-glass
         return [NameField(list(texts), main.word, main.hint)]
     return items
+
+
+def _shared_ending(texts):
+    """What all names end with, from a separator on, such as "_Kraft" of "Glas_Kraft"; "" of a single name."""
+    if len(set(texts)) < 2:
+        return ""
+    shared = commonprefix([text[::-1] for text in texts])[::-1]
+    return re.search(r"([-_ ].*)?$", shared).group()
 
 
 def _field_word(text):

@@ -92,6 +92,23 @@ def guess_ratings(group, surfaces):
     return guess
 
 
+def guess_by_surfaces(group, surfaces):
+    """`RatingsGuess` if a column names recorded surfaces beside answers whose words are not known, else `None`."""
+    facts, (low, high) = group.first, LIKELY_ANSWERS
+    texts = [column for column in facts.columns if column.measures == "text"]
+    answers = [column for column in facts.columns if column.whole and low <= column.low < column.high <= high]
+    if not (answers and any(surfaces & set(facts.table.text(column.name)) for column in texts)):
+        return None
+    guess, names = RatingsGuess(group, {"form": "long"}), ", ".join(column.name for column in answers)
+    _long(guess, answers, surfaces)
+    for axis, words in AXIS_WORDS.items():
+        ask = f"{TODO}: {' or '.join(words)}? what the largest number means"
+        column = f"{TODO}: the column of {axis}, one of {names}; or remove this axis"
+        guess.axes[axis] = {"column": column, "high": ask, "words": list(words)}
+    _set_scale(guess, answers)
+    return guess
+
+
 def _names_axes(facts, column):
     texts = {text for text in facts.table.text(column.name) if text} if column.measures == "text" else ()
     return sum(axis_of(text) is not None for text in texts) > len(texts) / 2

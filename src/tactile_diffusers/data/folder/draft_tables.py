@@ -61,6 +61,8 @@ HEAD_ROWS, MOST_COLUMNS, MOST_ROWS = 50_000, 200, 20_000_000
 MOST_SPLIT = 6
 #: Rates (Hz) between which time stamps without a unit must lie.
 LIKELY_RATES = (20.0, 60_000.0)
+#: Up to this share the mean step of stamps may differ from the median by rounding.
+ROUNDED = 0.2
 _HERTZ = re.compile(r"(\d+(?:\.\d+)?)[ _]?(k?)Hz", re.IGNORECASE)
 
 
@@ -329,15 +331,26 @@ def _is_clock(table, column):
     return len(steps) > 1 and bool((steps > 0).all() and np.quantile(steps, 0.9) < 3 * np.median(steps))
 
 
+def _time_by_unit(facts):
+    """The first column if it has a unit of time and rises steadily, whatever it is called; or `None`."""
+    first = facts.columns[0] if facts.columns else None
+    if first is None or first.unit not in TIME_UNITS or first.measures == "text" or not _is_clock(facts.table, first):
+        return None
+    first.measures, first.axis = "time", ""
+    return first
+
+
 def _look_at_time(facts):
     """Sets the unit of the time stamps and the rate."""
-    column = facts.measuring("time").get("")
+    column = facts.measuring("time").get("") or _time_by_unit(facts)
     if column is None or not column.high > column.low:
         return
     stamps = facts.table.numbers(column.name)
     steps = np.diff(stamps[~np.isnan(stamps)])
     facts.stamps_coarse = bool((steps == 0).mean() > MOST_DUPLICATES)
-    period = float(np.median(steps))
+    period, mean = float(np.median(steps)), float(np.mean(steps))
+    if abs(mean - period) < ROUNDED * period:  # stamps that are rounded to a few digits
+        period = mean
     if facts.stamps_coarse:  # counted from the first new stamp to the last
         first, *_, last = np.flatnonzero(steps) if np.count_nonzero(steps) > 1 else (-1, len(steps) - 1)
         period = float(steps[first + 1 : last + 1].sum() / (last - first))

@@ -128,10 +128,13 @@ class TimeColumn(_Measured):
 
 
 class Force(_Measured):
-    """Contact force, x and y along the surface; `normal_sign` is 1 if pressing is positive in z, -1 if negative."""
+    """Contact force, x and y along the surface; `normal_sign` is 1 if pressing is positive in z, -1 if negative.
+
+    Without y, of a sensor of two axes, the finger moves along x.
+    """
 
     x: Column
-    y: Column
+    y: Column | None = None
     z: Column
     unit: Literal[tuple(FORCE_UNITS)]
     normal_sign: Literal[1, -1] = 1
