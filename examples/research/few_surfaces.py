@@ -32,15 +32,14 @@ from tactile_diffusers.evaluation.sections.generation import surface_correlation
 from tactile_diffusers.evaluation.sections.regression import best_polynomial
 from tactile_diffusers.signal import band_levels_db
 from tactile_diffusers.training.adapting import adapt
-from tactile_diffusers.training.decoder_fit import LEAST_SURFACES
 
 COUNTS = (3, 5, 10, 20, 50)
 PER_SURFACE = 4
 INTRO = """# How many surfaces does adapting need?
 
 The bundled checkpoint was trained on simulated surfaces. What does it do on surfaces of another world, as it is,
-recalibrated in closed form, and with its decoder trained further (`tactile-diffusers adapt`), against regressions on the
-same surfaces?
+recalibrated in closed form, and, where it knows their textures less well than its own, with its decoder trained further
+(`tactile-diffusers adapt`), against regressions on the same surfaces?
 All judge by {surfaces} unseen surfaces: the error of the mean spectrum of {takes} takes from a surface's ratings (nine
 bands, dB), the kernel distance (KTD) over that of real textures, and the correlation of log friction. Intervals are
 over surfaces (95 %); "over ridge" is paired. A row is one draw of surfaces; the decoder takes one step.
@@ -79,7 +78,7 @@ def regressions(data, count):
 
 
 def adapted(path, count, fine_tuning):
-    """The bundled pipeline, adapted to so many training surfaces."""
+    """The bundled pipeline, adapted to so many training surfaces; `None` if "auto" leaves its decoder as it is."""
     pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
     pipe.set_progress_bar_config(disable=True)
     if count:
@@ -87,7 +86,10 @@ def adapted(path, count, fine_tuning):
         GradientState._reset_state()
         dataset = PreparedDataset(path, "train", "filtered", pipe.feature_extractor.sampling_rate, max_surfaces=count)
         with TemporaryDirectory() as folder:
+            given = pipe.lctg_distilled
             adapt(pipe, dataset, folder, fine_tuning=fine_tuning)
+            if fine_tuning == "auto" and pipe.lctg_distilled is given:
+                return None
     return pipe
 
 
@@ -98,8 +100,8 @@ def rows_of(path, counts, takes, seed):
     for count in counts:
         fits = regressions(data, count)
         methods = {"zero-shot": zero, "recalibrated": measure(adapted(path, count, "no"), data, takes, seed)}
-        if count >= LEAST_SURFACES:
-            methods["and the decoder trained"] = measure(adapted(path, count, "yes"), data, takes, seed)
+        if (trained := adapted(path, count, "auto")) is not None:
+            methods["and the decoder trained"] = measure(trained, data, takes, seed)
         methods |= {name: (errors, None, None) for name, errors in fits.items()}
         for name, (errors, distance, friction) in methods.items():
             row = {"surfaces": count, "method": name, "nine_band_db": leaf(errors), "ktd_over_real": distance}

@@ -27,12 +27,14 @@ FOLDS = 10
 #: Of the decoder's training.
 DEFAULTS = {
     "train_batch_size": 8,
-    "learning_rate": 1e-3,
+    "learning_rate": 5e-4,
     "lr_scheduler": "cosine",
     "lr_warmup_steps": 20,
     "max_train_steps": 300,
+    "adam_beta1": 0.9,
+    "adam_beta2": 0.99,
     "adam_weight_decay": 0.0,
-    "ema_decay": 0.99,
+    "use_ema": False,  # an average over so few updates lags behind
     "checkpointing_steps": 100,
     "validation_steps": 100,
     "report_to": "none",
