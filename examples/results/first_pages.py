@@ -1,5 +1,6 @@
 #!/usr/bin/env python
-"""Fills the rows of README and of the results' first page that a report and a benchmark of the bundled checkpoint give.
+"""Fills the rows of README and of the results' first page, and the pages of `pages/`, with the figures of a report and a
+benchmark of the bundled checkpoint.
 
     python examples/evaluate.py --checkpoint bundled --data prepared.h5 --output examples/results/judges
     python examples/results/first_pages.py            # --check: changes nothing, and fails where a page is stale
@@ -20,6 +21,8 @@ from tactile_diffusers.evaluation.result_files import folder_digest
 HERE = Path(__file__).parent
 REPORT, PEERS = HERE / "judges" / "report.json", HERE / "speed" / "peers.json"
 PAGES = (HERE.parents[1] / "README.md", HERE / "README.md")
+#: Templates of whole pages, which are written beside their folder.
+TEMPLATES = HERE / "pages"
 #: Rows by words of their first cell or second, and the next two: ours, then what stands beside it. {path|digits} is a
 #: mean of the report; "interval" asks for its interval, too, "milli" for thousandths.
 ROWS = {
@@ -118,9 +121,11 @@ def main(argv=None):
         stale.append(f"{REPORT.name} is of another checkpoint than the bundled one: run evaluate.py again.")
     if json.loads(PEERS.read_text())["conditions"]["checkpoint"]["sha256"] != digest:
         stale.append(f"{PEERS.name} is of another checkpoint than the bundled one: run peers.py again.")
-    for path in PAGES:
-        text = path.read_text()
-        made = page_with_figures(text, report, intervals=path == PAGES[1])
+    written = {path: page_with_figures(path.read_text(), report, intervals=path == PAGES[1]) for path in PAGES}
+    for template in TEMPLATES.iterdir():
+        written[HERE / template.name] = filled(template.read_text(), report, intervals=True)
+    for path, made in written.items():
+        text = path.read_text() if path.exists() else ""
         if made != text and args.check:
             stale.append(f"{path} holds other figures than {REPORT.name}: run first_pages.py.")
         elif made != text:
