@@ -124,9 +124,10 @@ def make_tab(desk, tab, page):
     desk.on([page.load], arrive, make.inputs, make.outputs)
     plain = make.outputs[len(controls) :]
     moved = [control.input for control in (*sliders, *opens, take, *more)]
-    desk.on(moved, live, make.inputs, plain)
+    desk.on(moved, live, make.inputs, plain, queue=False)  # the queue looks every 50 ms whether an answer is there
     desk.on([preset.input], choose_preset, make.inputs, make.outputs)
-    desk.on([pad.input], slide, [history, x, y, pad, *controls], [*sliders, *opens, *plain[:-1]])
+    pad_outputs = [*sliders, *opens, *plain[:-1]]
+    desk.on([pad.input], slide, [history, x, y, pad, *controls], pad_outputs, queue=False)
     desk.on([dice.click], throw, make.inputs, make.outputs)
     for button, by in ((undo, -1), (redo, 1)):
         desk.on([button.click], lambda *given, by=by: step(by, *given), make.inputs, make.outputs)
