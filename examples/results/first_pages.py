@@ -1,6 +1,5 @@
 #!/usr/bin/env python
-"""Fills the rows of README and of the results' first page, and the pages of `pages/`, with the figures of a report and a
-benchmark of the bundled checkpoint.
+"""Fills the rows of README and of the results' first page, and the pages of `pages/`, with figures of bundled weights.
 
     python examples/evaluate.py --checkpoint bundled --data prepared.h5 --output examples/results/judges
     python examples/results/first_pages.py            # --check: changes nothing, and fails where a page is stale
