@@ -130,21 +130,23 @@ def table(rows):
 
 
 def plot(worlds, path):
-    """Error of unseen surfaces against the number of surfaces, a panel for each world."""
+    """Error of unseen surfaces, and KTD, against the number of surfaces: a column of panels for each world."""
     from matplotlib.figure import Figure
 
-    figure = Figure((5 * len(worlds) + 1.5, 3.6), layout="constrained")
-    panels = figure.subplots(1, len(worlds), squeeze=False)[0]
-    for axis, (name, rows) in zip(panels, worlds.items(), strict=True):
-        for method in dict.fromkeys(row["method"] for row in rows):
-            own = [row for row in rows if row["method"] == method]
-            axis.plot([r["surfaces"] for r in own], [r["nine_band_db"]["mean"] for r in own], marker="o", label=method)
-        axis.set(xscale="log", title=name, xlabel="surfaces", ylabel="error of mean spectra, dB")
-        axis.minorticks_off()
-        counts = sorted({row["surfaces"] for row in rows})
-        axis.set_xticks(counts, list(map(str, counts)))
-        axis.grid(alpha=0.3)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
+    figure = Figure((5 * len(worlds) + 1.5, 6.4), layout="constrained")
+    keys = {"nine_band_db": "error of mean spectra, dB", "ktd_over_real": "KTD over real"}
+    for axes, (key, label) in zip(figure.subplots(2, len(worlds), squeeze=False), keys.items(), strict=True):
+        for axis, (name, rows) in zip(axes, worlds.items(), strict=True):
+            for number, method in enumerate(dict.fromkeys(row["method"] for row in worlds[next(iter(worlds))])):
+                own = [row for row in rows if row["method"] == method and row[key] is not None]
+                means = [row[key]["mean"] for row in own]
+                axis.plot([row["surfaces"] for row in own], means, f"C{number}o-", label=method)
+            axis.set(xscale="log", title=name, xlabel="surfaces", ylabel=label)
+            axis.minorticks_off()
+            counts = sorted({row["surfaces"] for row in rows})
+            axis.set_xticks(counts, list(map(str, counts)))
+            axis.grid(alpha=0.3)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
     figure.savefig(path, dpi=120)
 
 
