@@ -26,6 +26,7 @@ from tactile_diffusers.training.launch import (
     at_least_one,
     make_accelerator,
     parse_training_arguments,
+    pipeline_source,
     run,
     share,
     starting,
@@ -47,7 +48,7 @@ def parse_args(argv=None):
     parser = training_parser(__doc__, hub=False, learning_rate=3e-4, lr_warmup_steps=50)
     add = parser.add_argument
     add("--model", choices=["lctg", "dale"], default="lctg", help="that is distilled")
-    add("--pretrained_model_name_or_path", required=True, help="pipeline folder with the teacher")
+    add("--pretrained_model_name_or_path", type=pipeline_source, required=True, help="pipeline with the teacher")
     add("--detail_dropout", type=share, default=0.7, help="lctg: share of textures without detail layer")
     add("--scalar_steps", type=at_least_one, default=8000, help="dale: updates of the network of scalars, before")
     return parse_training_arguments(parser, argv)

@@ -30,6 +30,7 @@ from tactile_diffusers.training.launch import (
     make_accelerator,
     not_negative,
     parse_training_arguments,
+    pipeline_source,
     read_model_config,
     run,
     share,
@@ -45,7 +46,7 @@ from tactile_diffusers.training.validation import plot_axis_sweep
 def parse_args(argv=None):
     parser = training_parser(__doc__, train_batch_size=64)
     add = parser.add_argument
-    add("--pretrained_model_name_or_path", required=True, help="pipeline folder with the trained LCTG")
+    add("--pretrained_model_name_or_path", type=pipeline_source, required=True, help="pipeline with LCTG, or bundled")
     add(
         "--model_config_name_or_path",
         help="JSON: dale and dale_scheduler arguments (null: as the data say), kept_at_zero",
@@ -136,6 +137,9 @@ def main(argv=None):
         config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler", "kept_at_zero"})
         pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
         accelerator = make_accelerator(args)
+        if pipe.dale is not None:
+            known = "this training begins anew. To keep what it knows: tactile-diffusers adapt"
+            accelerator.print(f"The DALE of {args.pretrained_model_name_or_path} is left out: {known}")
         pipe.to(accelerator.device)
         pipe.lctg.requires_grad_(False)
         dataset, held_out = read_datasets(args, pipe.feature_extractor.sampling_rate)

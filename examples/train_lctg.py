@@ -26,6 +26,7 @@ from tactile_diffusers.training.launch import (
     make_accelerator,
     not_negative,
     parse_training_arguments,
+    pipeline_source,
     read_model_config,
     run,
     share,
@@ -49,7 +50,11 @@ def parse_args(argv=None):
     add("--octave_exponent", type=not_negative, default=1.0, help=weighted)
     add("--spectral_loss_weight", type=not_negative, default=0.0, help="of the frequency-aware loss; 0 = off")
     add("--subset", choices=["full", "filtered"], default="filtered", help="segments to train on")
-    add("--pretrained_model_name_or_path", help="pipeline folder to continue from (second phase)")
+    add(
+        "--pretrained_model_name_or_path",
+        type=pipeline_source,
+        help="to continue from (second phase)",
+    )
     add(
         "--model_config_name_or_path",
         default=str(CONFIG),

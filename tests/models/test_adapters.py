@@ -84,3 +84,16 @@ def test_a_pipeline_samples_with_adapters(pipe):
     for kind in TARGETS:
         getattr(pipe, kind).disable_adapters()
     torch.testing.assert_close(make(), plain, rtol=0, atol=1e-5 * float(abs(plain).max()))
+
+
+def test_what_wears_an_adapter_is_not_saved_until_it_is_fused(pipe, tmp_path):
+    pipe.dale.add_adapter(_lora("dale", init_lora_weights=False), adapter_name="rough")
+    for thing in (pipe, pipe.dale):
+        with pytest.raises(ValueError, match=r"wears the adapter\(s\) \['rough'\].*fuse_lora"):
+            thing.save_pretrained(tmp_path / "saved")
+    assert not list(tmp_path.iterdir())
+    pipe.dale.fuse_lora()
+    pipe.dale.unload_lora()
+    pipe.save_pretrained(tmp_path / "saved")
+    again = type(pipe).from_pretrained(tmp_path / "saved")
+    torch.testing.assert_close(_velocity(again.dale), _velocity(pipe.dale), rtol=0, atol=1e-6)

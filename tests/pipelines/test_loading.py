@@ -96,6 +96,22 @@ def test_from_pipe_shares_models_and_copies_schedulers(pipe, make_lctg):
     assert replaced.scheduler is scheduler
 
 
+@pytest.mark.parametrize("name", ["dtype", "torch_dtype"])
+def test_from_pipe_casts_the_models(make_pipeline, name):
+    new = TactileTexturePipeline.from_pipe(make_pipeline(), **{name: torch.bfloat16})
+    assert new.lctg.dtype == new.dale.dtype == torch.bfloat16
+    assert np.isfinite(new([1.0, 0.0, 0.0]).textures).all()
+
+
+def test_a_wrong_folder_or_class_is_answered_by_the_right_one(saved):
+    with pytest.raises(OSError, match="`subfolder` must be one of .*dale.*lctg"):
+        LCTGModel.from_pretrained(saved, subfolder="unet")
+    with pytest.raises(OSError, match="`subfolder` must be one of .*dale.*lctg"):
+        LCTGModel.from_pretrained(saved)
+    with pytest.raises(ValueError, match="holds a DALEModel, no LCTGModel: load it by its own class"):
+        LCTGModel.from_pretrained(saved, subfolder="dale")
+
+
 def test_presets_are_ratings(pipe):
     ratings = parse_ratings(list(PRESETS.values()), pipe.dale.config)
     assert ratings.shape == (len(PRESETS), 3) and ratings[~ratings.isnan()].abs().max() <= 2

@@ -9,6 +9,7 @@ import huggingface_hub
 import pytest
 import torch
 
+from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.training.launch import training_parser
 
 #: Of diffusers' examples/unconditional_image_generation and examples/text_to_image; those that have no meaning here
@@ -76,6 +77,12 @@ def test_impossible_values_are_refused_by_name(script, name, value, scripts, cap
             parse([*words, *model, f"--{name}={value}"])
         assert stopped.value.code == 2
         assert re.search(rf"argument --{name}.*{re.escape(value)}", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("name", ["train_lctg", "train_dale", "distill"])
+def test_a_training_can_start_from_the_bundled_checkpoint(script, name):
+    words = ["--train_data_dir=d.h5", "--output_dir=out", "--pretrained_model_name_or_path=bundled"]
+    assert script(name).parse_args(words).pretrained_model_name_or_path == bundled_checkpoint()
 
 
 def test_mixed_precision_keeps_trained_weights_wide(make_trainer, tmp_path):

@@ -1,6 +1,5 @@
 """`tactile-diffusers adapt`: fits a pretrained pipeline to the few surfaces of a lab."""
 
-from ..checkpoints import bundled_checkpoint
 from ..data.dataset import PreparedDataset
 from ..training.adapting import adapt, adaptation_parser
 from ..training.launch import parse_training_arguments, starting
@@ -26,10 +25,7 @@ def parse_args(argv=None):
         default=BUNDLED,
         help=f"pipeline that is adapted: a folder, a Hub id, or {BUNDLED!r}; default: {BUNDLED}",
     )
-    args = parse_training_arguments(parser, argv)
-    if args.pretrained_model_name_or_path == BUNDLED:
-        args.pretrained_model_name_or_path = bundled_checkpoint()
-    return args
+    return parse_training_arguments(parser, argv)
 
 
 @command("adapt.py")

@@ -23,6 +23,16 @@ def check_safe(name, value):
         raise ValueError(f"`{name}` must not be False. {WHY_NO_PICKLES}")
 
 
+def check_plain(model):
+    """Raises a `ValueError` if a model to be saved wears adapters: its weights would have names that none can load."""
+    if getattr(model, "_hf_peft_config_loaded", False):
+        raise ValueError(
+            f"The {type(model).__name__} wears the adapter(s) {list(model.peft_config)}, which `save_pretrained` does "
+            "not save. Save them by `save_lora_adapter(folder)`, or keep them in the weights by `fuse_lora()`; then "
+            "`unload_lora()`."
+        )
+
+
 def check_loaded(model, missing, path):
     """Raises a `ValueError` if a loaded model lacks weights, or one is not finite."""
     damaged = [*missing, *(name for name, part in model.named_parameters() if _is_not_finite(part))]
@@ -48,8 +58,9 @@ def check_folder(cls, folder, variant, changes):
         changes (`dict`): arguments of `from_pretrained`, some of which replace entries of the config.
     """
     if not (folder / "config.json").is_file():
-        pipeline = (folder / "model_index.json").is_file()
-        remedy = f"{folder} is a pipeline's: name the model's `subfolder`, too." if pipeline else _AGAIN
+        pipeline = next((here for here in (folder, folder.parent) if (here / "model_index.json").is_file()), None)
+        held = [] if pipeline is None else sorted(path.parent.name for path in pipeline.glob("*/config.json"))
+        remedy = f"`subfolder` must be one of {', '.join(held)}, of the pipeline {pipeline}." if held else _AGAIN
         raise FileNotFoundError(f"There is no {folder / 'config.json'}. {remedy}")
     found, paths = {}, _weights(folder, variant)
     held = paths[0].name if len(paths) == 1 else f"{len(paths)} shards"
@@ -63,7 +74,7 @@ def check_folder(cls, folder, variant, changes):
     with reading(folder / "config.json", f"the config of a {cls.__name__}", _AGAIN):
         config = read_json(folder / "config.json", "JSON")
         if config.get("_class_name", cls.__name__) != cls.__name__:
-            raise ValueError(f"it is of a {config['_class_name']}")
+            raise ValueError(f"{folder} holds a {config['_class_name']}, no {cls.__name__}: load it by its own class.")
         names = inspect.signature(cls.__init__).parameters
         settings = {name: value for name, value in {**config, **changes}.items() if name in names}
         with torch.device("meta"):  # shapes alone: a config may ask for any size

@@ -33,8 +33,9 @@ class SafeLoadingMixin:
 
     @functools.wraps(ModelMixin.save_pretrained)  # pipelines look at the signature
     def save_pretrained(self, save_directory, *args, **kwargs):
-        from .model_files import check_safe
+        from .model_files import check_plain, check_safe
 
+        check_plain(self)
         arguments = inspect.signature(ModelMixin.save_pretrained).bind(self, save_directory, *args, **kwargs).arguments
         check_safe("safe_serialization", arguments.get("safe_serialization"))
         return super().save_pretrained(save_directory, *args, **kwargs)

@@ -37,19 +37,21 @@ class LoadingMixin:
     def from_pipe(cls, pipeline, **components):
         """A pipeline that shares the models of another one and has copies of its schedulers.
 
-        So two pipelines may serve two threads. Models keep their dtype and device.
+        So two pipelines may serve two threads. Models keep their device, and their dtype unless another is asked for.
 
         Args:
             pipeline (`TactileTexturePipeline`): its setting of the progress bar is kept, too.
-            components: those that replace the ones of `pipeline`, such as `lctg`.
+            components: those that replace the ones of `pipeline`, such as `lctg`; and `dtype`, to which the models are
+                cast, in `pipeline` as well: they are shared.
         """
+        dtype = components.pop("dtype", components.pop("torch_dtype", None))
         shared = {
             name: copy.deepcopy(component) if name.endswith("scheduler") else component
             for name, component in pipeline.components.items()
         }
         new = cls(**{**shared, **components})
         new.set_progress_bar_config(**getattr(pipeline, "_progress_bar_config", {}))
-        return new
+        return new if dtype is None else new.to(dtype)
 
     @classmethod
     def download(cls, pretrained_model_name, **kwargs):
@@ -75,12 +77,14 @@ class LoadingMixin:
                 `commit_message`, `create_pr` of `upload_checkpoint`.
 
         Raises:
-            ValueError: for pickled weights: they could not be read again.
+            ValueError: for pickled weights, or a model that wears adapters: they could not be read again.
         """
-        from ..models.model_files import check_safe
+        from ..models.model_files import check_plain, check_safe
         from .hub import forget_folders, upload_checkpoint, write_code
 
         check_safe("safe_serialization", safe_serialization)
+        for component in self.components.values():
+            check_plain(component)
         names = ("token", "private", "commit_message", "create_pr") if push_to_hub else ()
         sending = {name: kwargs.pop(name) for name in names if name in kwargs}
         repo_id = kwargs.pop("repo_id", None) or Path(save_directory).resolve().name

@@ -17,6 +17,7 @@ import torch
 from accelerate import Accelerator
 from accelerate.utils import DataLoaderConfiguration, ProjectConfiguration, parse_flag_from_env, set_seed
 
+from ..checkpoints import bundled_checkpoint
 from ..io.locks import lock_folder
 from ..io.reading import read_json
 from .checkpoints import step_of
@@ -45,6 +46,11 @@ at_least_one = _checked(int, lambda value: value >= 1, "at least 1")
 positive = _checked(float, lambda value: value > 0, "positive")
 not_negative = _checked(float, lambda value: value >= 0, "at least 0")
 share = _checked(float, lambda value: 0 <= value <= 1, "in [0, 1]")
+
+
+def pipeline_source(word):
+    """What `TactileTexturePipeline.from_pretrained` takes: a folder, a Hub id, or `bundled`."""
+    return bundled_checkpoint() if word == "bundled" else word
 
 
 def training_parser(description, hub=True, **defaults):

@@ -11,6 +11,8 @@ from pathlib import Path
 import torch
 from diffusers.optimization import get_scheduler
 from diffusers.training_utils import EMAModel
+from diffusers.utils import SAFETENSORS_WEIGHTS_NAME
+from safetensors.torch import load_file
 from tqdm.auto import tqdm
 
 from .batches import EndlessBatches
@@ -264,8 +266,11 @@ class Trainer:
             loaded = type(model).from_pretrained(folder, subfolder=self.name)
             model.load_state_dict(loaded.state_dict())
         if self.ema is not None:
-            loaded = EMAModel.from_pretrained(os.path.join(folder, f"{self.name}_ema"), type(self.model))
-            self.ema.load_state_dict(loaded.state_dict())
+            # not by EMAModel.from_pretrained, which warns that a model's config has the settings of an average
+            averaged = Path(folder, f"{self.name}_ema")
+            weights = load_file(averaged / SAFETENSORS_WEIGHTS_NAME)
+            shadow = [weights[name] for name, _ in self.model.named_parameters()]
+            self.ema.load_state_dict({**self.model.load_config(averaged), "shadow_params": shadow})
             self.ema.to(self.accelerator.device)
 
     def save_checkpoint(self):
@@ -313,7 +318,8 @@ class Trainer:
             raise ValueError(f"--resume_from_checkpoint {wanted} is neither 'latest' nor a folder checkpoint-<step>.")
         self.accelerator.load_state(str(folder))
         self.step = step_of(folder)
-        logger.info("Resumed from %s", folder)
+        left = self.total_steps - self.step
+        logger.info("Resumed from %s: %s", folder, f"{left} steps are left" if left > 0 else "nothing is left to train")
         if main:
             self._forget_later_steps(folder)
 
