@@ -208,7 +208,7 @@ def measure(bench, cases, quiet=True):
 
 
 def main(argv=None):
-    """Measures and writes stability.json and stability.md; returns 1 if a row misses its bound."""
+    """Measures and writes stability.json, stability.md and stability.png; returns 1 if a row misses its bound."""
     parser = make_parser("stability.py", "Hard cases, each against a bound.")
     parser.add_argument("--minutes", type=positive_number, default=10.0, help="of the stream; default: 10")
     parser.add_argument("--quick", action="store_true", help="the same cases, fewer steps and repetitions")
@@ -223,8 +223,12 @@ def main(argv=None):
         "machine": machine(),
         "seed": arguments.seed,
         "quick": arguments.quick,
+        "passed": sum(row.passed for row in rows),
+        "count": len(rows),
+        "missed": table([row for row in rows if not row.passed]),
         "rows": [row._asdict() | {"passed": row.passed} for row in rows],
     }
+    plot(rows, arguments.output / "stability.png")
     finish(arguments, "stability", report, markdown(report, rows))
     return 0 if all(row.passed for row in rows) else 1
 
@@ -240,11 +244,39 @@ def markdown(report, rows):
         "within 9 standard deviations of the training set, as its farthest texture is; more steps gain at "
         "least half of what their order promises."
     )
+    return f"{title('Hard cases', 4)}{about}\n\n{table(rows)}\n"
+
+
+def table(rows):
+    """The rows as Markdown."""
     lines = ["| case | what is measured | value | at most | unit | |", "|---" * 6 + "|"]
     for row in rows:
         verdict = "pass" if row.passed else "**FAIL**"
         lines.append(f"| {row.case} | {row.measured} | {row.value:.3g} | {row.bound:.3g} | {row.unit} | {verdict} |")
-    return f"{title('Hard cases', 4)}{about}\n\n" + "\n".join(lines) + "\n"
+    return "\n".join(lines)
+
+
+def plot(rows, path):
+    """Value over bound of every row, by kind of case; rows whose bound is zero stand at 1 if they pass."""
+    from matplotlib.figure import Figure
+
+    kinds = {}
+    for row in rows:
+        share = row.value / row.bound if row.bound else float(row.passed) or math.inf
+        kinds.setdefault(row.case.split(":")[0], []).append((share, row.passed))
+    figure = Figure(figsize=(7, 0.32 * len(kinds) + 1.2), layout="constrained")
+    panel = figure.subplots()
+    for place, found in enumerate(kinds.values()):
+        shares = np.clip(np.nan_to_num([share for share, _ in found], nan=np.inf), 1e-4, 1e2)
+        colours = ["tab:blue" if passed else "tab:red" for _, passed in found]
+        panel.scatter(shares, np.full(len(shares), place), c=colours, s=14, alpha=0.6, linewidths=0)
+    labels = [f"{kind} ({sum(not passed for _, passed in found)} of {len(found)})" for kind, found in kinds.items()]
+    panel.set(xscale="log", xlabel="value / bound", yticks=range(len(kinds)), yticklabels=labels)
+    panel.invert_yaxis()
+    panel.axvline(1, color="black", linewidth=0.8)
+    figure.suptitle("Hard cases (bounds missed, of rows)", fontsize=11)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ STROKES_HZ, STROKES_MM = 1.0, 30.0
 
 
 def main(argv=None):
-    """Measures and writes stream.json and stream.md."""
+    """Measures and writes stream.json, stream.md and stream.png."""
     parser = make_parser("stream.py", "Playback against fresh recordings, with coarse sensors, and its time.")
     parser.add_argument("--surfaces", type=count, default=60, metavar="N", help="virtual ones; default: 60")
     parser.add_argument("--minutes", type=positive_number, default=10.0, help="of random motion; default: 10")
@@ -75,6 +75,7 @@ def main(argv=None):
         "sensors": {f"{rate:g} Hz, {step:g} mm": sensor(profiles, rate, step) for rate, step in SENSORS},
         "clock": clock(profiles, arguments.minutes, arguments.seed, quiet),
     }
+    plot(report["recordings"], arguments.output / "stream.png")
     return finish(arguments, "stream", report, markdown(report))
 
 
@@ -99,6 +100,26 @@ def fresh_recordings(surfaces, quiet):
         | {"surfaces": len(next(iter(rows["profile"].values())))}
         for group, rows in sorted(found.items(), reverse=True)
     }
+
+
+def plot(recordings, path):
+    """Errors over the speed of the finger."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    groups = [group for group in recordings if group.startswith("with")]
+    for panel, group in zip(figure.subplots(1, len(groups), sharey=True, squeeze=False)[0], groups, strict=True):
+        for name, row in recordings[group].items():
+            if name != "surfaces":
+                panel.plot(SPEEDS, [row[f"{speed:g} mm/s"] for speed in SPEEDS], "o-", label=name)
+        panel.axhline(2.2, color="grey", linestyle=":")  # what a fingertip tells apart (Israr, Tan and Reed 2006)
+        panel.set(xscale="log", xlabel="speed of the finger, mm/s", title=group, ylim=(0, None))
+        panel.set_xticks(SPEEDS, [f"{speed:g}" for speed in SPEEDS], minor=False)
+        panel.minorticks_off()
+    figure.axes[0].set_ylabel("nine-band error, dB")
+    figure.axes[-1].legend(fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
 
 
 def whose_speed(surfaces, quiet):

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from benchmarking import finish, resident_mib
 
+from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.cli.program import Parser, add_output_argument, count
-from tactile_diffusers.evaluation.result_files import machine
+from tactile_diffusers.evaluation.result_files import conditions, machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.training.record import read_losses
 
@@ -41,6 +42,7 @@ def main(argv=None):
     parser.add_argument("--surfaces", type=count, default=60, metavar="N", help="that are prepared and trained on; the "
         "rest is reckoned in proportion; default: 60")  # fmt: skip
     arguments = parser.parse_args(argv)
+    arguments.conditions = conditions(bundled_checkpoint())
     where = machine("2 cores")
     with tempfile.TemporaryDirectory() as folder:
         rows = {

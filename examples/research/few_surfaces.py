@@ -1,10 +1,10 @@
 #!/usr/bin/env python
 """How many surfaces does adapting need? Errors on unseen surfaces of a world, against the number of its surfaces.
 
-    python examples/research/other_world.py other.h5
+    python examples/research/other_world.py --surfaces 250 other.h5
     python examples/prepare_data.py --source recordings --recordings other.h5 --prepared other_prepared.h5 \
         --validation 0 --test 50
-    python examples/prepare_data.py --source virtual --surfaces 100 --seconds 20 --seed 50 --impulsiveness 1.6 \
+    python examples/prepare_data.py --source virtual --surfaces 250 --seconds 20 --seed 50 --impulsiveness 1.6 \
         --agreement 0.7 --rating_correlation 0.2 -0.7 0.0 --validation 0 --test 50 --output settings.h5 \
         --prepared settings_prepared.h5
     python examples/research/few_surfaces.py "another world"=other_prepared.h5 \
@@ -15,6 +15,8 @@ Writes `figures.json` and `curve.png` into the output folder, and the page besid
 
 import argparse
 import json
+import subprocess
+import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,7 +24,7 @@ import numpy as np
 from accelerate.state import AcceleratorState, GradientState
 from sklearn.linear_model import Ridge
 
-from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.envelopes import surface_means
 from tactile_diffusers.evaluation.held_out import open_held_out
@@ -33,16 +35,20 @@ from tactile_diffusers.evaluation.sections.regression import best_polynomial
 from tactile_diffusers.signal import band_levels_db
 from tactile_diffusers.training.adapting import adapt
 
-COUNTS = (3, 5, 10, 20, 50)
+COUNTS, TRAINED = (3, 5, 10, 20, 50, 100, 200), (10, 50, 200)
+#: Updates of a DALE that is trained anew, behind the bundled LCTG.
+ANEW_STEPS = 2000
+TRAIN_DALE = Path(__file__).parents[1] / "train_dale.py"
 PER_SURFACE = 4
 INTRO = """# How many surfaces does adapting need?
 
 The bundled checkpoint was trained on simulated surfaces. What does it do on surfaces of another world, as it is,
 recalibrated in closed form, and, where it knows their textures less well than its own, with its decoder trained further
-(`tactile-diffusers adapt`), against regressions on the same surfaces?
+(`tactile-diffusers adapt`), against a DALE trained anew and regressions on the same surfaces?
 All judge by {surfaces} unseen surfaces: the error of the mean spectrum of {takes} takes from a surface's ratings (nine
 bands, dB), the kernel distance (KTD) over that of real textures, and the correlation of log friction. Intervals are
-over surfaces (95 %); "over ridge" is paired. A row is one draw of surfaces; the decoder takes one step.
+over surfaces (95 %); "over ridge" is paired. A row is one draw of surfaces; the decoder takes one step, a DALE trained
+anew ({anew} updates behind the bundled LCTG, from {trained} surfaces) its default number.
 
     python examples/research/few_surfaces.py {words} --output {output}
 """
@@ -93,15 +99,30 @@ def adapted(path, count, fine_tuning):
     return pipe
 
 
-def rows_of(path, counts, takes, seed):
+def trained_anew(path, count):
+    """The bundled pipeline with a DALE that knows nothing but so many training surfaces."""
+    with TemporaryDirectory() as folder:
+        words = ["--train_data_dir", path, "--pretrained_model_name_or_path", "bundled", "--output_dir", folder]
+        words += ["--max_train_surfaces", str(count), "--max_train_steps", str(ANEW_STEPS), "--validation_samples", "0"]
+        quiet = ["--report_to", "none", "--quiet", "--overwrite_output_dir"]
+        subprocess.run([sys.executable, str(TRAIN_DALE), *words, *quiet], check=True)
+        student = LCTGModel.from_pretrained(bundled_checkpoint(), subfolder="lctg_distilled")
+        pipe = TactileTexturePipeline.from_pretrained(folder, lctg_distilled=student)
+    pipe.set_progress_bar_config(disable=True)
+    return pipe
+
+
+def rows_of(path, counts, trained, takes, seed):
     """One row for each count and method: dicts of "surfaces", "method", leaves."""
     data, found = open_held_out(path, "test", PER_SURFACE, seed), []
     zero = measure(adapted(path, 0, "no"), data, takes, seed)
     for count in counts:
         fits = regressions(data, count)
         methods = {"zero-shot": zero, "recalibrated": measure(adapted(path, count, "no"), data, takes, seed)}
-        if (trained := adapted(path, count, "auto")) is not None:
-            methods["and the decoder trained"] = measure(trained, data, takes, seed)
+        if count in trained:
+            if (pipe := adapted(path, count, "auto")) is not None:
+                methods["and the decoder trained"] = measure(pipe, data, takes, seed)
+            methods["trained anew"] = measure(trained_anew(path, count), data, takes, seed)
         methods |= {name: (errors, None, None) for name, errors in fits.items()}
         for name, (errors, distance, friction) in methods.items():
             row = {"surfaces": count, "method": name, "nine_band_db": leaf(errors), "ktd_over_real": distance}
@@ -135,9 +156,10 @@ def plot(worlds, path):
 
     figure = Figure((5 * len(worlds) + 1.5, 6.4), layout="constrained")
     keys = {"nine_band_db": "error of mean spectra, dB", "ktd_over_real": "KTD over real"}
+    methods = dict.fromkeys(row["method"] for rows in worlds.values() for row in rows)
     for axes, (key, label) in zip(figure.subplots(2, len(worlds), squeeze=False), keys.items(), strict=True):
         for axis, (name, rows) in zip(axes, worlds.items(), strict=True):
-            for number, method in enumerate(dict.fromkeys(row["method"] for row in worlds[next(iter(worlds))])):
+            for number, method in enumerate(methods):
                 own = [row for row in rows if row["method"] == method and row[key] is not None]
                 means = [row[key]["mean"] for row in own]
                 axis.plot([row["surfaces"] for row in own], means, f"C{number}o-", label=method)
@@ -154,18 +176,26 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("worlds", nargs="+", metavar="NAME=PREPARED.h5", help="with test surfaces, best 50")
     parser.add_argument("--counts", type=int, nargs="+", default=list(COUNTS), help="training surfaces")
+    parser.add_argument("--trained", type=int, nargs="+", default=list(TRAINED), help="of them, also by training")
     parser.add_argument("--takes", type=int, default=16, help="textures of each unseen surface")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, required=True, help="folder; the page lies beside it")
     args = parser.parse_args(argv)
     worlds, args.output = dict(word.rsplit("=", 1) for word in args.worlds), args.output
     args.output.mkdir(parents=True, exist_ok=True)
-    found = {name: rows_of(path, args.counts, args.takes, args.seed) for name, path in worlds.items()}
+    found = {name: rows_of(path, args.counts, args.trained, args.takes, args.seed) for name, path in worlds.items()}
     (args.output / "figures.json").write_text(json.dumps(found, indent=1) + "\n")
     plot(found, args.output / "curve.png")
     words = " ".join(f'"{name}"={Path(path).name}' for name, path in worlds.items())
     surfaces = "/".join(str(rows[0]["nine_band_db"]["n"]) for rows in found.values())
-    page = INTRO.format(surfaces=surfaces, takes=args.takes, words=words, output=args.output)
+    page = INTRO.format(
+        surfaces=surfaces,
+        takes=args.takes,
+        words=words,
+        output=args.output,
+        anew=ANEW_STEPS,
+        trained=", ".join(map(str, args.trained)),
+    )
     page += f"\n![errors over the number of surfaces]({args.output.name}/curve.png)\n"
     page += "".join(f"\n## {name}\n\n{table(rows)}\n" for name, rows in found.items())
     args.output.with_suffix(".md").write_text(page)
