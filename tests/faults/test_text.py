@@ -110,9 +110,9 @@ def _write_display(folder):
 def _write_study(folder):
     (folder / SETTINGS).parent.mkdir()
     (folder / SETTINGS).write_text(json.dumps({"format": FORMAT, "version": VERSION, "seed": 0}))
-    words = ("id", "surface", "condition", "copy_of", "recording")
-    rows = [",".join(f"w{row}" if name in words else str(row) for name in KEY_COLUMNS) for row in range(4)]
-    (folder / KEY).write_text("\n".join([",".join(KEY_COLUMNS), *rows]) + "\n")
+    words, names = ("id", "surface", "condition", "copy_of", "recording"), [*KEY_COLUMNS, "asked_roughness"]
+    rows = [",".join(f"w{row}" if name in words else str(row) for name in names) for row in range(4)]
+    (folder / KEY).write_text("\n".join([",".join(names), *rows]) + "\n")
 
 
 @pytest.fixture(scope="module")

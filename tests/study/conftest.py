@@ -11,16 +11,16 @@ from tactile_diffusers.study.stimuli import blind_ids
 CONDITIONS = ("reference", "other_take", "generated", "reconstructed", "mean_spectrum")
 
 
-def _make_key(surfaces=6, conditions=CONDITIONS, seed=0):
+def _make_key(surfaces=6, conditions=CONDITIONS, seed=0, axes=RATING_AXES):
     rng = np.random.default_rng(seed)
-    columns = [f"asked_{axis}" for axis in RATING_AXES]
-    asked = rng.uniform(-1.5, 1.5, (surfaces, 3))
+    columns = [f"asked_{axis}" for axis in axes]
+    asked = rng.uniform(-1.5, 1.5, (surfaces, len(axes)))
     rows = [
         {"surface": f"surface{s}", "condition": c, **dict(zip(columns, asked[s], strict=True))}
         for c in conditions
         for s in range(surfaces)
     ]
-    key = pandas.DataFrame(rows).reindex(columns=list(KEY_COLUMNS))
+    key = pandas.DataFrame(rows).reindex(columns=[*KEY_COLUMNS, *columns])
     ids = blind_ids(2 * len(key), rng)
     originals, copies = key.assign(id=ids[: len(key)], copy_of=""), key.assign(id=ids[len(key) :])
     return pandas.concat([originals, copies.assign(copy_of=ids[: len(key)])], ignore_index=True)

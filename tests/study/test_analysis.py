@@ -156,3 +156,17 @@ def test_similarity_is_compared_with_another_take(key):
     assert report["similarity"]["other_take"]["difference"]["mean"] is None
     assert report["similarity"]["other_surface"]["similarity"]["mean"] < 40
     assert report["answers"] == answers["task"].value_counts().to_dict()
+
+
+def test_axes_are_those_that_the_key_asks_for(make_key, tmp_path):
+    """Five, of which two nobody here knows: all are rated, analysed and drawn, in a balanced order."""
+    axes = ("roughness", "bumpiness", "slipperiness", "fineness", "warmth")
+    key = make_key(surfaces=8, axes=axes)
+    report, answers = _report(key, 6, tasks=("rating",))
+    assert set(answers.groupby("participant")["axis"].first()) == set(axes)
+    assert tuple(report["reliability"]) == axes == tuple(report["ratings"]["reference"])
+    for axis in axes:
+        assert _inside(report["ratings"]["generated"][axis]["slope"], RATING_SHARE["generated"])
+    write_report(tmp_path, report, key, answers)
+    assert "reference take: warmth" in (tmp_path / "report.md").read_text()
+    assert (tmp_path / "ratings.png").is_file()

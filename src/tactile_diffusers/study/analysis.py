@@ -19,8 +19,7 @@ from scipy.special import ndtr
 
 from ..data import RaterScores, rating_reliability
 from ..evaluation.metrics.statistics import number
-from ..signal import RATING_AXES
-from .stimuli import OTHER_TAKE, REFERENCE
+from .stimuli import OTHER_TAKE, REFERENCE, asked, axes_of
 from .trials import ABX, OTHER_SURFACE, RATING, SIMILARITY, SIMULATED
 
 FORMAT, VERSION = "tactile-study-report", 1
@@ -67,8 +66,8 @@ def analyse(key, answers, missing=0, seed=0):
         "abx": _abx(answers, seed),
         "abx_participants": _abx_participants(answers),
         "similarity": _compared(similarity_scores(answers), "similarity", seed),
-        "ratings": _ratings(answers, seed),
-        "reliability": _reliability(answers),
+        "ratings": _ratings(answers, axes_of(key), seed),
+        "reliability": _reliability(answers, axes_of(key)),
     }
 
 
@@ -84,12 +83,9 @@ def describe(key, answers):
     condition = condition.where(answers["task"] != RATING, a)
     x_is_a = answers["stimulus_x"].map(known["copy_of"]) == answers["stimulus_a"]
     correct = ((answers["response"] == "A") == x_is_a).astype(float).where(answers["task"] == ABX)
-    asked = known[[f"asked_{axis}" for axis in RATING_AXES]].to_numpy()
-    rows, columns = (
-        known.index.get_indexer(answers["stimulus_a"]),
-        pandas.Index(RATING_AXES).get_indexer(answers["axis"]),
-    )
-    values = np.where(columns >= 0, asked[rows, columns], np.nan)
+    rows = known.index.get_indexer(answers["stimulus_a"])
+    columns = pandas.Index(axes_of(key)).get_indexer(answers["axis"])
+    values = np.where(columns >= 0, asked(known)[rows, columns], np.nan)
     surface = answers["stimulus_a"].map(known["surface"])
     return answers.assign(condition=condition, surface=surface, correct=correct, asked=values)
 
@@ -199,7 +195,7 @@ def _abx_participants(answers):
     return entries
 
 
-def _ratings(answers, seed):
+def _ratings(answers, axes, seed):
     scores = rating_scores(answers)
     if scores.empty:
         return None
@@ -207,7 +203,7 @@ def _ratings(answers, seed):
     entries = {}
     for condition in scores.columns.get_level_values(1).unique():
         entries[condition] = {}
-        for axis in RATING_AXES:
+        for axis in axes:
             if ("slope", condition, axis) not in scores:
                 continue
             entry = {name: bootstrap(scores[name, condition, axis], seed) for name in ("slope", "correlation")}
@@ -227,7 +223,7 @@ def _answers_of_ratings(answers):
     return rated.pivot_table(index=["condition", "axis", "stimulus_a"], columns="participant", values="value")
 
 
-def _reliability(answers):
+def _reliability(answers, axes):
     """Agreement of participants over all textures: mean correlation of pairs and Cronbach's alpha of each axis."""
     rated = answers[answers["task"] == RATING]
     if rated.empty:
@@ -237,13 +233,13 @@ def _reliability(answers):
         rated[rated["axis"] == axis]
         .pivot_table(index="participant", columns="stimulus_a", values="value")
         .reindex(index=participants, columns=textures)
-        for axis in RATING_AXES
+        for axis in axes
     ]
-    found = rating_reliability(RaterScores(np.stack(tables, -1), tuple(participants), tuple(textures), RATING_AXES))
+    found = rating_reliability(RaterScores(np.stack(tables, -1), tuple(participants), tuple(textures), axes), axes)
     columns = (found.mean_correlation, found.alpha, found.pairs)
     return {
         axis: {"mean_correlation": _plain(r), "alpha": _plain(alpha), "pairs": int(pairs)}
-        for axis, r, alpha, pairs in zip(RATING_AXES, *columns, strict=True)
+        for axis, r, alpha, pairs in zip(axes, *columns, strict=True)
     }
 
 

@@ -15,9 +15,9 @@ from ..io.files import atomic_path, write_text
 from ..io.reading import read_json, reading
 from ..signal.checks import check_whole_number
 from ..version import __version__
-from .stimuli import KEY_COLUMNS, make_stimuli, write_stimuli
+from .stimuli import KEY_COLUMNS, axes_of, make_stimuli, write_stimuli
 from .study_report import label
-from .trials import ENDS, SIMULATED, TASKS, TRIAL_COLUMNS, check_responses, participant_trials, read_tables
+from .trials import SIMULATED, TASKS, TRIAL_COLUMNS, check_responses, ends_of, participant_trials, read_tables
 
 FORMAT, VERSION = "tactile-study", 1
 STIMULI, TRIALS, PROTOCOL = "stimuli", "trials", "protocol.md"
@@ -58,18 +58,15 @@ def read_study(folder):
         settings = read_json(folder / SETTINGS, "JSON")
         if (settings["format"], settings["version"]) != (FORMAT, VERSION):
             raise ValueError(f"its format is {settings['format']} {settings['version']}, not {FORMAT} {VERSION}")
-    numbers = [column for column in KEY_COLUMNS if column not in _WORDS]
     with reading(folder / KEY, "the key of a study", "Make the study again."):
-        key = pandas.read_csv(
-            folder / KEY,
-            dtype=dict.fromkeys(_WORDS, str),
-            keep_default_na=False,
-            na_values=dict.fromkeys(numbers, [""]),
-        )
-        missing = [column for column in KEY_COLUMNS if column not in key]
+        key = pandas.read_csv(folder / KEY, dtype=str, keep_default_na=False)
+        missing = [column for column in KEY_COLUMNS if column not in key] or ([] if axes_of(key) else ["asked_<axis>"])
         if missing:
             raise ValueError(f"{folder / KEY} lacks the columns {missing}. Make the study again.")
-        key[numbers] = key[numbers].apply(pandas.to_numeric)  # a word among numbers is refused
+        numbers = [column for column in key if column not in _WORDS]
+        key[numbers] = (
+            key[numbers].where(key[numbers] != "").apply(pandas.to_numeric)
+        )  # a word among numbers is refused
     return Study(folder, key, settings)
 
 
@@ -104,6 +101,7 @@ def make_study(pipe, data, output, settings, participants=12, tasks=TASKS, check
         "source": PreparedDataset(data, "test").source,
         "surfaces": stimuli.key["surface"].unique().tolist(),
         "conditions": stimuli.key["condition"].unique().tolist(),
+        "axes": list(axes_of(stimuli.key)),
         "tasks": list(tasks),
         "participants": participants,
         "trials": len(trials),
@@ -142,7 +140,10 @@ def protocol_markdown(settings):
     """protocol.md from experimenter/study.json: the stimuli, the instructions, and the columns of the files."""
     template = jinja2.Template(TEMPLATE.read_text(encoding="utf-8"), trim_blocks=True, keep_trailing_newline=True)
     conditions = ", ".join(map(label, settings["conditions"]))
-    tables = {"TRIAL_COLUMNS": TRIAL_COLUMNS, "KEY_COLUMNS": KEY_COLUMNS, "ENDS": ENDS}
+    axes = settings["axes"]
+    requests = {f"asked_{axis}": f"{axis} of the surface, z-score: the request" for axis in axes}
+    tables = {"TRIAL_COLUMNS": TRIAL_COLUMNS, "KEY_COLUMNS": KEY_COLUMNS | requests}
+    tables["ENDS"] = {axis: ends_of(axis) for axis in axes}
     folders = {"STIMULI": STIMULI, "TRIALS": TRIALS, "KEY": KEY, "PRIVATE": PRIVATE}
     return template.render(settings | tables | folders | {"conditions": conditions})
 

@@ -13,7 +13,7 @@ from ..signal import RATING_AXES
 from ..signal.checks import check_number, check_whole_number
 from ..virtual.raters import DISAGREEMENT, GAIN_SPREAD, OFFSET_SPREAD, TYPICAL_GAIN
 from .analysis import abx_scores, bootstrap, describe, rating_scores, similarity_scores
-from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE
+from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE, axes_of
 from .trials import (
     ABX,
     OTHER_SURFACE,
@@ -92,7 +92,7 @@ def simulate(key, trials, population, rng):
     answers = {
         ABX: _abx(key, trials, dprime, noise),
         SIMILARITY: _whole(likeness + population.similarity_noise * noise[:, 0], SIMILARITY),
-        RATING: _whole(_perceived(described, population, person, noise[:, 0], rng), RATING),
+        RATING: _whole(_perceived(described, axes_of(key), population, person, noise[:, 0], rng), RATING),
     }
     tasks = [(trials["task"] == task).to_numpy() for task in answers]
     return trials.assign(response=np.select(tasks, list(answers.values()), default=""))
@@ -107,14 +107,15 @@ def _abx(key, trials, dprime, noise):
     return np.where((x - (a + b) / 2) * (a - b) > 0, "A", "B")
 
 
-def _perceived(described, population, person, noise, rng):
+def _perceived(described, axes, population, person, noise, rng):
     """Ratings before rounding, for every row; NaN where nothing is rated."""
-    shape = (person.max() + 1, len(RATING_AXES))
+    shape = (person.max() + 1, len(axes))
     gains = population.rating_gain * np.exp(population.rating_gain_spread * rng.standard_normal(shape))
     offsets = population.rating_offset * rng.standard_normal(shape)
-    axis = pandas.Index(RATING_AXES).get_indexer(described["axis"])  # -1 where nothing is rated
+    axis = pandas.Index(axes).get_indexer(described["axis"])  # -1 where nothing is rated
+    disagreement = pandas.Series(DISAGREEMENT, RATING_AXES).reindex(axes, fill_value=DISAGREEMENT.mean()).to_numpy()
     rating_share = described["condition"].map(population.rating_share_of).to_numpy()
-    perceived = rating_share * described["asked"].to_numpy() + population.rating_noise * DISAGREEMENT[axis] * noise
+    perceived = rating_share * described["asked"].to_numpy() + population.rating_noise * disagreement[axis] * noise
     return np.mean(SCALES[RATING]) + offsets[person, axis] + gains[person, axis] * perceived
 
 

@@ -19,13 +19,12 @@ REFERENCE, OTHER_TAKE, GENERATED, RECONSTRUCTED = "reference", "other_take", "ge
 #: one latent.
 BASELINES = tuple(slug for slug in SLUGS if slug not in ("silence", "other_take", "decimated"))
 LEVELS = ("matched", "natural")
-#: Columns of the key and what they hold.
+#: Columns of the key and what they hold; after them `asked_<axis>`, the request, of each axis of the checkpoint.
 KEY_COLUMNS = {
     "id": "blind id: the name of the files in stimuli/",
     "surface": "held-out surface",
     "condition": "what the texture is",
     "copy_of": "id of the same texture; a copy is only played as X of ABX, so that no trial list reveals the answer",
-    **{f"asked_{axis}": f"{axis} of the surface, z-score: the request" for axis in RATING_AXES},
     "rms_n": "level of the file, RMS in N",
     "peak_n": "largest force of the file, N",
     "recording": "of a real take: surface, explorer and trial; the takes are of one explorer where one has two",
@@ -34,6 +33,7 @@ KEY_COLUMNS = {
     "reference_speed": "finger speed of the recording or of the model, mm/s; empty = unknown",
     "seed": "of the noise of a generated or reconstructed texture, or of the study for others",
 }
+_ASKED = "asked_"
 #: Letters of blind ids: without vowels they form no words, without l and digits they are not misread.
 _LETTERS, _LETTERS_PER_ID = list("bcdfghjkmnpqrstvwxz"), 6
 #: Segments of each training surface that baselines learn from, and of each held-out one that takes are chosen among.
@@ -79,6 +79,16 @@ class Stimuli:
     speed: float  # mm/s at which fingers should slide: mean of the takes used; NaN = unknown
 
 
+def axes_of(key):
+    """The rating axes of a study, in the order of the key's columns: tuple of names."""
+    return tuple(column.removeprefix(_ASKED) for column in key if column.startswith(_ASKED))
+
+
+def asked(key):
+    """The requests of a key, z-scores: (rows, axes)."""
+    return key[[_ASKED + axis for axis in axes_of(key)]].to_numpy()
+
+
 def make_stimuli(pipe, data, settings, quiet=True):
     """Makes every texture of a study: `Stimuli`.
 
@@ -98,6 +108,8 @@ def make_stimuli(pipe, data, settings, quiet=True):
     if held_out.unit != "N":
         raise ValueError(f"`data` must be in N to state levels, its unit is {held_out.unit!r}. Calibrate recordings.")
     check_fit(pipe, held_out)
+    for dataset in (held_out, train):
+        dataset.set_axes(pipe.dale.config.rating_axes)
     check_unseen(held_out, train)
     rows, others = choose_takes(held_out, settings.surfaces, settings.seed)
     sets, facts = _all_textures(pipe, held_out, train, rows, others, settings, quiet)
@@ -211,8 +223,9 @@ def _blinded(held_out, rows, sets, facts, settings):
         entry = {"surface": surfaces, "condition": condition, "gain_db": gains_db, **facts[condition]}
         key.append(pandas.DataFrame(entry))
     key, textures = pandas.concat(key, ignore_index=True), np.concatenate(textures)
-    asked = held_out.ratings.mean[held_out.surface_ids[rows]].astype(np.float64)
-    key[[f"asked_{axis}" for axis in RATING_AXES]] = np.tile(asked, (len(sets), 1))
+    columns = [_ASKED + axis for axis in held_out.ratings.axes]
+    requests = held_out.ratings.mean[held_out.surface_ids[rows]].astype(np.float64)
+    key[columns] = np.tile(requests, (len(sets), 1))
 
     peak = np.abs(textures).max()
     full_scale = float(peak if settings.full_scale is None else settings.full_scale)
@@ -224,7 +237,7 @@ def _blinded(held_out, rows, sets, facts, settings):
     ids = blind_ids(2 * len(key), np.random.default_rng([settings.seed, 3]))
     originals = key.assign(id=ids[: len(key)], copy_of="")
     copies = key.assign(id=ids[len(key) :], copy_of=ids[: len(key)])
-    key = pandas.concat([originals, copies], ignore_index=True)[list(KEY_COLUMNS)]
+    key = pandas.concat([originals, copies], ignore_index=True)[[*KEY_COLUMNS, *columns]]
     speed = float(key.loc[key["recording"] != "", "reference_speed"].mean())
     return Stimuli(key, np.tile(textures, (2, 1)), held_out.sampling_rate, full_scale, attenuation_db, speed)
 

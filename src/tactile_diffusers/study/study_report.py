@@ -8,10 +8,9 @@ from ..evaluation.labels import NAMES
 from ..evaluation.report_figures import figure_panels
 from ..evaluation.tables import markdown_table, title
 from ..io.files import write_text
-from ..signal import RATING_AXES
 from .analysis import LEAST_PARTICIPANTS, RESAMPLES, abx_proportion_correct, abx_scores, describe, similarity_scores
 from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE
-from .trials import ENDS, OTHER_SURFACE, RATING, SCALES
+from .trials import OTHER_SURFACE, RATING, SCALES, ends_of
 
 SIMULATED_NOTE = "SIMULATED participants: no person felt anything. This shows what the design can find, no result."
 LABELS = {
@@ -102,8 +101,14 @@ def _rows(entries, task):
     conditions = _ordered(entries)
     if task != "ratings":
         return {label(condition): entries[condition] for condition in conditions}
-    pairs = ((axis, condition) for axis in RATING_AXES for condition in conditions if axis in entries[condition])
+    axes = _axes(entries)
+    pairs = ((axis, condition) for axis in axes for condition in conditions if axis in entries[condition])
     return {f"{label(condition)}: {axis}": entries[condition][axis] for axis, condition in pairs}
+
+
+def _axes(entries):
+    """Axes that are the keys of each condition's entry, each once."""
+    return list(dict.fromkeys(axis for entry in entries.values() for axis in entry))
 
 
 def _heading(report, text):
@@ -151,8 +156,9 @@ def _plot_ratings(report, described, path):
     rated = described[described["task"] == RATING]
     means = rated.groupby(["axis", "condition", "stimulus_a"])[["asked", "value"]].mean()
     low, high = SCALES[RATING]
-    with figure_panels(path, 1, len(RATING_AXES), (14, 5.2)) as panels:
-        for panel, axis in zip(panels[0], RATING_AXES, strict=True):
+    axes = _axes(report["ratings"])
+    with figure_panels(path, 1, len(axes), (14 / 3 * len(axes), 5.2)) as panels:
+        for panel, axis in zip(panels[0], axes, strict=True):
             for name in (name for name in _ordered(report["ratings"]) if axis in report["ratings"][name]):
                 requested, answers = means.loc[(axis, name)].to_numpy().T
                 [dots] = panel.plot(requested, answers, "o", markersize=4, label=label(name))
@@ -160,11 +166,11 @@ def _plot_ratings(report, described, path):
                     ends = np.array([requested.min(), requested.max()])
                     line = np.polyval(np.polyfit(requested, answers, 1), ends)
                     panel.plot(ends, line, color=dots.get_color(), linewidth=1)
-            zero, full = ENDS[axis]
+            zero, full = ends_of(axis)
             panel.set(ylim=(low - 0.2, high + 0.2), xlabel=f"requested {axis}, z")
             panel.set_ylabel(f"answer: {low:g} {zero}, {high:g} {full}")
         panels[0, 0].figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
-        panels[0, 1].set_title(_heading(report, "ratings: mean over participants"))
+        panels[0, (len(axes) - 1) // 2].set_title(_heading(report, "ratings: mean over participants"))
 
 
 _POWER_NOTE = (
@@ -200,7 +206,7 @@ def power_markdown(facts, population, conditions):
         condition, axis = place.split(": ")
         slopes.setdefault(condition, {})[axis] = share
     if slopes:
-        labels = {axis: f"slope of {axis} unlike 0" for axis in RATING_AXES}
+        labels = {axis: f"slope of {axis} unlike 0" for axis in _axes(slopes)}
         parts.append(markdown_table({label(name): slopes[name] for name in _ordered(slopes)}, labels=labels))
     assumed = {
         label(name): {"dprime": population.dprime_of(name), "rating_share": population.rating_share_of(name)}

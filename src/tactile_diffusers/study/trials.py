@@ -14,9 +14,8 @@ import numpy as np
 import pandas
 
 from ..io.reading import reading
-from ..signal import RATING_AXES
 from ..signal.rating_scales import RATING_SCALE
-from .stimuli import REFERENCE
+from .stimuli import REFERENCE, axes_of
 
 ABX, SIMILARITY, RATING = TASKS = ("abx", "similarity", "rating")
 #: The pair of two references, of different surfaces.
@@ -24,6 +23,13 @@ OTHER_SURFACE = "other_surface"
 SCALES = {SIMILARITY: (0.0, 100.0), RATING: tuple(map(float, RATING_SCALE))}
 #: What the ends of each axis are called: 0 and 8.
 ENDS = {"roughness": ("smooth", "rough"), "bumpiness": ("even", "bumpy"), "slipperiness": ("sticky", "slippery")}
+
+
+def ends_of(axis):
+    """What 0 and 8 are called on an axis."""
+    return ENDS.get(axis, (f"no {axis}", f"much {axis}"))
+
+
 #: Columns of a trial list and what they hold; a response file is a trial list with the last column filled in.
 TRIAL_COLUMNS = {
     "participant": "p and the participant's number",
@@ -45,7 +51,7 @@ _ARRANGEMENTS = ((True, True), (True, False), (False, True), (False, False))
 def participant_trials(key, number, seed, tasks=TASKS, name=None):
     """The trial list of one participant: columns `TRIAL_COLUMNS`; what does not apply, and every response, is "".
 
-    Tasks rotate over participants, and so do the six orders of the axes, which stay the same for one participant.
+    Tasks rotate over participants, and so do the orders of the axes, which stay the same for one participant.
 
     Args:
         key (`pandas.DataFrame`): of the study.
@@ -110,7 +116,9 @@ def _similarity(key, number, rng):
 
 
 def _rating(key, number, rng):
-    orders = list(permutations(RATING_AXES))
+    axes = axes_of(key)
+    # with more axes a Latin square: each comes once in each place
+    orders = list(permutations(axes)) if len(axes) < 4 else [axes[k:] + axes[:k] for k in range(len(axes))]
     axes = orders[(number - 1) % len(orders)]
     ids = rng.permutation(np.sort(key.loc[key["copy_of"] == "", "id"].to_numpy(str)))
     return [{"stimulus_a": stimulus, "axis": axis} for stimulus in ids for axis in axes]
