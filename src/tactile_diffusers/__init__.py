@@ -1,31 +1,42 @@
 """tactile_diffusers: touchable surface textures from perceptual ratings.
 
-Public classes are imported eagerly: diffusers loads only what is already imported, and a checkpoint names them as
-`tactile_diffusers.<Class>`, so that files may move without breaking saved checkpoints. For that the loader looks for
-the base classes in this namespace too.
+Public names are imported when they are first asked for: playing and exporting need neither torch nor diffusers, which
+take seconds. The classes name `tactile_diffusers` as their module, as checkpoints do, so that files may move without
+breaking them. diffusers' loader looks for its base classes in this namespace, too.
 """
 
-from diffusers.models.modeling_utils import ModelMixin  # noqa: F401 (the loader's base classes, see above)
-from diffusers.schedulers.scheduling_utils import SchedulerMixin  # noqa: F401
-from transformers.feature_extraction_utils import FeatureExtractionMixin  # noqa: F401
+import importlib
+from typing import TYPE_CHECKING
 
 from .checkpoints import bundled_checkpoint
-from .features import TactileFeatureExtractor
-from .models import DALEModel, LCTGModel, RatingEstimator
-from .pipelines import (
-    TactileLatents,
-    TactileTextureEditPipeline,
-    TactileTexturePipeline,
-    TactileTexturePipelineOutput,
-)
-from .schedulers import VDDIMScheduler
 from .version import __version__
 
-_PIPELINES = (TactileTexturePipeline, TactileTextureEditPipeline)
-for _public in (DALEModel, LCTGModel, RatingEstimator, TactileFeatureExtractor, VDDIMScheduler, *_PIPELINES):
-    _public.__module__ = __name__
-del _public
+if TYPE_CHECKING:  # for editors and type checkers
+    from .features import TactileFeatureExtractor
+    from .models import DALEModel, LCTGModel, RatingEstimator
+    from .pipelines import (
+        TactileLatents,
+        TactileTextureEditPipeline,
+        TactileTexturePipeline,
+        TactileTexturePipelineOutput,
+    )
+    from .schedulers import VDDIMScheduler
 
+#: Public name, or base class that the loader looks for -> its module.
+_PLACES = {
+    "DALEModel": ".models",
+    "LCTGModel": ".models",
+    "RatingEstimator": ".models",
+    "TactileFeatureExtractor": ".features",
+    "TactileLatents": ".pipelines",
+    "TactileTextureEditPipeline": ".pipelines",
+    "TactileTexturePipeline": ".pipelines",
+    "TactileTexturePipelineOutput": ".pipelines",
+    "VDDIMScheduler": ".schedulers",
+    "ModelMixin": "diffusers.models.modeling_utils",
+    "SchedulerMixin": "diffusers.schedulers.scheduling_utils",
+    "FeatureExtractionMixin": "transformers.feature_extraction_utils",
+}
 __all__ = [
     "DALEModel",
     "LCTGModel",
@@ -39,3 +50,14 @@ __all__ = [
     "__version__",
     "bundled_checkpoint",
 ]
+
+
+def __getattr__(name):
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = getattr(importlib.import_module(_PLACES[name], __name__), name)
+    return found
+
+
+def __dir__():
+    return sorted({*globals(), *__all__})

@@ -69,5 +69,5 @@ def test_pickles_are_not_written(make_lctg, tmp_path):
 
 
 def test_of_a_pipelines_folder_the_subfolder_is_asked_for():
-    with pytest.raises(FileNotFoundError, match="is a pipeline's: name the model's `subfolder`, too"):
+    with pytest.raises(FileNotFoundError, match="`subfolder` must be one of dale, lctg, lctg_distilled"):
         LCTGModel.from_pretrained(bundled_checkpoint())

@@ -19,8 +19,7 @@ from .low_band import sample_low_band
 LOG_FLOOR = 1e-4
 #: RMS below which a signal counts as silent, N
 SILENCE = 1e-12
-#: Largest rate in Hz, and length of a window in samples: a damaged config may ask for any, and a rate without a common
-#: divisor with ours takes a filter of gigabytes beyond.
+#: Largest rate, Hz: a damaged config may ask for any, and one without a common divisor with ours takes gigabytes.
 MOST_RATE = 1_000_000
 #: Larger samples have no place in the float32 of features and textures, and their squares none in float64.
 LARGEST_SAMPLE = float(np.finfo(np.float32).max)
@@ -64,6 +63,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         ValueError: if sizes, rates, windows or gains do not fit each other.
     """
 
+    __module__ = "tactile_diffusers"  # as checkpoints name it
     model_input_names = ["input_features", "level"]
 
     def __init__(

@@ -97,6 +97,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         ValueError: if sizes do not fit each other, or statistics do not fit the sizes.
     """
 
+    __module__ = "tactile_diffusers"  # as checkpoints name it
+
     _supports_gradient_checkpointing = True
     _no_split_modules = ["UNet1D", "RatingEmbedder"]  # skip connections; parameters beside layers
     _repeated_blocks = ["ResnetBlock1D"]

@@ -137,6 +137,8 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         ValueError: if sizes do not fit each other.
     """
 
+    __module__ = "tactile_diffusers"  # as checkpoints name it
+
     _supports_gradient_checkpointing = True
     _no_split_modules = ["UNet1D", "_EncoderBlock"]  # skip connections
     _repeated_blocks = ["ResnetBlock1D"]

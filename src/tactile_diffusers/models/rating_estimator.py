@@ -26,6 +26,8 @@ class RatingEstimator(SafeLoadingMixin, ModelMixin, ConfigMixin):
         width (`int`, *optional*, defaults to 96): channels of the convolutions.
     """
 
+    __module__ = "tactile_diffusers"  # as checkpoints name it
+
     _no_split_modules = ["Sequential"]
 
     @register_to_config

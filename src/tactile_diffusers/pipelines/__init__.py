@@ -1,22 +1,19 @@
-"""The pipeline, its outputs and ratings to start from."""
+"""The pipelines, their outputs and ratings to start from, each imported when it is first asked for."""
 
-from .pipeline_output import TactileLatents, TactileTexturePipelineOutput
-from .pipeline_tactile_texture import TactileTexturePipeline
-from .pipeline_tactile_texture_edit import TactileTextureEditPipeline
+import importlib
 
-__all__ = [
-    "PRESETS",
-    "TactileLatents",
-    "TactileTextureEditPipeline",
-    "TactileTexturePipeline",
-    "TactileTexturePipelineOutput",
-]
+_PLACES = {
+    "PRESETS": ".presets",
+    "TactileLatents": ".pipeline_output",
+    "TactileTextureEditPipeline": ".pipeline_tactile_texture_edit",
+    "TactileTexturePipeline": ".pipeline_tactile_texture",
+    "TactileTexturePipelineOutput": ".pipeline_output",
+}
+__all__ = list(_PLACES)
 
 
 def __getattr__(name):
-    """Imports what generating does not use when it is first asked for."""
-    if name == "PRESETS":
-        from .presets import PRESETS
-
-        return PRESETS
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = getattr(importlib.import_module(_PLACES[name], __name__), name)
+    return found

@@ -71,6 +71,8 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
         ValueError: if a component is missing, of a wrong class, or does not fit the others.
     """
 
+    __module__ = "tactile_diffusers"  # as checkpoints name it
+
     model_cpu_offload_seq = "dale->lctg->lctg_distilled->rating_estimator"
     _optional_components = ["dale", "dale_scheduler", "rating_estimator", "lctg_distilled"]
     _callback_tensor_inputs = ["latents"]

@@ -60,6 +60,8 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
     turned from the recording's own towards those of a fresh take, by an angle that keeps their variance.
     """
 
+    __module__ = "tactile_diffusers"  # as checkpoints name it
+
     @torch.no_grad()
     @replace_example_docstring(EXAMPLE_DOC_STRING)
     def __call__(

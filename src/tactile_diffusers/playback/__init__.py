@@ -1,12 +1,26 @@
 """Textures under a moving finger: position in, force out."""
 
-from .endless import EndlessProfile, EndlessStream
+import importlib
+
 from .finger import FingerPath
-from .process import GeneratingProcess, on_time
 from .profile import TextureProfile
-from .scene import TextureScene
 from .stream import TextureStream
 from .trajectory import PlayedTrajectory, play_trajectory, read_trajectory
 
-__all__ = ["EndlessProfile", "EndlessStream", "FingerPath", "GeneratingProcess", "TextureProfile", "TextureScene"]
-__all__ += ["PlayedTrajectory", "TextureStream", "on_time", "play_trajectory", "read_trajectory"]
+#: What generates while it plays, and so imports the models, when it is first asked for.
+_GENERATING = {
+    "EndlessProfile": ".endless",
+    "EndlessStream": ".endless",
+    "GeneratingProcess": ".process",
+    "TextureScene": ".scene",
+    "on_time": ".process",
+}
+__all__ = ["FingerPath", "PlayedTrajectory", "TextureProfile", "TextureStream", "play_trajectory", "read_trajectory"]
+__all__ += _GENERATING
+
+
+def __getattr__(name):
+    if name not in _GENERATING:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = getattr(importlib.import_module(_GENERATING[name], __name__), name)
+    return found

@@ -88,6 +88,8 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         ValueError: if an argument is out of range, or a config of another scheduler belongs to another schedule.
     """
 
+    __module__ = "tactile_diffusers"  # as checkpoints name it
+
     order = 1  # network evaluations per step
     _compatibles = ["DDIMScheduler", "DPMSolverMultistepScheduler"]
 

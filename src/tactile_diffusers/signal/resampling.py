@@ -4,7 +4,6 @@ from functools import lru_cache
 from math import gcd
 
 import numpy as np
-import torch
 from scipy import signal
 
 
@@ -61,6 +60,8 @@ def anti_alias_filter(up, down):
 @lru_cache(maxsize=8)
 def _phases(up):
     """`anti_alias_filter` as one filter for each of the `up` new samples of an old one: (up, 1, taps) float32."""
+    import torch
+
     taps = up * anti_alias_filter(up, 1)
     half = len(taps) // 2
     reach = -(-half // up)
@@ -69,7 +70,9 @@ def _phases(up):
 
 
 def _upsample_float32(texture, up):
-    """The polyphase filter as one convolution in single precision."""
+    """The polyphase filter as one convolution in single precision, for waveforms that a model has just made."""
+    import torch  # here, since playing and exporting need none of its seconds
+
     phases = _phases(up)
     rows = torch.from_numpy(texture.astype(np.float32)).reshape(-1, 1, texture.shape[-1])
     with torch.autocast("cpu", enabled=False):  # of a caller, which would compute in half precision
