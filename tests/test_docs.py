@@ -158,11 +158,14 @@ def test_a_report_of_other_weights_is_stale(first_pages, tmp_path, monkeypatch, 
     other = shutil.copytree(bundled_checkpoint(), tmp_path / "other")
     (other / "dale" / "config.json").write_text("{}")
     monkeypatch.setattr(first_pages, "bundled_checkpoint", lambda: other)
-    assert first_pages.main(["--check"]) == 1 and "run evaluate.py again" in capsys.readouterr().err
+    assert first_pages.main(["--check"]) == 1 and "run results/run.py" in capsys.readouterr().err
 
 
 def test_rows_with_other_figures_are_stale(first_pages):
-    text, report = RESULTS.read_text(encoding="utf-8"), json.loads(first_pages.REPORT.read_text(encoding="utf-8"))
-    report["generation"]["1.0"]["ktd_excess"]["mean"] += 1
-    assert first_pages.page_with_figures(text, report, True) != text
+    text, files = RESULTS.read_text(encoding="utf-8"), {None: first_pages.REPORT}
+    files |= {name: RESULTS.parent / path for name, path in (first_pages.OTHERS | first_pages.DATA).items()}
+    reports = {name: json.loads(path.read_text(encoding="utf-8")) for name, path in files.items()}
+    assert first_pages.page_with_figures(text, reports, True) == text
+    reports[None]["generation"]["1.0"]["ktd_excess"]["mean"] += 1
+    assert first_pages.page_with_figures(text, reports, True) != text
     assert all(words in text for words in first_pages.ROWS)

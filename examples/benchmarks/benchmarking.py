@@ -111,9 +111,10 @@ def run_child(code, *arguments):
     return "\n".join(printed), int(kibibytes) / 2**10 if linux else None
 
 
-def resident_mib(process="self"):
+def resident_mib(process="self", parts=("VmRSS",)):
     """Memory that a process (its number) or this one holds now, MiB; NaN where there is no /proc, or it has ended."""
     try:
-        return int((Path("/proc") / str(process) / "status").read_text().split("VmRSS:")[1].split()[0]) / 2**10
+        status = (Path("/proc") / str(process) / "status").read_text()
+        return sum(int(status.split(f"{part}:")[1].split()[0]) for part in parts) / 2**10
     except (OSError, IndexError):
         return float("nan")

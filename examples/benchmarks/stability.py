@@ -38,9 +38,14 @@ MEMORY_MIB = 8.0
 WARM_UP = 50
 
 
+def held():
+    """MiB that this process has asked for and not given back; the system may have put some aside, or files in."""
+    return resident_mib(parts=("RssAnon", "VmSwap"))
+
+
 def grown(begin):
     """MiB by which this process has grown; 0 anywhere but on Linux, where it is not known."""
-    return float(np.nan_to_num(resident_mib() - begin))
+    return float(np.nan_to_num(held() - begin))
 
 
 def many(bench):
@@ -54,7 +59,7 @@ def many(bench):
     first = texture(0)
     for number in range(warm):
         texture(number)
-    begin = resident_mib()
+    begin = held()
     bad = sum(not_finite(texture(number)) for number in range(count))
     growth, case = grown(begin), f"{count} textures"
     yield Row(case, f"growth of memory after the first {warm + 1}", growth, MEMORY_MIB, "MiB")
@@ -94,7 +99,7 @@ def _extremes(profile, place, case):
     warm = len(place) / SENSOR_HZ / 10
     for block in _blocks(follower, follower.read, place):
         if begin is None and follower.time > warm:
-            begin = resident_mib()
+            begin = held()
         bad += not_finite(block)
         largest = max(largest, float(np.abs(block).max()))
     yield Row(case, "values that are not finite", bad, 0, "")
@@ -257,12 +262,12 @@ def table(rows):
 
 
 def plot(rows, path):
-    """Value over bound of every row, by kind of case; rows whose bound is zero stand at 1 if they pass."""
+    """Value over bound of every row, by kind of case; those whose bound is zero stand at either end."""
     from matplotlib.figure import Figure
 
     kinds = {}
     for row in rows:
-        share = row.value / row.bound if row.bound else float(row.passed) or math.inf
+        share = row.value / row.bound if row.bound else 0.0 if row.passed else math.inf
         kinds.setdefault(row.case.split(":")[0], []).append((share, row.passed))
     figure = Figure(figsize=(7, 0.32 * len(kinds) + 1.2), layout="constrained")
     panel = figure.subplots()

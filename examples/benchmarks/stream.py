@@ -113,9 +113,10 @@ def plot(recordings, path):
             if name != "surfaces":
                 panel.plot(SPEEDS, [row[f"{speed:g} mm/s"] for speed in SPEEDS], "o-", label=name)
         panel.axhline(2.2, color="grey", linestyle=":")  # what a fingertip tells apart (Israr, Tan and Reed 2006)
-        panel.set(xscale="log", xlabel="speed of the finger, mm/s", title=group, ylim=(0, None))
+        panel.set(xscale="log", xlabel="speed of the finger, mm/s", title=group)
         panel.set_xticks(SPEEDS, [f"{speed:g}" for speed in SPEEDS], minor=False)
         panel.minorticks_off()
+    figure.axes[0].set_ylim(bottom=0)
     figure.axes[0].set_ylabel("nine-band error, dB")
     figure.axes[-1].legend(fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,11 +1,11 @@
 #!/usr/bin/env python
 """How many surfaces does adapting need? Errors on unseen surfaces of a world, against the number of its surfaces.
 
-    python examples/research/other_world.py --surfaces 250 other.h5
+    python examples/research/other_world.py --surfaces 260 other.h5
     python examples/prepare_data.py --source recordings --recordings other.h5 --prepared other_prepared.h5 \
-        --validation 0 --test 50
-    python examples/prepare_data.py --source virtual --surfaces 250 --seconds 20 --seed 50 --impulsiveness 1.6 \
-        --agreement 0.7 --rating_correlation 0.2 -0.7 0.0 --validation 0 --test 50 --output settings.h5 \
+        --validation 10 --test 50
+    python examples/prepare_data.py --source virtual --surfaces 260 --seconds 20 --seed 50 --impulsiveness 1.6 \
+        --agreement 0.7 --rating_correlation 0.2 -0.7 0.0 --validation 10 --test 50 --output settings.h5 \
         --prepared settings_prepared.h5
     python examples/research/few_surfaces.py "another world"=other_prepared.h5 \
         "recipe 3, other settings"=settings_prepared.h5 --output examples/results/adaptation
@@ -35,7 +35,7 @@ from tactile_diffusers.evaluation.sections.regression import best_polynomial
 from tactile_diffusers.signal import band_levels_db
 from tactile_diffusers.training.adapting import adapt
 
-COUNTS, TRAINED = (3, 5, 10, 20, 50, 100, 200), (10, 50, 200)
+COUNTS, TRAINED = (3, 5, 10, 20, 50, 100, 200), (50, 200)
 #: Updates of a DALE that is trained anew, behind the bundled LCTG.
 ANEW_STEPS = 2000
 TRAIN_DALE = Path(__file__).parents[1] / "train_dale.py"
@@ -181,9 +181,16 @@ def main(argv=None):
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, required=True, help="folder; the page lies beside it")
     args = parser.parse_args(argv)
-    worlds, args.output = dict(word.rsplit("=", 1) for word in args.worlds), args.output
+    worlds = dict(word.rsplit("=", 1) for word in args.worlds)
     args.output.mkdir(parents=True, exist_ok=True)
-    found = {name: rows_of(path, args.counts, args.trained, args.takes, args.seed) for name, path in worlds.items()}
+    found = {}
+    for name, path in worlds.items():
+        found[name] = rows_of(path, args.counts, args.trained, args.takes, args.seed)
+        write(found, worlds, args)
+
+
+def write(found, worlds, args):
+    """The figures, the picture and the page of the worlds so far."""
     (args.output / "figures.json").write_text(json.dumps(found, indent=1) + "\n")
     plot(found, args.output / "curve.png")
     words = " ".join(f'"{name}"={Path(path).name}' for name, path in worlds.items())
@@ -192,9 +199,9 @@ def main(argv=None):
         surfaces=surfaces,
         takes=args.takes,
         words=words,
-        output=args.output,
+        output=args.output.name,
         anew=ANEW_STEPS,
-        trained=", ".join(map(str, args.trained)),
+        trained=" and ".join(map(str, args.trained)),
     )
     page += f"\n![errors over the number of surfaces]({args.output.name}/curve.png)\n"
     page += "".join(f"\n## {name}\n\n{table(rows)}\n" for name, rows in found.items())

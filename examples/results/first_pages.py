@@ -18,12 +18,26 @@ from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.evaluation.result_files import folder_digest
 
 HERE = Path(__file__).parent
-REPORT, PEERS = HERE / "judges" / "report.json", HERE / "speed" / "peers.json"
+REPORT = HERE / "judges" / "report.json"
+#: Other files of figures, by the name that stands before a path: {peers:batches/Batch 1/...}.
+OTHERS = {
+    "peers": "speed/peers.json",
+    "call": "speed/speed.json",
+    "many": "speed/dataset.json",
+    "endless": "real_time/endless.json",
+    "stream": "real_time/stream.json",
+    "scene": "real_time/scene.json",
+    "hard": "hard_cases/stability.json",
+    "decoder": "steps/decoder.json",
+    "preparation": "preparation/data.json",
+}
+#: Such that are of no checkpoint.
+DATA = {"card": "data/card.json"}
 PAGES = (HERE.parents[1] / "README.md", HERE / "README.md")
 #: Templates of whole pages, which are written beside their folder.
 TEMPLATES = HERE / "pages"
 #: Rows by words of their first cell or second, and the next two: ours, then what stands beside it. {path|digits} is a
-#: mean of the report; "interval" asks for its interval, too, "milli" for thousandths.
+#: mean of the report; "interval" asks for its interval, too, "milli" for thousandths; {path} is text.
 ROWS = {
     "unseen surface": (
         "{unseen_surfaces/nine_band_db/model|2|interval}",
@@ -61,10 +75,14 @@ ROWS = {
         "{reconstruction/baselines/silence/snr_db|2}, another take {reconstruction/baselines/other_take/snr_db|2}",
     ),
     "atings to 1.64 s of texture": (
-        "{peers/batches/Batch 1/ours, default call/s|3}",
-        "audio-diffusion-pytorch as published {peers/batches/Batch 1/audio-diffusion-pytorch, as published/s|3}, at "
-        "our size {peers/batches/Batch 1/audio-diffusion-pytorch, at our size/s|3}, UNet1DModel of 18 M "
-        "{peers/batches/Batch 1/UNet1DModel, 18 M/s|3}",
+        "{peers:batches/Batch 1/ours, default call/s|3}",
+        "audio-diffusion-pytorch as published {peers:batches/Batch 1/audio-diffusion-pytorch, as published/s|3}, at "
+        "our size {peers:batches/Batch 1/audio-diffusion-pytorch, at our size/s|3}, UNet1DModel of 18 M "
+        "{peers:batches/Batch 1/UNet1DModel, 18 M/s|3}",
+    ),
+    "new ratings until": (
+        "{endless:starts/distilled decoder/change felt ms|1}",
+        "undistilled decoder {endless:starts/undistilled decoder/change felt ms|1}",
     ),
     "reconstruction RMSE, mN": (
         "11.4",
@@ -73,17 +91,18 @@ ROWS = {
     ),
     "reconstruction SNR, dB": ("−1.87", "{reconstruction/decoders/lctg/snr_db|2}"),
 }
-FIELD = re.compile(r"\{([^|}]+)\|(\d)(?:\|(interval|milli))?\}")
+FIELD = re.compile(r"\{(?:(\w+):)?([^|}]+)(?:\|(\d)(?:\|(interval|milli))?)?\}")
+SLASH = re.compile("(?<!mm)/")  # not that of mm/s
 
 
-def filled(template, report, intervals):
-    """A template with the report's figures; intervals only where a page has room."""
-
-    both = report | {"peers": json.loads(PEERS.read_text())}
+def filled(template, reports, intervals):
+    """A template with the figures of the reports; intervals only where a page has room."""
 
     def figure(match):
-        path, digits, form = match.groups()
-        leaf = reduce(lambda part, key: part[key], path.split("/"), both)
+        name, path, digits, form = match.groups()
+        leaf = reduce(lambda part, key: part[key], SLASH.split(path), reports[name])
+        if digits is None:
+            return str(leaf)
         value = leaf["mean"] if isinstance(leaf, dict) else leaf
         text = f"{value * (1000 if form == 'milli' else 1):.{digits}f}"
         if form == "interval" and intervals:
@@ -93,8 +112,8 @@ def filled(template, report, intervals):
     return FIELD.sub(figure, template)
 
 
-def page_with_figures(text, report, intervals):
-    """The text of a page whose rows hold the report's figures."""
+def page_with_figures(text, reports, intervals):
+    """The text of a page whose rows hold the figures of the reports."""
     lines = text.split("\n")
     for words, cells in ROWS.items():
         found = [i for i, line in enumerate(lines) if line.startswith("|") and words in line]
@@ -104,7 +123,7 @@ def page_with_figures(text, report, intervals):
         parts = lines[number].split(" | ")
         place = next(i for i, part in enumerate(parts) if words in part) + 1
         ends = parts[place + 1].endswith(" |")
-        parts[place : place + 2] = (filled(cell, report, intervals) for cell in cells)
+        parts[place : place + 2] = (filled(cell, reports, intervals) for cell in cells)
         lines[number] = " | ".join(parts) + (" |" if ends else "")
     return "\n".join(lines)
 
@@ -113,20 +132,19 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="change nothing; fail if a page is stale")
     args = parser.parse_args(argv)
-    report = json.loads(REPORT.read_text())
-    stale = []
-    digest = folder_digest(bundled_checkpoint())
-    if report["checkpoint"]["sha256"] != digest:
-        stale.append(f"{REPORT.name} is of another checkpoint than the bundled one: run evaluate.py again.")
-    if json.loads(PEERS.read_text())["conditions"]["checkpoint"]["sha256"] != digest:
-        stale.append(f"{PEERS.name} is of another checkpoint than the bundled one: run peers.py again.")
-    written = {path: page_with_figures(path.read_text(), report, intervals=path == PAGES[1]) for path in PAGES}
+    files = {None: REPORT} | {name: HERE / path for name, path in (OTHERS | DATA).items()}
+    reports, digest, stale = {}, folder_digest(bundled_checkpoint()), []
+    for name, path in files.items():
+        reports[name] = json.loads(path.read_text())
+        if name not in DATA and (reports[name] | reports[name].get("conditions", {}))["checkpoint"]["sha256"] != digest:
+            stale.append(f"{path.name} is of another checkpoint than the bundled one: run results/run.py.")
+    written = {path: page_with_figures(path.read_text(), reports, intervals=path == PAGES[1]) for path in PAGES}
     for template in TEMPLATES.iterdir():
-        written[HERE / template.name] = filled(template.read_text(), report, intervals=True)
+        written[HERE / template.name] = filled(template.read_text(), reports, intervals=True)
     for path, made in written.items():
         text = path.read_text() if path.exists() else ""
         if made != text and args.check:
-            stale.append(f"{path} holds other figures than {REPORT.name}: run first_pages.py.")
+            stale.append(f"{path} holds other figures than its reports: run first_pages.py.")
         elif made != text:
             path.write_text(made)
     print(*stale, sep="\n", file=sys.stderr)

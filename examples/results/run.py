@@ -53,23 +53,27 @@ STEPS = {
         "{data}/axes.h5",
     ),
     "data, other settings": Step(
-        f"{VIRTUAL} --surfaces 100 --seconds 20 --seed 50 --impulsiveness 1.6 --agreement 0.7 --rating_correlation 0.2 "
-        "-0.7 0.0 --validation 0 --test 50 --output {data}/settings_recordings.h5 --prepared {data}/settings.h5",
+        f"{VIRTUAL} --surfaces 260 --seconds 20 --seed 50 --impulsiveness 1.6 --agreement 0.7 --rating_correlation 0.2 "
+        "-0.7 0.0 --validation 10 --test 50 --output {data}/settings_recordings.h5 --prepared {data}/settings.h5",
         "{data}/settings.h5",
     ),
     "recordings of another world": Step(
-        "research/other_world.py {data}/other_recordings.h5", "{data}/other_recordings.h5"
+        "research/other_world.py --surfaces 260 {data}/other_recordings.h5", "{data}/other_recordings.h5"
     ),
     "data of another world": Step(
         "prepare_data.py --source recordings --recordings {data}/other_recordings.h5 --prepared {data}/other.h5 "
-        "--validation 0 --test 50",
+        "--validation 10 --test 50",
         "{data}/other.h5",
     ),
+    "data card": Step(
+        "inspect_data.py --recordings {data}/recordings.h5 --prepared {data}/prepared.h5 --output {here}/data",
+        "{here}/data/card.json",
+    ),
+    "laws": Step("research/validate_virtual.py --output {here}/laws", "{here}/laws/validation.json"),
     "judges": Step(
         "evaluate.py --checkpoint bundled --data {data}/prepared.h5 --steps 1 2 3 5 10 --output {here}/judges",
         "{here}/judges/report.json",
     ),
-    "first pages": Step("results/first_pages.py", "{here}/README.md"),
     "steps": Step("benchmarks/decoder.py --data {data}/prepared.h5 --output {here}/steps", "{here}/steps/decoder.json"),
     "speed": Step(
         "benchmarks/peers.py --batches 1 16 --repeats 5 --output {here}/speed{anchor}",
@@ -82,7 +86,15 @@ STEPS = {
         "{here}/speed/speed_error.json",
         timed=True,
     ),
+    "preparing": Step(
+        "benchmarks/data_loading.py --recordings {data}/recordings.h5 --output {here}/preparation",
+        "{here}/preparation/data.json",
+        timed=True,
+    ),
+    "many textures": Step("benchmarks/many_textures.py --output {here}/speed", "{here}/speed/dataset.json", timed=True),
     "without end": Step("benchmarks/endless.py --output {here}/real_time", "{here}/real_time/endless.json", timed=True),
+    "other speeds": Step("benchmarks/stream.py --output {here}/real_time", "{here}/real_time/stream.json", timed=True),
+    "a scene": Step("benchmarks/scene.py --output {here}/real_time", "{here}/real_time/scene.json", timed=True),
     "hard cases": Step(
         "benchmarks/stability.py --threads 1 --output {here}/hard_cases", "{here}/hard_cases/stability.json"
     ),
@@ -92,6 +104,7 @@ STEPS = {
         "{here}/adaptation/figures.json",
     ),
     "a new axis": Step("research/new_axis.py {data}/axes.h5 --output {here}/new_axis", "{here}/new_axis/figures.json"),
+    "first pages": Step("results/first_pages.py", "{here}/README.md"),
 }
 
 
