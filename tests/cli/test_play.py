@@ -1,7 +1,11 @@
 """The command play: a trajectory in, force or drive out."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+import soundfile
 
 from tactile_diffusers.cli.play import main
 from tactile_diffusers.display import DriveProfile
@@ -37,17 +41,49 @@ def test_wav_without_and_with_mean_friction(play):
     assert force[6000:7500].mean() == pytest.approx(0.25, abs=0.03)
 
 
-def test_npz_and_drive(play):
-    assert play("--output a_force.npz --mean_friction") == 0
+def _display(**changes):
+    values = {"gain": 1e-5, "offset": 0.2, "cutoffs": ((80.0, 200.0),), "max_drive": 200.0, "normal_force": 0.5}
+    DriveProfile(kind="electroadhesion", **{**values, **changes}).save("display.json")
+
+
+def test_one_file_holds_when_where_what_and_the_drive(play, capsys):
+    assert play("--output a_force.npz") == 0
+    told = capsys.readouterr().out
+    assert "125 reports, 125 Hz, longest gap 8 ms" in told and "after the last report" in told
+    names = {"time", "position", "speed", "force", "friction", "sampling_rate", "latency"}
     with np.load("a_force.npz") as file:
-        assert set(file) == {"force", "speed", "sampling_rate", "unit"} and file["unit"] == "N"
-    profile = DriveProfile(
-        kind="electroadhesion", gain=1e-5, offset=0.2, cutoffs=((80.0, 200.0),), max_drive=200.0, normal_force=0.5
-    )
-    profile.save("display.json")
+        assert set(file) == names and {file[name].shape for name in file if file[name].ndim} == {file["time"].shape}
+        assert file["time"][-1] == pytest.approx(124 / 125 + file["latency"], abs=1e-3)
+        assert file["position"][5000] == pytest.approx(40 * np.sin(np.pi * 0.5), abs=0.01)
+    _display()
     assert play("--output drive.npz --drive_profile display.json") == 0
     with np.load("drive.npz") as file:
-        assert file["unit"] == "V" and 0 <= file["drive"].min() < file["drive"].max() <= 200
+        assert set(file) == names | {"drive", "drive_unit", "max_drive"} and file["drive_unit"] == "V"
+        assert 0 <= file["drive"].min() < file["drive"].max() <= 200
+
+
+def test_what_the_display_cannot_make_is_said_once_and_fitted(play, capsys, recwarn):
+    _display(max_drive=20.0)
+    assert play("--output drive.npz --drive_profile display.json") == 0
+    told = capsys.readouterr().out
+    gain = float(told.split("--gain ")[1].split(",")[0])
+    assert "samples clipped" in told and gain < 1 and not recwarn
+    for words in (f"--gain {0.99 * gain:.4f}", "--gain fit"):
+        assert play(f"--output drive.npz --drive_profile display.json {words}") == 0
+        assert "clipped" not in capsys.readouterr().out
+        with np.load("drive.npz") as file:
+            assert file["drive"].max() == pytest.approx(20, abs=0.5)
+
+
+def test_a_drive_is_a_file_of_sixteen_bits(play):
+    _display()
+    assert play("--output drive.npz --drive_profile display.json") == 0
+    assert play("--output drive.wav --drive_profile display.json") == 0
+    samples, rate = soundfile.read("drive.wav", dtype="int16")
+    about = json.loads(Path("drive.wav.json").read_text())
+    with np.load("drive.npz") as file:
+        np.testing.assert_allclose(samples * about["drive_per_count"], file["drive"], atol=0.51 * 200 / 32767)
+    assert rate == about["sampling_rate"] == 10000 and about["unit"] == "V"
 
 
 def test_a_plane(play):
@@ -68,6 +104,8 @@ def test_a_plane(play):
         ("--output b.wav --rate 1000", {}, "`sampling_rate` must be"),
         ("--output b.npz --drive_profile t.csv", {}, "t.csv cannot be read"),
         ("--output b.npz --drive_profile t.csv --mean_friction", {}, "argument --mean_friction"),
+        ("--output b.npz --gain 0.5", {}, "argument --gain: it is of a display's drive"),
+        ("--output b.npz --drive_profile t.csv --gain 0", {}, "argument --gain"),
     ],
 )
 def test_bad_requests_are_refused_with_one_line(play, tmp_path, capsys, words, changes, message):

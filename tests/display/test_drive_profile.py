@@ -31,7 +31,7 @@ def test_round_trip(tmp_path, make_profile, noise_texture, kind):
         ("electroadhesion", {"max_gain_db": 1.0}, r"`max_gain_db` must be 0 \(no inverse\) or at least 3 dB, got 1"),
         ("electroadhesion", {"cutoffs": [(80.0, -300.0)]}, "`cutoffs` must hold speeds and corners above zero"),
         ("electroadhesion", {"cutoffs": [(80, 300), (20, 90)]}, r"`cutoffs`.*increasing.*speed, got \[80.0, 20.0\]"),
-        ("electroadhesion", {"lookup": [(0, 0), (0.5, 0.1), (1, 0.2)]}, "`lookup` must be None for electroadhesion"),
+        ("electroadhesion", {"lookup": [(0, 0), (0.5, 0.1), (1, 0.2)]}, "`max_drive` of 180 is beyond the lookup"),
         ("ultrasonic", {"lookup": [(0, 0), (0.5, 0.2), (1, 0.1)]}, "friction_reduction, got 0.2 and 0.1 in rows 1 and"),
         ("ultrasonic", {"lookup": [(0, 0), (0.5, 0.1), (0.5, 0.2)]}, r"of amplitude, got \[0.5, 0.5\] in rows 1"),
         ("ultrasonic", {"lookup": [(0, 0), (60, 0.1), (120, 0.2)]}, "amplitudes from 0 to 1, got 120. Divide them"),
@@ -102,3 +102,21 @@ def test_a_failed_save_leaves_the_old_files(tmp_path, make_profile, monkeypatch)
     with pytest.raises(OSError, match="disk full"):
         make_profile("ultrasonic", offset=0.4).save(path)
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_a_static_curve_that_saturates_is_all_that_is_known(tmp_path):
+    """Ten points of volts and newtons, no corner: steady forces go there and back, and nothing is inverted."""
+    volts = np.linspace(0, 180, 10)
+    curve = np.column_stack([volts, 0.12 * np.tanh((volts / 90) ** 2) + 1e-4 * volts])
+    profile = DriveProfile(
+        kind="electroadhesion", gain=1.0, offset=0.3, max_drive=180.0, normal_force=0.5, lookup=curve
+    )
+    profile.save(tmp_path / "display.json")
+    assert (tmp_path / "display.lookup.csv").read_text().startswith("voltage,friction_increase\n")
+    profile = DriveProfile.load(tmp_path / "display.json")
+    assert profile.force_range == pytest.approx((0, curve[-1, 1]))
+    force = np.linspace(0, curve[-1, 1], 50)
+    np.testing.assert_allclose(profile.steady_force(profile.steady_drive(force)), force, atol=1e-6)
+    np.testing.assert_allclose(profile.steady_force(-volts), curve[:, 1], atol=1e-12)  # -V pulls as V does
+    response = profile.response(np.array([20.0, 200.0, 1000.0]), 80.0)
+    np.testing.assert_allclose(np.abs(response), 1, atol=0.02)

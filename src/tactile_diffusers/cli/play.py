@@ -1,6 +1,8 @@
-"""`tactile-diffusers play`: the force that a finger would meet along a trajectory."""
+"""`tactile-diffusers play`: the force that a finger would meet along a trajectory, and the drive of a display."""
 
+import json
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,13 @@ from ..signal import DEVICE_RATE, REFERENCE_FORCE
 from .program import Parser, command, existing_file, positive_number, program
 
 SUFFIXES = (".wav", ".npz")
+#: Counts of a 16-bit file at full scale.
+_COUNTS = 2**15 - 1
+
+
+def gain(word):
+    """A factor above zero, or "fit"."""
+    return word if word == "fit" else positive_number(word)
 
 
 def parse_arguments(argv=None):
@@ -23,12 +32,14 @@ def parse_arguments(argv=None):
     add("--input", type=existing_file, required=True, metavar="FILE", help="a texture in any format of this package")
     add("--trajectory", type=existing_file, required=True, metavar="FILE.csv", help="time,position or time,x,y with "
         "this header, in s and mm; at least 17 rows per s")  # fmt: skip
-    add("--output", type=Path, required=True, metavar="FILE", help=".wav with its .wav.json, or .npz with force, "
-        "friction and speed")  # fmt: skip
-    add("--mean_friction", action="store_true", help="write the force on the finger, mean friction included, against "
-        "its motion; without it: friction about its mean, positive = more")  # fmt: skip
-    add("--drive_profile", type=existing_file, metavar="FILE.json", help="of a display: write its drive, V or relative "
-        "amplitude, in place of newtons")  # fmt: skip
+    add("--output", type=Path, required=True, metavar="FILE", help=".npz with time, position, speed, force, friction "
+        "about its mean and, with a profile, drive; or .wav with one of them and a .wav.json beside it")  # fmt: skip
+    add("--mean_friction", action="store_true", help="of a .wav: the force on the finger, mean friction included, "
+        "against its motion; without it: friction about its mean, positive = more")  # fmt: skip
+    add("--drive_profile", type=existing_file, metavar="FILE.json", help="of a display: its drive, V or relative "
+        "amplitude; a .wav of 16 bits holds it as a share of the largest")  # fmt: skip
+    add("--gain", type=gain, default=1.0, metavar="G", help="factor on the friction about its mean, or `fit`: the "
+        "largest, up to 1, that the display's range holds; default: 1")  # fmt: skip
     add("--normal_force", type=positive_number, default=REFERENCE_FORCE, metavar="N",
         help=f"of the finger; default: {REFERENCE_FORCE}")  # fmt: skip
     add("--rate", type=positive_number, default=DEVICE_RATE, metavar="HZ",
@@ -38,6 +49,8 @@ def parse_arguments(argv=None):
         parser.error(f"argument --output: {arguments.output} must end in {' or '.join(SUFFIXES)}")
     if arguments.drive_profile and arguments.mean_friction:
         parser.error("argument --mean_friction: leave it out, a drive has the mean as its bias")
+    if arguments.gain != 1 and not arguments.drive_profile:
+        parser.error("argument --gain: it is of a display's drive, give --drive_profile, too")
     return arguments
 
 
@@ -52,44 +65,71 @@ def main(argv=None):
         if math.isnan(about[name]) and (name == "reference_speed" or arguments.mean_friction):
             raise ValueError(f"{arguments.input} knows no {name}, which --mean_friction or a position needs.")
     time, position = read_trajectory(arguments.trajectory)
-    if arguments.mean_friction and position.ndim == 2 and arguments.output.suffix == ".wav":
+    wav = arguments.output.suffix == ".wav"
+    if arguments.mean_friction and position.ndim == 2 and wav:
         raise ValueError("--mean_friction on a plane is a force of two channels. Write it as .npz.")
     profile = TextureProfile(texture, about["sampling_rate"], about["reference_speed"])
     friction = 0.0 if math.isnan(about["friction_coefficient"]) else about["friction_coefficient"]
     played = play_trajectory(profile, friction, time, position, arguments.rate, arguments.normal_force)
-    values, unit = (played.force if arguments.mean_friction else played.friction), "N"
+    values, unit, display = (played.force if arguments.mean_friction else played.friction), "N", None
     if arguments.drive_profile:
-        values, unit = _drive(arguments.drive_profile, played)
-    _write(arguments.output, values, unit, played, about)
+        values, display = _drive(arguments.drive_profile, played, arguments.gain)
+        unit = display.drive_unit
+    (_write_wav if wav else _write_npz)(arguments.output, values, display, played, about)
+    steps = np.diff(time)
     print(
-        f"{arguments.output}: {len(values) / played.sampling_rate:.2f} s at {played.sampling_rate:g} Hz, peak "
-        f"{np.abs(values).max():.3g} {'of full amplitude' if unit == '1' else unit}; a change of speed is felt "
-        f"{1e3 * played.latency:.0f} ms later"
+        f"{len(time)} reports, {1 / np.median(steps):.0f} Hz, longest gap {1e3 * steps.max():.0f} ms\n"
+        f"{arguments.output}: {len(values) / played.sampling_rate:.2f} s at {played.sampling_rate:g} Hz, the last "
+        f"{1e3 * played.latency:.0f} ms after the last report, because a change of speed is felt so much later; peak "
+        f"{np.abs(values).max():.3g} {'of full amplitude' if unit == '1' else unit}"
     )
 
 
-def _drive(path, played):
+def _drive(path, played, gain):
+    """The drive of a display, and the display; says what was clipped, and the gain at which nothing would be."""
     from ..display import DriveProfile
 
     display = DriveProfile.load(path)
-    drive, report = display.drive(played.friction, played.speed, sampling_rate=played.sampling_rate)
-    if report.clipped:
-        print(report)
-    return drive, display.drive_unit
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of what was clipped so far: the report has the last word
+        drive, report = display.drive(
+            played.friction * (1.0 if gain == "fit" else gain), played.speed, sampling_rate=played.sampling_rate
+        )
+        if gain == "fit" and report.fitting_scale < 1:
+            print(f"gain {report.fitting_scale:.3g}")
+            drive, report = display.drive(
+                played.friction * report.fitting_scale, played.speed, sampling_rate=played.sampling_rate
+            )
+    if gain != "fit" and report.clipped:
+        print(f"{report}: --gain {gain * report.fitting_scale:.3g}, or --gain fit")
+    return drive, display
 
 
-def _write(path, values, unit, played, about):
-    if path.suffix == ".wav" and unit == "N":
+def _write_npz(path, values, display, played, about):
+    from ..io.files import atomic_path
+
+    names = ("time", "position", "speed", "force", "friction", "sampling_rate", "latency")
+    arrays = {name: getattr(played, name) for name in names}
+    if display is not None:
+        arrays |= {"drive": values, "drive_unit": display.drive_unit, "max_drive": display.max_drive}
+    with atomic_path(path) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def _write_wav(path, values, display, played, about):
+    if display is None:
         from ..export.wav import write_wav
 
         known = {name: about[name] for name in ("friction_coefficient", "ratings", "seed", "checkpoint")}
         write_wav(path, values, sampling_rate=played.sampling_rate, **known, subtype="FLOAT")
         return
-    if path.suffix == ".wav":
-        raise ValueError(f"A drive in {unit} is no WAV file of newtons. Write it as .npz.")
-    from ..io.files import atomic_path
+    import soundfile
 
-    name = "drive" if unit != "N" else "force" if values is played.force else "friction"
-    arrays = {name: values, "speed": played.speed, "sampling_rate": played.sampling_rate, "unit": unit}
-    with atomic_path(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, **arrays)
+    from ..export.wav import sidecar_path
+    from ..io.files import atomic_path, write_text
+
+    scale = {"drive_per_count": display.max_drive / _COUNTS, "unit": display.drive_unit, "latency": played.latency}
+    with atomic_path(path) as temporary:
+        samples = np.round(values / scale["drive_per_count"]).astype(np.int16)
+        soundfile.write(temporary, samples, round(played.sampling_rate), subtype="PCM_16", format="WAV")
+    write_text(sidecar_path(path), json.dumps({"sampling_rate": played.sampling_rate, **scale}, indent=1) + "\n")

@@ -1,7 +1,8 @@
 """Files about a display: its profile, and the recording from which a profile is fitted.
 
 A profile is a JSON object with `format` "tactile-drive-profile", `version` 1, `units`, and the arguments of
-`DriveProfile`; `lookup` is the name of a CSV file beside it with the columns amplitude,friction_reduction, or null.
+`DriveProfile`; `lookup` is the name of a CSV file beside it with the columns voltage,friction_increase or
+amplitude,friction_reduction, or null.
 
 A calibration is described at `read_drive_calibration`. The columns of its recording are the commanded drive and the
 force along the sliding direction with its mean, sample by sample while the finger slides.
@@ -36,7 +37,7 @@ def write_profile(path, profile):
         return
     table = path.with_name(f"{path.stem}.lookup.csv")
     content["lookup"] = table.name
-    rows = [",".join(LOOKUP_COLUMNS), *(f"{amplitude!r},{reduction!r}" for amplitude, reduction in profile.lookup)]
+    rows = [",".join(LOOKUP_COLUMNS[profile.kind]), *(f"{drive!r},{change!r}" for drive, change in profile.lookup)]
     with atomic_path(table) as temporary_table, atomic_path(path) as temporary:
         temporary_table.write_text("\n".join(rows) + "\n", encoding="utf-8")
         temporary.write_text(_json(content), encoding="utf-8")
@@ -45,7 +46,7 @@ def write_profile(path, profile):
 def read_profile(path):
     """Arguments of `DriveProfile` from its JSON file, with the errors of `DriveProfile.load`."""
     content = _read_json(path, PROFILE_FORMAT, _PROFILE_KEYS)
-    return {**content, "lookup": _read_lookup(path, content["lookup"])}
+    return {**content, "lookup": _read_lookup(path, content["kind"], content["lookup"])}
 
 
 def read_drive_calibration(path):
@@ -64,7 +65,8 @@ def read_drive_calibration(path):
     """
     content = _read_json(path, CALIBRATION_FORMAT, _CALIBRATION_KEYS)
     command, measured = _read_table(path, "recording", content.pop("recording"), RECORDING_COLUMNS).T
-    return {**content, "command": command, "measured": measured, "lookup": _read_lookup(path, content["lookup"])}
+    lookup = _read_lookup(path, content["kind"], content["lookup"])
+    return {**content, "command": command, "measured": measured, "lookup": lookup}
 
 
 def _units(kind):
@@ -94,8 +96,8 @@ def _read_json(path, form, keys):
     return {key: content[key] for key in keys}
 
 
-def _read_lookup(path, name):
-    return None if name is None else _read_table(path, "lookup", name, LOOKUP_COLUMNS).tolist()
+def _read_lookup(path, kind, name):
+    return None if name is None else _read_table(path, "lookup", name, LOOKUP_COLUMNS[kind]).tolist()
 
 
 def _read_table(path, key, name, columns):

@@ -22,12 +22,12 @@ LOWEST_MAX_GAIN_DB = 3.0
 class DriveProfile:
     """A calibrated friction display: lateral force = offset + low-pass(gain * curve(drive)).
 
-    The curve is drive squared (V^2) for electroadhesion and minus the lookup for ultrasonic vibration; the low-pass is
-    the first-order response of finger and display (Balasubramanian, Pool, Vardar, arXiv 2505.11162), whose corner
-    depends on finger speed and differs much between people. Nothing of this has a default: measure it, for instance
-    with `fit_drive_profile`. It holds at the normal force and the speeds of the measurement. For corners at several
-    speeds fit each and join them: `dataclasses.replace(slow, cutoffs=slow.cutoffs + fast.cutoffs)`.
-    examples/README.md has an example from the sweep to volts under a moving finger.
+    The curve is drive squared (V^2) or its lookup for electroadhesion, and minus the lookup for ultrasonic vibration;
+    the low-pass is the first-order response of finger and display (Balasubramanian, Pool, Vardar, arXiv 2505.11162),
+    whose corner depends on finger speed and differs much between people. Measure it, for instance with
+    `fit_drive_profile`; where it is not known, nothing is inverted. A profile holds at the normal force and the speeds
+    of the measurement. For corners at several speeds fit each and join them: `dataclasses.replace(slow,
+    cutoffs=slow.cutoffs + fast.cutoffs)`. examples/README.md has an example from the sweep to volts under a finger.
 
     The drive is the amplitude that was commanded in the calibration: if the device modulates a carrier, calibrate with
     that carrier.
@@ -36,12 +36,12 @@ class DriveProfile:
         kind (`str`): `"electroadhesion"` (drive in V) or `"ultrasonic"` (relative amplitude, 0-1).
         gain (`float`): N/V^2, or a factor on the lookup (1 = as in the lookup).
         offset (`float`): lateral force without drive, N: the natural friction of finger and display.
-        cutoffs (`Sequence[tuple[float, float]]`): speed in mm/s and corner of the low-pass in Hz, at one or more
-            increasing speeds. Linear between them; held, not extrapolated, outside.
+        cutoffs (`Sequence[tuple[float, float]]`, *optional*): speed in mm/s and corner of the low-pass in Hz, at one
+            or more increasing speeds. Linear between them; held, not extrapolated, outside. `None` = not measured.
         max_drive (`float`): largest drive, V or relative amplitude: the device's limit or the largest one calibrated.
         normal_force (`float`): of the calibration, N.
-        lookup (`Sequence[tuple[float, float]]`, *optional*): ultrasonic only: amplitude (0-1) and friction reduction
-            in N, from (0, 0), both increasing.
+        lookup (`Sequence[tuple[float, float]]`, *optional*): drive (V, or amplitude 0-1) and how much friction it adds
+            or takes away, N, from (0, 0), both increasing. An electroadhesive display may do without.
         max_gain_db (`float`, *optional*, defaults to 12.0): limit of the inverse of the low-pass; 0 = no inverse. At
             12 dB, a factor of 4, the display is flat to within 1 dB up to 3.9 times its corner; textures are 20-40 dB
             weaker at 1 kHz than at 20 Hz, so this much there seldom costs headroom.
@@ -53,9 +53,9 @@ class DriveProfile:
     kind: str
     gain: float
     offset: float
-    cutoffs: tuple
     max_drive: float
     normal_force: float
+    cutoffs: tuple | None = None
     lookup: tuple | None = None
     max_gain_db: float = 12.0
 
@@ -63,9 +63,9 @@ class DriveProfile:
         check_kind(self.kind)
         unit = self.drive_unit
         checked = {
-            "gain": check_number("gain", self.gain, "N/V^2" if unit == "V" else "1", above=0),
+            "gain": check_number("gain", self.gain, "N/V^2" if self.lookup is None else "1", above=0),
             "offset": check_number("offset", self.offset, "N", at_least=0),
-            "cutoffs": check_rows("cutoffs", self.cutoffs, ("speed", "cutoff")),
+            "cutoffs": None if self.cutoffs is None else check_rows("cutoffs", self.cutoffs, ("speed", "cutoff")),
             "max_drive": check_number("max_drive", self.max_drive, unit, above=0),
             "normal_force": check_number("normal_force", self.normal_force, "N", above=0),
             "lookup": check_lookup(self.kind, self.lookup),
@@ -76,7 +76,7 @@ class DriveProfile:
         self._check_limits()
 
     def _check_limits(self):
-        if min(min(row) for row in self.cutoffs) <= 0:
+        if self.cutoffs and min(min(row) for row in self.cutoffs) <= 0:
             raise ValueError(f"`cutoffs` must hold speeds and corners above zero, got {self.cutoffs}.")
         if 0 < self.max_gain_db < LOWEST_MAX_GAIN_DB:
             raise ValueError(
@@ -114,14 +114,14 @@ class DriveProfile:
 
     def steady_drive(self, force):
         """Steady drive for a change of lateral force within `force_range`, N: the inverse of `steady_force`."""
-        if self.kind == "electroadhesion":
-            drive = np.sqrt(np.asarray(force, dtype=np.float64) / self.gain)
-        else:
-            drive = np.interp(-np.asarray(force, dtype=np.float64) / self.gain, *self._inverse_table)
+        change = np.abs(np.asarray(force, dtype=np.float64)) / self.gain
+        drive = np.interp(change, *self._inverse_table) if self.lookup else np.sqrt(change)
         return np.minimum(drive, self.max_drive)  # rounding must not exceed the device
 
     def cutoff(self, speed):
-        """Corner of the low-pass in Hz at finger speeds in mm/s; the shape of `speed`."""
+        """Corner of the low-pass in Hz at finger speeds in mm/s; the shape of `speed`; infinite if it is not known."""
+        if not self.cutoffs:
+            return np.full(np.shape(speed), np.inf)
         speeds, corners = np.transpose(self.cutoffs)
         return np.interp(speed, speeds, corners)
 

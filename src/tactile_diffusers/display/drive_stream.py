@@ -123,8 +123,8 @@ class DriveStream:
         if self._clipped > allowed and not self._warned:
             self._warned = True
             warnings.warn(
-                f"The display cannot make this force: {self.report}. Multiply it by that factor (`fitting_scale` of "
-                "the report), and give friction about its mean, positive = more, as `TextureStream.read_friction` "
+                f"The display cannot make this force: so far {self.report}. Multiply it by `report.fitting_scale` of "
+                "the whole, and give friction about its mean, positive = more, as `TextureStream.read_friction` "
                 "does: `read` gives a force against the motion.",
                 UserWarning,
                 stacklevel=2,

@@ -10,8 +10,8 @@ from ..signal import DEVICE_RATE, REFERENCE_FORCE
 from ..signal.checks import check_number
 from .stream import TextureStream
 
-#: Samples of a block: what a display that follows the finger reads at once (5 ms at 10 kHz).
-_BLOCK_SECONDS = 0.005
+#: What a display that follows the finger reads at once, s.
+_BLOCK_SECONDS = 0.002
 #: Longest trajectory, s.
 LONGEST_SECONDS = 3600.0
 
@@ -25,6 +25,8 @@ class PlayedTrajectory:
             mean friction included.
         friction (`np.ndarray`): (samples,) float32, N, about its mean; positive = more friction.
         speed (`np.ndarray`): (samples,) float32, mm/s, of the finger as the stream follows it.
+        time (`np.ndarray`): (samples,) float64, s, on the clock of the reports.
+        position (`np.ndarray`): (samples,) or (samples, 2) float64, mm, as reported, linear between reports.
         sampling_rate (`float`): Hz.
         latency (`float`): s by which changes of speed are felt later than they are made; see [`TextureStream`].
     """
@@ -32,6 +34,8 @@ class PlayedTrajectory:
     force: np.ndarray
     friction: np.ndarray
     speed: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
     sampling_rate: float
     latency: float
 
@@ -84,7 +88,8 @@ def play_trajectory(
     if not (np.isfinite(time).all() and np.isfinite(position).all() and (np.diff(time) > 0).all()):
         raise ValueError("`time` and `position` must be finite and `time` ascend. Leave out reports without a finger.")
     check_number("time[-1] - time[0]", time[-1] - time[0], "s", at_most=LONGEST_SECONDS)
-    normal_force, time = check_number("normal_force", normal_force, "N", at_least=0), time - time[0]
+    normal_force = check_number("normal_force", normal_force, "N", at_least=0)
+    begun, time = time[0], time - time[0]
     sensor_rate = 1 / float(np.median(np.diff(time)))
     stream = TextureStream(
         profile, friction_coefficient, sensor_rate, sampling_rate, dimensions=position.ndim, **options
@@ -93,9 +98,13 @@ def play_trajectory(
     block, parts, reported = max(1, round(_BLOCK_SECONDS * sampling_rate)), [], 0
     for begin in range(0, count, block):
         samples = min(block, count - begin)
-        due = int(np.searchsorted(time, (begin + samples) / sampling_rate))
+        due = int(np.searchsorted(time, begin / sampling_rate, side="right"))  # no stream knows a report before it
         if due > reported:
             stream.report(time[reported:due], position[reported:due])
             reported = due
         parts.append(stream.read_all(samples, normal_force))
-    return PlayedTrajectory(*map(np.concatenate, zip(*parts, strict=True)), sampling_rate, stream.latency)
+    force, friction, speed = map(np.concatenate, zip(*parts, strict=True))
+    at = np.arange(count) / sampling_rate
+    place = np.stack([np.interp(at, time, axis) for axis in position.reshape(len(time), -1).T], axis=-1)
+    place = place.reshape(count, *position.shape[1:])
+    return PlayedTrajectory(force, friction, speed, begun + at, place, sampling_rate, stream.latency)
