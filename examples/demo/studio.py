@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from settings import Scale, Settings
 
+from tactile_diffusers import DALEModel
 from tactile_diffusers.checkpoints import bundled_checkpoint
 from tactile_diffusers.pipelines import TactileTextureEditPipeline, TactileTexturePipeline
 from tactile_diffusers.search import PreferenceSearch
@@ -18,6 +19,7 @@ from tactile_diffusers.signal import DEVICE_RATE, resample, rms
 
 #: Requests of visitors that are answered by one call, and takes behind the range of what is usual.
 MOST_AT_ONCE, USUAL_TAKES = 8, 16
+NO_DALE = "The checkpoint {} has no `dale`: it reconstructs, it cannot generate."
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,18 +83,24 @@ class Studio:
         self.own = next(iter(self.checkpoints))
         # one call at a time: two at once would each take twice as long; those that wait share the next one
         self._lock, self._waiting, self._guard = threading.Lock(), {}, threading.Lock()
-        self._pipes = {name: _load(folder) for name, folder in self.checkpoints.items()}
+        self._loading = threading.Lock()
+        self._pipes = {self.own: _load(self.checkpoints[self.own])}
         self.scale, self.steps = Scale(self._pipes[self.own].dale.config), self._pipes[self.own].resolve_steps()[0]
-        wrong = [name for name in self._pipes if list(self._pipes[name].dale.config.rating_axes) != self.scale.axes]
-        if wrong:
-            raise ValueError(f"The checkpoint {self.checkpoints[wrong[0]]} has other axes than {self.scale.axes}.")
-        for name in self.checkpoints:  # the first call of anything is slow
-            self.generate((0.0,) * len(self.scale.axes), checkpoint=name)
+        for folder in list(self.checkpoints.values())[1:]:  # the others are loaded when they are first asked for
+            if not Path(folder, "dale").is_dir():
+                raise ValueError(NO_DALE.format(folder))
+            if list(DALEModel.load_config(folder, subfolder="dale")["rating_axes"]) != self.scale.axes:
+                raise ValueError(f"The checkpoint {folder} has other axes than {self.scale.axes}.")
+        self.generate((0.0,) * len(self.scale.axes))  # the first call of anything is slow
 
     def _pipe(self, checkpoint=None):
-        if (checkpoint or self.own) not in self._pipes:
-            raise ValueError(f"There is no checkpoint {checkpoint!r}; there are {list(self._pipes)}.")
-        return self._pipes[checkpoint or self.own]
+        name = checkpoint or self.own
+        if name not in self.checkpoints:
+            raise ValueError(f"There is no checkpoint {name!r}; there are {list(self.checkpoints)}.")
+        with self._loading:
+            if name not in self._pipes:
+                self._pipes[name] = _load(self.checkpoints[name])
+        return self._pipes[name]
 
     def generate(self, ratings, settings=None, checkpoint=None):
         """A texture of ratings.
@@ -201,7 +209,7 @@ class Studio:
 def _load(folder):
     pipe = TactileTexturePipeline.from_pretrained(folder)
     if pipe.dale is None:
-        raise ValueError(f"The checkpoint {folder} has no `dale`: it reconstructs, it cannot generate.")
+        raise ValueError(NO_DALE.format(folder))
     pipe.set_progress_bar_config(disable=True)
     return pipe
 

@@ -12,8 +12,9 @@ from downloads import FORMATS, is_map, write_files
 from edit_tab import ACTIONS
 from settings import Settings
 from strip import strip_page, strip_value
+from studio import Studio
 
-from tactile_diffusers import export
+from tactile_diffusers import bundled_checkpoint, export
 from tactile_diffusers.playback import TextureProfile
 from tactile_diffusers.signal import rms
 
@@ -125,3 +126,17 @@ def test_a_search_goes_where_the_answers_point(studio):
     assert point[0] > 0.3
     [texture] = studio.textures_of(search, [point])
     assert texture.ratings[:2] == pytest.approx(tuple(point)) and np.isnan(texture.ratings[2])
+
+
+def test_adapted_checkpoints_are_checked_at_the_start_and_loaded_when_asked_for(tmp_path, make_pipeline):
+    (tmp_path / "mine").symlink_to(bundled_checkpoint())
+    studio = Studio(surfaces=[tmp_path / "mine"])
+    assert list(studio.checkpoints)[1] == "mine" and list(studio._pipes) == [studio.own]
+    assert studio.generate(RATINGS, checkpoint="mine").checkpoint == "mine" and "mine" in studio._pipes
+    for name, options, error in (
+        ("axes", {"dale_config": {"rating_axes": ["a", "b", "c"]}}, ValueError),
+        ("none", {"dale": False}, OSError),
+    ):
+        make_pipeline(**options).save_pretrained(str(tmp_path / name))
+        with pytest.raises(error, match="other axes|dale"):
+            Studio(surfaces=[tmp_path / name])
