@@ -133,10 +133,7 @@ def test_adapted_checkpoints_are_checked_at_the_start_and_loaded_when_asked_for(
     studio = Studio(surfaces=[tmp_path / "mine"])
     assert list(studio.checkpoints)[1] == "mine" and list(studio._pipes) == [studio.own]
     assert studio.generate(RATINGS, checkpoint="mine").checkpoint == "mine" and "mine" in studio._pipes
-    for name, options, error in (
-        ("axes", {"dale_config": {"rating_axes": ["a", "b", "c"]}}, ValueError),
-        ("none", {"dale": False}, OSError),
-    ):
+    for name, options in (("axes", {"dale_config": {"rating_axes": ["a", "b", "c"]}}), ("none", {"dale": False})):
         make_pipeline(**options).save_pretrained(str(tmp_path / name))
-        with pytest.raises(error, match="other axes|dale"):
+        with pytest.raises(ValueError, match="has other axes|has no `dale`"):
             Studio(surfaces=[tmp_path / name])
