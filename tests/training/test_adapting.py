@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,12 +13,19 @@ from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli import adapt as command
 from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.data.dataset import PreparedDataset
-from tactile_diffusers.models.calibration import scalar_shift
-from tactile_diffusers.training import adapting, decoder_fit
+from tactile_diffusers.models.calibration import own_calibration, products, scalar_shift
+from tactile_diffusers.training import adapting, decoder_fit, recalibration
 from tactile_diffusers.training.adapting import adapt, trains_decoder
 from tactile_diffusers.training.decoder_fit import DecoderFit
 from tactile_diffusers.training.loop import Trainer
-from tactile_diffusers.training.recalibration import Recalibration, Surfaces, explain, generate_surfaces, recalibrate
+from tactile_diffusers.training.recalibration import (
+    Recalibration,
+    Surfaces,
+    explain,
+    generate_surfaces,
+    generate_trusting,
+    recalibrate,
+)
 from tactile_diffusers.training.verdict import Errors
 
 SHORT = {"train_batch_size": 4, "lr_warmup_steps": 1, "checkpointing_steps": 2, "validation_steps": 2}
@@ -51,41 +59,56 @@ def lab(dale):
 
 class TestExplanation:
     def test_no_difference_is_no_shift(self):
-        offset, slopes = explain(np.zeros((10, 4)), np.random.default_rng(0).normal(size=(10, 3)), np.ones(4))
-        assert not offset.any() and not slopes.any()
+        inputs = np.random.default_rng(0).normal(size=(10, 3))
+        assert not any(part.any() for part in explain(np.zeros((10, 4)), inputs, inputs, np.ones(4)))
 
     def test_noise_moves_far_less_than_its_mean(self):
         rng = np.random.default_rng(0)
         noise = rng.normal(size=(3, 20))
-        offset, _ = explain(noise, rng.normal(size=(3, 3)), np.ones(20))
+        offset = explain(noise, rng.normal(size=(3, 3)), rng.normal(size=(3, 6)), np.ones(20))[0]
         # three surfaces of the pretrained world: their mean is off by 1 / sqrt(3)
         assert np.abs(offset).mean() < 0.5 * np.abs(noise.mean(0)).mean()
 
     def test_a_large_shift_is_found_by_few_surfaces(self):
         rng = np.random.default_rng(0)
-        offset, _ = explain(3.0 + 0.5 * rng.normal(size=(5, 20)), rng.normal(size=(5, 3)), np.ones(20))
+        differences = 3.0 + 0.5 * rng.normal(size=(5, 20))
+        offset = explain(differences, rng.normal(size=(5, 3)), np.zeros((5, 0)), np.ones(20))[0]
         assert offset.mean() == pytest.approx(3.0, abs=0.3)  # 0.5 / sqrt(5 x 20), and what slopes take
 
-    def test_slopes_are_found_by_many(self):
+    def test_slopes_and_curves_are_found_by_many(self):
         rng = np.random.default_rng(0)
-        inputs, slopes = rng.normal(size=(200, 3)), rng.normal(size=(3, 5))
-        found = explain(1.0 + inputs @ slopes + 0.5 * rng.normal(size=(200, 5)), inputs, np.ones(5))[1]
-        assert np.allclose(found, slopes, atol=0.15)  # four standard errors of 0.5 / sqrt(200)
+        inputs, slopes, curves = rng.normal(size=(200, 3)), rng.normal(size=(3, 5)), 0.3 * rng.normal(size=(6, 5))
+        pairs = products(torch.from_numpy(inputs)).numpy()
+        differences = 1.0 + inputs @ slopes + pairs @ curves + 0.5 * rng.normal(size=(200, 5))
+        found = explain(differences, inputs, pairs, np.ones(5))
+        assert np.allclose(found[1], slopes, atol=0.15)  # four standard errors of 0.5 / sqrt(200)
+        assert np.allclose(found[2], curves, atol=0.15)
+
+    def test_what_is_left_of_each_surface_is_as_if_it_had_been_left_out(self, monkeypatch):
+        monkeypatch.setattr(recalibration, "OFFSETS", (0.8,))  # else the others change the weights of the priors
+        monkeypatch.setattr(recalibration, "SLOPES", (0.4,))
+        monkeypatch.setattr(recalibration, "RESIDUALS", np.array([1.0]))
+        rng = np.random.default_rng(0)
+        inputs, differences, none, unit = rng.normal(size=(7, 3)), rng.normal(size=(7, 2)), np.zeros((7, 0)), np.ones(2)
+        offset, slopes, _, _ = explain(differences[1:], inputs[1:], none[1:], unit)
+        left = explain(differences, inputs, none, unit)[3][0]
+        assert np.allclose(left, differences[0] - offset - inputs[0] @ slopes, atol=1e-9)  # float64
 
 
 class TestRecalibration:
     def test_the_same_world_stays(self, dale, lab):
-        change = recalibrate(dale, lab(seed=1), lab(seed=2))
+        change = recalibrate(dale, lab(seed=1), {1.0: lab(seed=2)})
         ratings = np.zeros((1, 3))
         moved = change.moved(np.zeros((1, dale.num_scalars)), ratings)
         assert np.abs(moved).max() < 0.15 and np.abs(change.slopes).max() < 0.15  # noise of 8 takes of 40 surfaces
-        # the spread of 320 numbers that are drawn in 40 groups is known within 4 %, here at three times that
-        assert np.allclose(change.factor, 1, atol=0.13) and np.allclose(change.shapes[1], 1, atol=0.05)
+        assert not change.moves_spectra and "stay as they were" in change.words()
+        # the spread of 320 numbers that are drawn in 40 groups is known within 4 %, here at four times that
+        assert np.allclose(change.factor, 1, atol=0.16) and np.allclose(change.shapes[1], 1, atol=0.05)
 
     def test_a_shifted_world_is_recovered(self, dale, lab):
         shift = np.linspace(-1, 1, dale.num_scalars)
         real = lab(seed=1, change=lambda scalars, ratings: scalars * 1.3 + shift + 0.5 * ratings[:, :1])
-        change = recalibrate(dale, real, generated := lab(seed=2))
+        change = recalibrate(dale, real, {1.0: (generated := lab(seed=2))})
         made = dale.split_scalars(generated.states)[1].double().numpy()
         moved = generated.mean(change.moved(made, generated.ratings[generated.owners]))
         wanted = real.mean(dale.split_scalars(real.states)[1].double().numpy())
@@ -95,7 +118,7 @@ class TestRecalibration:
     def test_unknown_friction_is_untouched(self, dale, lab):
         real = lab(seed=1, change=lambda scalars, _: scalars + 2.0)
         real.knows_friction[:] = False
-        change = recalibrate(dale, real, lab(seed=2))
+        change = recalibrate(dale, real, {1.0: lab(seed=2)})
         assert change.offset[-1] == 0 and not change.slopes[:, -1].any() and change.factor[-1] == 1
         assert change.offset[-2] == pytest.approx(2.0, abs=0.3)
 
@@ -103,13 +126,13 @@ class TestRecalibration:
     def test_sliders_that_nobody_rated_stay(self, dale, lab, unrated):
         real = lab(seed=1, change=lambda scalars, ratings: scalars + 2.0 + ratings[:, 1:2])
         real.ratings[:, unrated] = np.nan
-        change = recalibrate(dale, real, lab(seed=2))
+        change = recalibrate(dale, real, {1.0: lab(seed=2)})
         assert not change.slopes[unrated].any() and change.offset.mean() > 1.5
 
     def test_a_rating_left_out_changes_little(self, dale, lab):
-        change, real = recalibrate(dale, lab(seed=1), lab(seed=2)), lab(seed=1)
+        change, real = recalibrate(dale, lab(seed=1), {1.0: lab(seed=2)}), lab(seed=1)
         real.ratings[3, 1] = np.nan
-        holes = recalibrate(dale, real, lab(seed=2))
+        holes = recalibrate(dale, real, {1.0: lab(seed=2)})
         assert np.isfinite(holes.slopes).all() and np.abs(holes.offset - change.offset).max() < 0.1
 
 
@@ -118,7 +141,47 @@ def _change(dale, rng, axes=3):
     learned = dale.latent_channels - bands - dale.config.envelope_channels
     shapes = np.zeros(learned), np.ones(learned), np.ones(bands)
     offset, slopes, factor = rng.normal(size=size), rng.normal(size=(axes, size)), np.exp(0.1 * rng.normal(size=size))
-    return Recalibration(offset, slopes, factor, np.array([0.5, 0.0, 0.0]), np.eye(axes) + 0.3, axes, shapes)
+    curves = 0.3 * rng.normal(size=(axes * (axes + 1) // 2, size))
+    ratings = np.array([0.5, 0.0, 0.0]), np.eye(axes) + 0.3, axes
+    return Recalibration(1.0, True, offset, slopes, curves, factor, *ratings, shapes)
+
+
+class TestTrust:
+    """The networks see a share of the ratings."""
+
+    def test_less_of_a_mapping_that_is_wrong(self, dale, lab):
+        """A world that follows its ratings the other way round, in waves: no slope on top can mend that."""
+        own = np.random.default_rng(7).normal(size=(3, dale.num_scalars)) * 0.4  # as `lab` has it
+
+        def waves(share):
+            return lambda scalars, ratings: scalars - ratings @ own + 3 * np.sin(4 * share * ratings[:, :1])
+
+        real = lab(seed=1, change=lambda scalars, ratings: scalars - ratings @ own)
+        generated = {share: lab(seed=2, change=waves(share)) for share in recalibration.TRUSTS}
+        generated[0.25] = lab(seed=2, change=lambda scalars, ratings: scalars - 0.75 * ratings @ own)
+        change = recalibrate(dale, real, generated)
+        assert change.trust == 0.25 and "networks see only 25%" in change.words()
+
+    def test_no_less_than_surfaces_left_out_clearly_ask_for(self, dale, lab):
+        real = lab(count=5, seed=1, change=lambda scalars, ratings: scalars + 3.0)
+        change = recalibrate(dale, real, {trust: lab(count=5, seed=2) for trust in recalibration.TRUSTS})
+        assert change.trust == 1 and change.moves_spectra  # all shares do as well: the pretrained mapping stays
+
+    def test_the_networks_see_the_share_and_the_shift_all(self, pipe):
+        ratings, dale = np.array([[0.5, -0.3, 1.0], [1.0, 0.2, -0.4]]), pipe.dale
+        change = replace(_change(dale, np.random.default_rng(0)), trust=0.5)
+        given = dict(dale.config)
+        halves = generate_surfaces(dale, pipe.dale_scheduler, 0.5 * ratings, 3, 2).states
+        trusting = generate_trusting(dale, pipe.dale_scheduler, ratings, 3, 2)
+        assert dict(dale.config) == given and list(trusting) == list(recalibration.TRUSTS)
+        assert torch.allclose(trusting[0.5].states, halves, atol=1e-5)  # float32
+        wanted = change.moved(dale.split_scalars(halves)[1].double().numpy(), np.repeat(ratings, 3, axis=0))[:, -2]
+        wanted = wanted * dale.config.level_std + dale.config.level_mean
+        change.apply(dale)
+        level = dale.unpack(generate_surfaces(dale, pipe.dale_scheduler, ratings, 3, 2).states)[1]
+        assert np.allclose(level, wanted, atol=1e-4)
+        change.apply(dale)  # once more: the networks see half of the half
+        assert dale.config.calibration["trust"] == 0.25
 
 
 class TestCalibratedModel:
@@ -142,7 +205,8 @@ class TestCalibratedModel:
         found = scalar_shift(dale.config, torch.tensor([[1.0, nan, nan], [nan, nan, nan]]))
         share = 0.3 / 1.3  # of what the known axis is above its mean
         expected = np.array([[1.0, share * 0.5, share * 0.5], [0.5, 0.0, 0.0]])
-        assert np.allclose(found, (change.offset + expected @ change.slopes) / change.factor, atol=1e-5)
+        curved = products(torch.from_numpy(expected)).numpy() @ change.curves
+        assert np.allclose(found, (change.offset + expected @ change.slopes + curved) / change.factor, atol=1e-5)
 
     def test_it_is_saved_and_loaded(self, pipe, tmp_path):
         _change(pipe.dale, np.random.default_rng(0)).apply(pipe.dale)
@@ -154,11 +218,24 @@ class TestCalibratedModel:
         assert np.allclose(ours.textures, theirs.textures, rtol=0, atol=2e-8)
 
     def test_refusals(self, make_dale):
+        dale = make_dale()
         with pytest.raises(ValueError, match="`calibration` must hold"):
             make_dale(calibration={"offset": [0.0] * 2})
         wrong = {"offset": [0.0], "slopes": [[0.0, 0.0]] * 3, "centre": [0.0] * 3, "covariance": [[1.0] * 3] * 3}
         with pytest.raises(ValueError, match="`offset` must be finite numbers of shape"):
             make_dale(calibration=wrong)
+        right = own_calibration(dale.config, dale.num_scalars)
+        with pytest.raises(ValueError, match="`curves` must be finite numbers of shape"):
+            make_dale(calibration=right | {"curves": right["curves"][:5]})
+        with pytest.raises(ValueError, match="`calibration` must hold"):
+            make_dale(calibration=right | {"further": 0.0})
+
+    def test_a_calibration_without_curves_and_trust_is_read(self, make_dale):
+        """As the first version wrote it."""
+        dale = make_dale()
+        right = own_calibration(dale.config, dale.num_scalars)
+        first = {name: right[name] for name in ("offset", "slopes", "centre", "covariance")}
+        assert not scalar_shift(make_dale(calibration=first).config, torch.ones(1, 3)).any()
 
 
 class TestWords:

@@ -75,10 +75,11 @@ def test_a_new_axis_is_known_but_does_nothing_yet(grown, tmp_path):
 @torch.no_grad()
 def test_its_slope_is_found_and_an_open_axis_changes_nothing(plain, grown, rated):
     real, made = _world(grown, rated.mean, 1.5, 1), _world(grown, rated.mean, 0.0, 2)
-    change = recalibrate(grown, real, made)
+    change = recalibrate(grown, real, {1.0: made})
     # 60 surfaces of 8 takes: four standard errors are 0.2, and shrinkage takes a part
     assert change.slopes[3, 0] == pytest.approx(1.5, abs=0.3) and np.abs(change.slopes[3, 1:]).max() < 0.3
-    three = recalibrate(plain, *(replace(one, ratings=one.ratings[:, :3]) for one in (real, made)))
+    real, made = (replace(one, ratings=one.ratings[:, :3]) for one in (real, made))
+    three = recalibrate(plain, real, {1.0: made})
     change.apply(grown)
     three.apply(plain)
     asked = torch.tensor([[0.5, torch.nan, -1.0, torch.nan], [0.5, torch.nan, -1.0, 2.0]])

@@ -7,22 +7,43 @@ A network that was trained on x0 knows x0 + d, too: at the angle phi its sample 
 import numpy as np
 import torch
 
+from .rating_statistics import RatingStatistics
 
-def check_calibration(calibration, scalars, axes):
+
+def check_calibration(calibration, scalars, axes, seen):
     """Raises a `ValueError` unless `calibration` is `None`, or a dict of numbers that fit scalars and axes.
 
     Its entries: "offset" (scalars,) and "slopes" (axes, scalars) of one z-score, in standard deviations of the scalars;
-    "centre" (axes,) and "covariance" (axes, axes) of the ratings that it was found on.
+    "centre" (axes,) and "covariance" (axes, axes) of the ratings that it was found on. Where the surfaces ask for it,
+    "curves" (pairs, scalars), over the products of the `seen` axes that the networks know (`products`), and "trust",
+    the share of each rating that the networks see.
     """
     if calibration is None:
         return
+    pairs = seen * (seen + 1) // 2
     shapes = {"offset": (scalars,), "slopes": (axes, scalars), "centre": (axes,), "covariance": (axes, axes)}
-    if set(calibration) != set(shapes):
+    further = {"curves": (pairs, scalars), "trust": ()}
+    if not set(shapes) <= set(calibration) <= set(shapes | further):
         raise ValueError(f"`calibration` must hold {sorted(shapes)}, got {sorted(calibration)}.")
-    for name, shape in shapes.items():
-        values = np.array(calibration[name], dtype=np.float64)  # models are built without memory, too
+    for name, values in calibration.items():
+        shape, values = (shapes | further)[name], np.array(values, dtype=np.float64)  # models are built without memory
         if values.shape != shape or not np.isfinite(values).all():
             raise ValueError(f"`calibration`: `{name}` must be finite numbers of shape {shape}, got {values.shape}.")
+
+
+def own_calibration(config, scalars):
+    """The entries of DALE's config, all of them: a copy, or those that change nothing."""
+    statistics, axes = RatingStatistics.from_config(config), len(config.rating_axes)
+    count = config.network_axes or axes
+    nothing = {
+        "offset": [0.0] * scalars,
+        "slopes": [[0.0] * scalars] * axes,
+        "curves": [[0.0] * scalars] * (count * (count + 1) // 2),
+        "trust": 1.0,
+        "centre": [0.0] * axes if statistics.centre is None else list(statistics.centre),
+        "covariance": np.eye(axes).tolist() if statistics.covariance is None else list(statistics.covariance),
+    }
+    return nothing | (config.calibration or {})
 
 
 def check_network_axes(count, axes, calibration):
@@ -45,13 +66,20 @@ def scalar_shift(config, ratings):
     if config.calibration is None:
         return None
     count = config.network_axes or len(config.rating_axes)
-    values = (config.calibration[name] for name in ("offset", "slopes", "centre", "covariance"))
-    offset, slopes, centre, covariance = (torch.tensor(v, dtype=torch.float32, device=ratings.device) for v in values)
+    found = {name: torch.tensor(v, device=ratings.device).float() for name, v in config.calibration.items()}
     ratings = ratings.float()
     limits = (config.rating_statistics or {}).get("range")
     if limits is not None:
         ratings = ratings.clamp(*torch.tensor(limits, device=ratings.device).unbind(-1))
-    return offset + calibration_inputs(ratings, centre, covariance, count) @ slopes
+    inputs = calibration_inputs(ratings, found["centre"], found["covariance"], count)
+    shift = found["offset"] + inputs @ found["slopes"]
+    return shift + products(inputs[:, :count]) @ found["curves"] if "curves" in found else shift
+
+
+def products(inputs):
+    """Of each axis with itself, less 1, and with each later one: (batch, axes) -> (batch, axes (axes + 1) / 2)."""
+    rows, columns = torch.triu_indices(inputs.shape[1], inputs.shape[1], device=inputs.device)
+    return inputs[:, rows] * inputs[:, columns] - (rows == columns).to(inputs)
 
 
 def calibration_inputs(ratings, centre, covariance, count):
@@ -65,17 +93,17 @@ def calibration_inputs(ratings, centre, covariance, count):
 
 
 def network_ratings(config, ratings):
-    """Ratings (batch, axes) of the axes that DALE's networks know, (batch, network_axes).
+    """What DALE's networks see of ratings (batch, axes): a share of those of the axes that they know.
 
-    Where one is asked that they do not know, an open one counts as it is expected to be then.
+    (batch, network_axes). Where one is asked that they do not know, an open one counts as it is expected to be then.
     """
-    count = config.network_axes
+    count, trust = config.network_axes, (config.calibration or {}).get("trust", 1.0)
     if count is None or count == ratings.shape[1]:
-        return ratings
+        return ratings * trust
     centre, covariance = (torch.tensor(config.calibration[n]).to(ratings) for n in ("centre", "covariance"))
     expected = expected_ratings(ratings, centre, covariance)[:, :count]
     known, asked = ratings[:, :count], ~ratings[:, count:].isnan().all(1, keepdim=True)
-    return torch.where(known.isnan() & asked, expected, known)
+    return trust * torch.where(known.isnan() & asked, expected, known)
 
 
 def expected_ratings(ratings, centre, covariance):

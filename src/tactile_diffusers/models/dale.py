@@ -158,8 +158,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         if scalar_width is not None and distilled_steps != 1:
             raise ValueError(f"`scalar_width` needs `distilled_steps` = 1, got {distilled_steps}: there is one step.")
         RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
-        check_calibration(calibration, scalars, len(rating_axes))
         seen = check_network_axes(network_axes, rating_axes, calibration)
+        check_calibration(calibration, scalars, len(rating_axes), seen)
         self.gradient_checkpointing = False
         self.time_embedder = TimestepEmbedder(embedding_dim, num_train_timesteps)
         self.rating_embedder = RatingEmbedder(seen, rating_dim)

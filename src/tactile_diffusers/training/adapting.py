@@ -18,7 +18,7 @@ from .dale_data import encode_dataset, mean_and_std, training_states
 from .decoder_fit import LEAST_SURFACES, judge_decoder, train_decoder
 from .launch import make_accelerator, training_parser
 from .new_axes import add_axes, carried_words
-from .recalibration import TAKES, Surfaces, generate_surfaces, recalibrate, scalars_of, spectra_db
+from .recalibration import TAKES, Surfaces, generate_trusting, recalibrate, scalars_of, spectra_db
 from .record import surfaces_of, write_record
 from .verdict import Errors, verdict_of
 
@@ -80,8 +80,7 @@ def adapt(pipe, dataset, output_dir, args=None, **options):
     say(*lines, sep="\n")
     judged = judge_recalibration(lab)
     say(judged["zero-shot"].words("As it is, the given checkpoint"))
-    lab.recalibrate(pipe.dale)
-    verdict = verdict_of(judged)
+    verdict = f"{verdict_of(judged)} {lab.recalibrate(pipe.dale)}"
     if trains_decoder(pipe, lab, decoder, args.fine_tuning):
         verdict += " " + train_decoder(pipe, dataset, args, accelerator)
     else:
@@ -134,24 +133,24 @@ def check_adaptable(pipe, dataset):
 
 @dataclass(frozen=True, eq=False)
 class Lab:
-    """A lab's surfaces, what the pretrained DALE generates from their ratings, and how it is sampled."""
+    """A lab's surfaces, and what the pretrained DALE generates from shares of their ratings."""
 
     pipe: object
     dataset: object
     real: Surfaces
-    generated: Surfaces
+    generated: dict
     new_axes: list
 
     @classmethod
     def read(cls, pipe, dataset, args):
-        """Encodes the recordings and generates as many textures again, 32 of each surface."""
+        """Encodes the recordings and generates 32 textures of each surface, for each share of its ratings."""
         new_axes = []
         if set(dataset.rating_axes) - set(pipe.dale.config.rating_axes):
             new_axes = add_axes(pipe.dale, dataset.set_axes().ratings, np.unique(dataset.surface_ids))
         dataset.set_axes(pipe.dale.config.rating_axes)
         real = _packed(pipe.dale, dataset, encode_dataset(pipe, dataset, args.quiet))
         steps = pipe.resolve_steps()[1]
-        generated = generate_surfaces(pipe.dale.eval(), pipe.dale_scheduler, real.ratings, TAKES, steps, args.seed)
+        generated = generate_trusting(pipe.dale.eval(), pipe.dale_scheduler, real.ratings, TAKES, steps, args.seed)
         return cls(pipe, dataset, real, generated, new_axes)
 
     @cached_property
@@ -162,18 +161,20 @@ class Lab:
     @cached_property
     def given_errors(self):
         """Errors of the given checkpoint, dB: (n,)."""
-        dale = self.pipe.dale
-        return np.abs(self.generated.mean(spectra_db(dale, scalars_of(dale, self.generated))) - self.real_db).mean(1)
+        dale, given = self.pipe.dale, self.generated[1.0]
+        return np.abs(given.mean(spectra_db(dale, scalars_of(dale, given))) - self.real_db).mean(1)
 
     def recalibrate(self, dale):
-        """Recalibrates the pretrained DALE, and tells it the scale and the speed of the lab."""
-        recalibrate(dale, self.real, self.generated).apply(dale)
+        """Recalibrates the pretrained DALE, and tells it the scale and the speed of the lab; says what changed."""
+        change = recalibrate(dale, self.real, self.generated)
+        change.apply(dale)
         statistics, ratings = dict(dale.config.rating_statistics or {}), self.dataset.ratings
         for name, values in (("mean", ratings.raw_mean), ("std", ratings.raw_scale)):
             if statistics and np.isfinite(values).all():
                 statistics[name] = np.asarray(values, float).tolist()
         speed = mean_and_std(self.dataset.speeds)[0] or dale.config.reference_speed
         dale.register_to_config(rating_statistics=statistics, reference_speed=speed)
+        return change.words()
 
     def what_is_adapted(self):
         """Lines on surfaces and ratings, and on what they leave as it is."""
@@ -225,15 +226,15 @@ def _packed(dale, dataset, latents):
 def judge_recalibration(lab):
     """Errors with each surface left out: `{"zero-shot", "recalibrated", "ridge", "mean spectrum": Errors}`."""
     dale, count, ratings, real = lab.pipe.dale, len(lab.real), lab.real.ratings, lab.real_db
-    made = scalars_of(dale, lab.generated)
-    made_ratings = ratings[lab.generated.owners]
     found = {name: np.empty_like(real) for name in ("recalibrated", "ridge", "mean spectrum")}
     parts = np.random.default_rng(0).permutation(count) % min(FOLDS, count)
     filled = np.nan_to_num(ratings)
     for part in np.unique(parts):
         out, kept = np.flatnonzero(parts == part), np.flatnonzero(parts != part)
-        change = recalibrate(dale, lab.real.keep(kept), lab.generated.keep(kept))
-        found["recalibrated"][out] = lab.generated.mean(spectra_db(dale, change.moved(made, made_ratings)))[out]
+        change = recalibrate(dale, lab.real.keep(kept), {t: made.keep(kept) for t, made in lab.generated.items()})
+        made = lab.generated[change.trust].keep(out)
+        moved = change.moved(scalars_of(dale, made), made.ratings[made.owners])
+        found["recalibrated"][out] = made.mean(spectra_db(dale, moved))
         found["ridge"][out] = Ridge(1.0).fit(filled[kept], real[kept]).predict(filled[out])
         found["mean spectrum"][out] = real[kept].mean(0)
     errors = {"zero-shot": lab.given_errors} | {name: np.abs(v - real).mean(1) for name, v in found.items()}

@@ -7,6 +7,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from ..data.ratings import check_axes, rating_quantiles
+from ..models.calibration import own_calibration
 from ..models.rating_statistics import RatingStatistics
 from ..signal import coverage_distance
 
@@ -39,16 +40,12 @@ def add_axes(dale, ratings, surfaces):
     values, count = taken.mean[surfaces].astype(np.float64), len(known)
     statistics = RatingStatistics.from_config(dale.config)
     centre, covariance = _grown(statistics, values, count)
-    earlier = dale.config.calibration or {
-        "offset": [0.0] * dale.num_scalars,
-        "slopes": [[0.0] * dale.num_scalars] * count,
-    }
+    earlier = own_calibration(dale.config, dale.num_scalars)
     slopes = [*earlier["slopes"], *[[0.0] * dale.num_scalars] * len(new)]
-    calibration = {"offset": earlier["offset"], "slopes": slopes}
     dale.register_to_config(
         rating_axes=(*known, *new),
         network_axes=dale.config.network_axes or count,
-        calibration=calibration | {"centre": centre.tolist(), "covariance": covariance.tolist()},
+        calibration=earlier | {"slopes": slopes, "centre": centre.tolist(), "covariance": covariance.tolist()},
         rating_statistics=_statistics(statistics, taken, values, count, centre, covariance),
     )
     return new

@@ -1,9 +1,13 @@
 """Recalibration in closed form: what a pretrained DALE gets wrong of a lab's surfaces, as entries of its config.
 
 The numbers of a whole texture (`DALEModel.split_scalars`) are compared, surface by surface, with what DALE generates
-from the surface's ratings. What differs is explained by an offset and slopes over the ratings. Both have a Gaussian
-prior around 0, the pretrained mapping; how wide it is, the evidence of all numbers of a group says (empirical Bayes).
-With few surfaces, or no difference, nothing moves; with many it is a regression of the surfaces themselves.
+from the surface's ratings. What differs is explained by an offset, slopes over the ratings and over their products. All
+have a Gaussian prior around 0, the pretrained mapping; how wide it is, the evidence of each number says (empirical
+Bayes). With few surfaces, or no difference, nothing moves; with many it is a regression of the surfaces themselves.
+
+Slopes on top of a mapping cannot take away what it gets wrong of its own curves and mixtures. So the same is tried with
+networks that see only a share of the ratings. What is taken is nearest to the pretrained mapping of all that surfaces
+left out do not clearly speak against: mean spectra as they are, then shifted, then shifted from ever smaller shares.
 """
 
 import itertools
@@ -12,18 +16,24 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from scipy import stats
+from scipy.special import softmax
 
-from ..models.calibration import calibration_inputs, expected_ratings
+from ..models.calibration import calibration_inputs, expected_ratings, own_calibration, products
 from ..models.dale_state import cosines
 from ..models.rating_statistics import RatingStatistics
 from ..models.unet_1d import from_patches
 
 #: Textures that are generated for each surface.
 TAKES = 32
+#: Shares of the ratings that the networks see, of which the best is taken.
+TRUSTS = (1.0, 0.75, 0.5, 0.25)
 #: Standard deviations of the priors of offsets and slopes, and of what is left between surfaces, in those of generated
-#: textures of the same ratings. The largest is for sensors with another unit.
+#: textures of the same ratings; of the slopes over products, as a share of those over ratings. The largest offset is
+#: for sensors with another unit.
 OFFSETS, SLOPES = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 12.8), (0.0, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2)
-RESIDUALS = (0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2)
+RESIDUALS = np.array([0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2])
+CURVES = (0.0, 0.3)
 #: As how many surfaces the pretrained model counts: its spreads over textures, its shapes within textures, its ratings.
 SPREAD_SURFACES, SHAPE_SURFACES, RATING_SURFACES = 10, 3, 4
 #: Spreads and shapes change by this factor at most.
@@ -79,6 +89,17 @@ def generate_surfaces(dale, scheduler, ratings, takes, steps, seed=0, batch=64):
     return Surfaces(torch.cat(made), np.repeat(np.arange(len(ratings)), takes), ratings, np.ones(len(rows), bool))
 
 
+def generate_trusting(dale, *args, **options):
+    """For each of `TRUSTS` what DALE generates if its networks see that share of the ratings: dict of `Surfaces`."""
+    given, found = dale.config.calibration, {}
+    own = own_calibration(dale.config, dale.num_scalars)
+    for trust in TRUSTS:
+        dale.register_to_config(calibration=given if trust == 1 else own | {"trust": trust * own["trust"]})
+        found[trust] = generate_surfaces(dale, *args, **options)
+    dale.register_to_config(calibration=given)
+    return found
+
+
 def scalars_of(dale, surfaces):
     """The numbers of whole textures, (m, num_scalars) float64; an unknown log friction coefficient is NaN."""
     values = dale.split_scalars(surfaces.states)[1].double().numpy()
@@ -97,30 +118,36 @@ def spectra_db(dale, scalars):
     return 10 / math.log(10) * log_power
 
 
-def groups_of(dale):
-    """Columns of the scalars that share a prior: spectrum and level, variation over time, friction."""
-    levels, sizes = dale.config.level_channels, dale.num_sizes
-    groups = [*range(levels), levels + sizes], list(range(levels, levels + sizes)), [levels + sizes + 1]
-    return [np.array(columns) for columns in groups if columns]
+def explain(differences, inputs, pairs, scale):
+    """What explains differences (n, k) of surfaces with inputs (n, axes) and products of them (n, pairs).
 
+    Means of the posteriors under all priors, weighed by the evidence that each number, and the mean of all, gives them;
+    `scale` (k,) brings the numbers to one unit.
 
-def explain(differences, inputs, scale):
-    """Offset (k,) and slopes (axes, k) that explain differences (n, k) of surfaces with inputs (n, axes).
-
-    Means of the posteriors under all priors, weighed by their evidence; `scale` (k,) brings the numbers to one unit.
+    Returns:
+        `tuple`: offset (k,), slopes (axes, k), curves (pairs, k), and what each surface differs from what the others
+        let expect (n, k).
     """
-    targets, alike, rest = differences / scale, inputs @ inputs.T, np.eye(len(inputs))
-    evidence, offsets, slopes = [], [], []
-    for offset, slope, residual in itertools.product(OFFSETS, SLOPES, RESIDUALS):
-        covariance = offset**2 + slope**2 * alike + residual**2 * rest
-        solved = np.linalg.solve(covariance, targets)
-        determinant = np.linalg.slogdet(covariance)[1]
-        evidence.append(-0.5 * (targets.shape[1] * determinant + (targets * solved).sum()))
-        offsets.append(offset**2 * solved.sum(0))
-        slopes.append(slope**2 * inputs.T @ solved)
-    weights = np.exp(np.array(evidence) - max(evidence))
-    weights /= weights.sum()
-    return np.tensordot(weights, offsets, 1) * scale, np.tensordot(weights, slopes, 1) * scale
+    targets, evidence, parts = differences / scale, [], []
+    for offset, slope, curve in itertools.product(OFFSETS, SLOPES, CURVES if pairs.any() else CURVES[:1]):
+        own, vectors = np.linalg.eigh(offset**2 + slope**2 * (inputs @ inputs.T + curve**2 * pairs @ pairs.T))
+        rotated = vectors.T @ targets
+        for residual in RESIDUALS:
+            variances = own.clip(0)[:, None] + residual**2
+            solved = vectors @ (rotated / variances)
+            evidence.append(-0.5 * (np.log(variances).sum() + (rotated**2 / variances).sum(0)))
+            unexpected = solved / (vectors**2 @ (1 / variances))  # of a surface, given all others, in closed form
+            parts.append(
+                (
+                    offset**2 * solved.sum(0),
+                    slope**2 * inputs.T @ solved,
+                    (slope * curve) ** 2 * pairs.T @ solved,
+                    unexpected,
+                )
+            )
+    evidence = np.array(evidence)
+    weights = softmax((evidence + evidence.mean(1, keepdims=True)) / 2, axis=0)  # numbers are a little alike
+    return tuple(scale * np.einsum("pk,p...k->...k", weights, np.array(part)) for part in zip(*parts, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,16 +155,21 @@ class Recalibration:
     """What changes in DALE, in standard deviations of its numbers; `recalibrate` finds it, `apply` sets it.
 
     Attributes:
-        offset, slopes, factor (`np.ndarray`): (num_scalars,), (axes, num_scalars), (num_scalars,): a number becomes
-            offset + ratings @ slopes + factor * number.
+        trust (`float`): of `TRUSTS`, the share of the ratings from which the numbers are generated.
+        moves_spectra (`bool`): whether level and mean spectrum are shifted, along the ratings and as a whole.
+        offset, slopes, curves, factor (`np.ndarray`): (num_scalars,), (axes, num_scalars), (pairs, num_scalars) and
+            (num_scalars,): a number becomes offset + ratings @ slopes + products @ curves + factor * number.
         centre, covariance (`np.ndarray`): of the ratings, (axes,) and (axes, axes).
         count (`int`): of the axes, the first ones, that DALE's networks know; the slopes of further ones are of what
             those leave open (`calibration_inputs`).
         shapes (`tuple`): shift and factor of the learned latents (channels,), factor of departures (bands,).
     """
 
+    trust: float
+    moves_spectra: bool
     offset: np.ndarray
     slopes: np.ndarray
+    curves: np.ndarray
     factor: np.ndarray
     centre: np.ndarray
     covariance: np.ndarray
@@ -145,12 +177,18 @@ class Recalibration:
     shapes: tuple
 
     def moved(self, scalars, ratings):
-        """Scalars (n, num_scalars) at ratings (n, axes) after the recalibration."""
-        return (
-            self.offset
-            + _inputs(ratings, self.centre, self.covariance, self.count) @ self.slopes
-            + self.factor * scalars
-        )
+        """Scalars (n, num_scalars), generated at this trust from ratings (n, axes), after the recalibration."""
+        inputs = _inputs(ratings, self.centre, self.covariance, self.count)
+        pairs = _products(inputs[:, : self.count])
+        return self.offset + inputs @ self.slopes + pairs @ self.curves + self.factor * scalars
+
+    def words(self):
+        """What happens to mean spectra, a sentence."""
+        if not self.moves_spectra:
+            return "Mean spectra stay as they were generated: surfaces left out do not clearly speak for a shift."
+        if self.trust == 1:
+            return "Mean spectra are shifted along the ratings."
+        return f"Mean spectra are a regression on the ratings, of which the networks see only {self.trust:.0%}."
 
     def apply(self, dale):
         """Sets the entries of DALE's config; one that is calibrated already is calibrated further."""
@@ -161,13 +199,11 @@ class Recalibration:
         std = np.array(config.latent_std or [1.0] * count)
         mean[levels:] += std[levels:] * shift
         std = std * np.concatenate([self.factor[:levels], size])
-        earlier = config.calibration or {"offset": 0.0, "slopes": 0.0}
-        calibration = {
-            "offset": self.offset / self.factor + np.array(earlier["offset"]),
-            "slopes": self.slopes / self.factor + np.array(earlier["slopes"]),
-            "centre": self.centre,
-            "covariance": self.covariance,
-        }
+        earlier = own_calibration(config, dale.num_scalars)
+        added = {"offset": self.offset, "slopes": self.slopes, "curves": self.curves}
+        calibration = {name: np.array(earlier[name]) + value / self.factor for name, value in added.items()}
+        calibration |= {"trust": np.array(earlier["trust"] * self.trust), "centre": self.centre}
+        calibration["covariance"] = self.covariance
         sizes = self.factor[levels : levels + dale.num_sizes]
         changes = {
             "latent_mean": mean.tolist(),
@@ -182,45 +218,102 @@ class Recalibration:
         dale.register_to_config(**changes)
 
 
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """What explains surfaces whose networks see a share of the ratings; errors (n,) of those left out, dB."""
+
+    made: np.ndarray
+    scale: np.ndarray
+    offset: np.ndarray
+    slopes: np.ndarray
+    curves: np.ndarray
+    errors: np.ndarray
+
+    @classmethod
+    def find(cls, dale, means, generated, inputs, pairs):
+        """Of mean scalars (n, num_scalars), `Surfaces` of the same ratings, inputs (n, axes), products (n, pairs)."""
+        made, size = scalars_of(dale, generated), means.shape[1]
+        made_means = generated.mean(made)
+        apart = np.square(made - made_means[generated.owners]).sum(0)
+        scale = np.sqrt(apart / (len(made) - len(means))).clip(1e-3)
+        differences = means - made_means
+        found = np.zeros(size), np.zeros((inputs.shape[1], size)), np.zeros((pairs.shape[1], size)), 0 * differences
+        for columns in (np.arange(size - 1), np.array([size - 1])):  # friction may be unknown
+            rows = np.isfinite(differences[:, columns[0]])
+            if rows.any():
+                parts = explain(differences[rows][:, columns], inputs[rows], pairs[rows], scale[columns])
+                for whole, part in zip(found[:3], parts, strict=False):
+                    whole[..., columns] = part
+                found[3][np.ix_(rows, columns)] = parts[3]
+        return cls(made_means, scale, *found[:3], _errors(dale, found[3]))
+
+    def with_spectra_as_they_are(self, dale, differences):
+        """The same without a shift of level and mean spectrum."""
+        kept = np.ones(len(self.offset))
+        kept[[*range(dale.config.level_channels), -2]] = 0
+        shifts = (kept * part for part in (self.offset, self.slopes, self.curves))
+        return _Fit(self.made, self.scale, *shifts, _errors(dale, differences))
+
+
+def _errors(dale, differences):
+    """What differences of scalars (n, num_scalars) make in mean spectra, dB: (n,)."""
+    return np.abs(spectra_db(dale, differences) - spectra_db(dale, 0 * differences)).mean(1)
+
+
+def _nearest(fits):
+    """The first of fits whose surfaces left out are not clearly (90 %, paired) worse than those of the best."""
+    best = min(fits, key=lambda fit: fit.errors.mean()).errors
+    reach = stats.t.ppf(0.9, len(best) - 1) / len(best) ** 0.5
+    return next(fit for fit in fits if (fit.errors - best).mean() <= reach * (fit.errors - best).std(ddof=1))
+
+
 def recalibrate(dale, real, generated):
     """Finds what of DALE's numbers differs from a lab's: `Recalibration`.
 
     Args:
         dale (`DALEModel`): pretrained.
         real (`Surfaces`): the lab's, packed by `dale`.
-        generated (`Surfaces`): `generate_surfaces` from the ratings of the same surfaces.
+        generated (`dict[float, Surfaces]`): `generate_trusting` from the ratings of the same surfaces.
     """
-    values, made = scalars_of(dale, real), scalars_of(dale, generated)
-    made_means, count = generated.mean(made), len(real)
-    axes, known_axes = real.ratings.shape[1], dale.config.network_axes or real.ratings.shape[1]
-    takes = len(made) / count
-    scale = np.sqrt(np.square(made - made_means[generated.owners]).sum(0) / (len(made) - count)).clip(1e-3)
+    values, count, axes = scalars_of(dale, real), len(real), real.ratings.shape[1]
+    known_axes = dale.config.network_axes or axes
     centre, covariance = _rating_distribution(dale, real.ratings)
-    inputs = _inputs(real.ratings, centre, covariance, known_axes)
-    inputs[:, np.isnan(real.ratings).all(0)] = 0.0  # sliders that nobody rated stay as they are
-    inputs, further = inputs[:, :known_axes], inputs[:, known_axes:]
-    differences = real.mean(values) - made_means
-    offset, slopes = np.zeros(values.shape[1]), np.zeros((axes, values.shape[1]))
-    for columns in groups_of(dale):
-        known = np.isfinite(differences[:, columns]).all(1)  # friction may be unknown
-        if known.any():
-            own = differences[known][:, columns]
-            offset[columns], slopes[:known_axes, columns] = explain(own, inputs[known], scale[columns])
-            left = own - offset[columns] - inputs[known] @ slopes[:known_axes, columns]
-            # further axes explain what those before leave, whose slopes stay as they are; each number by itself, since
-            # most of them do not follow a new axis at all
-            for place, column in enumerate(columns if axes > known_axes else ()):
-                slopes[known_axes:, [column]] = explain(left[:, [place]], further[known], scale[[column]])[1]
-    left = values - (made_means + offset + inputs @ slopes[:known_axes])[real.owners]
+    inputs, rated = _inputs(real.ratings, centre, covariance, known_axes), ~np.isnan(real.ratings).all(0)
+    inputs[:, ~rated] = 0.0  # sliders that nobody rated stay as they are
+    inputs, further, rated = inputs[:, :known_axes], inputs[:, known_axes:], rated[:known_axes]
+    pairs = _products(inputs) * np.outer(rated, rated)[np.triu_indices(known_axes)]
+    means = real.mean(values)
+    fits = {trust: _Fit.find(dale, means, made, inputs, pairs) for trust, made in generated.items()}
+    as_it_is = fits[1.0].with_spectra_as_they_are(dale, means - fits[1.0].made)
+    fit = _nearest([as_it_is, *fits.values()])
+    trust = next((one for one in fits if fits[one] is fit), 1.0)
+    takes = len(generated[trust].owners) / count
+    expected = fit.made + fit.offset + inputs @ fit.slopes + pairs @ fit.curves
+    left = values - expected[real.owners]
     variance = np.nanmean(real.mean(np.square(np.nan_to_num(left))), axis=0)
-    ratio = np.sqrt((variance / scale**2 - 1 / takes).clip(1e-6))  # without what the takes' own mean scatters
+    ratio = np.sqrt((variance / fit.scale**2 - 1 / takes).clip(1e-6))  # without what the takes' own mean scatters
     factor = _limited(np.where(np.isfinite(values).all(0), ratio, 1.0), count / (count + SPREAD_SURFACES))
     # a wider spread must not make the pretrained mapping steeper: what it adds along the ratings is taken away
     apart = inputs - inputs.mean(0)
-    steep = np.linalg.solve(apart.T @ apart + np.eye(known_axes), apart.T @ made_means)
-    offset = offset + (1 - factor) * (made_means.mean(0) - inputs.mean(0) @ steep)
-    slopes[:known_axes] += (1 - factor) * steep
-    return Recalibration(offset, slopes, factor, centre, covariance, known_axes, _shapes(dale, real, generated))
+    steep = np.linalg.solve(apart.T @ apart + np.eye(known_axes), apart.T @ fit.made)
+    offset = fit.offset + (1 - factor) * (fit.made.mean(0) - inputs.mean(0) @ steep)
+    slopes = np.zeros((axes, len(offset)))
+    slopes[:known_axes] = fit.slopes + (1 - factor) * steep
+    slopes[known_axes:] = _further_slopes(means - expected, further, fit.scale)
+    shifts = offset, slopes, fit.curves, factor
+    shapes = _shapes(dale, real, generated[trust])
+    return Recalibration(trust, fit is not as_it_is, *shifts, centre, covariance, known_axes, shapes)
+
+
+def _further_slopes(left, inputs, scale):
+    """Slopes (axes, num_scalars) of axes that the networks do not know: of what the others leave (n, num_scalars)."""
+    slopes = np.zeros((inputs.shape[1], left.shape[1]))
+    for column in range(left.shape[1] if inputs.shape[1] else 0):
+        rows = np.isfinite(left[:, column])
+        if rows.any():
+            nothing = np.zeros((rows.sum(), 0))
+            slopes[:, [column]] = explain(left[rows][:, [column]], inputs[rows], nothing, scale[[column]])[1]
+    return slopes
 
 
 def _limited(ratio, weight):
@@ -263,3 +356,7 @@ def _inputs(ratings, centre, covariance, count):
 def _filled(ratings, centre, covariance):
     parts = (torch.from_numpy(np.array(values, float)) for values in (ratings, centre, covariance))
     return expected_ratings(*parts).numpy()
+
+
+def _products(inputs):
+    return products(torch.from_numpy(inputs)).numpy()
