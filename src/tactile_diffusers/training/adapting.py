@@ -80,7 +80,7 @@ def adapt(pipe, dataset, output_dir, args=None, **options):
     say(*lines, sep="\n")
     judged = judge_recalibration(lab)
     say(judged["zero-shot"].words("As it is, the given checkpoint"))
-    verdict = f"{verdict_of(judged)} {lab.recalibrate(pipe.dale)}"
+    verdict = verdict_of(judged) + lab.recalibrate(pipe.dale)
     if trains_decoder(pipe, lab, decoder, args.fine_tuning):
         verdict += " " + train_decoder(pipe, dataset, args, accelerator)
     else:

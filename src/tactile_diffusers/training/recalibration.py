@@ -6,8 +6,7 @@ have a Gaussian prior around 0, the pretrained mapping; how wide it is, the evid
 Bayes). With few surfaces, or no difference, nothing moves; with many it is a regression of the surfaces themselves.
 
 Slopes on top of a mapping cannot take away what it gets wrong of its own curves and mixtures. So the same is tried with
-networks that see only a share of the ratings. What is taken is nearest to the pretrained mapping of all that surfaces
-left out do not clearly speak against: mean spectra as they are, then shifted, then shifted from ever smaller shares.
+networks that see only a share of the ratings: the largest one that surfaces left out do not clearly speak against.
 """
 
 import itertools
@@ -26,7 +25,7 @@ from ..models.unet_1d import from_patches
 
 #: Textures that are generated for each surface.
 TAKES = 32
-#: Shares of the ratings that the networks see, of which the best is taken.
+#: Shares of the ratings that the networks see, of which one is taken.
 TRUSTS = (1.0, 0.75, 0.5, 0.25)
 #: Standard deviations of the priors of offsets and slopes, and of what is left between surfaces, in those of generated
 #: textures of the same ratings; of the slopes over products, as a share of those over ratings. The largest offset is
@@ -118,6 +117,13 @@ def spectra_db(dale, scalars):
     return 10 / math.log(10) * log_power
 
 
+def groups_of(dale):
+    """Columns of the scalars that are explained together: spectrum and level, variation over time, friction."""
+    levels, sizes = dale.config.level_channels, dale.num_sizes
+    groups = [*range(levels), levels + sizes], list(range(levels, levels + sizes)), [levels + sizes + 1]
+    return [np.array(columns) for columns in groups if columns]
+
+
 def explain(differences, inputs, pairs, scale):
     """What explains differences (n, k) of surfaces with inputs (n, axes) and products of them (n, pairs).
 
@@ -146,7 +152,7 @@ def explain(differences, inputs, pairs, scale):
                 )
             )
     evidence = np.array(evidence)
-    weights = softmax((evidence + evidence.mean(1, keepdims=True)) / 2, axis=0)  # numbers are a little alike
+    weights = softmax((evidence + evidence.mean(1, keepdims=True)) / 2, axis=0)
     return tuple(scale * np.einsum("pk,p...k->...k", weights, np.array(part)) for part in zip(*parts, strict=True))
 
 
@@ -156,7 +162,6 @@ class Recalibration:
 
     Attributes:
         trust (`float`): of `TRUSTS`, the share of the ratings from which the numbers are generated.
-        moves_spectra (`bool`): whether level and mean spectrum are shifted, along the ratings and as a whole.
         offset, slopes, curves, factor (`np.ndarray`): (num_scalars,), (axes, num_scalars), (pairs, num_scalars) and
             (num_scalars,): a number becomes offset + ratings @ slopes + products @ curves + factor * number.
         centre, covariance (`np.ndarray`): of the ratings, (axes,) and (axes, axes).
@@ -166,7 +171,6 @@ class Recalibration:
     """
 
     trust: float
-    moves_spectra: bool
     offset: np.ndarray
     slopes: np.ndarray
     curves: np.ndarray
@@ -183,12 +187,8 @@ class Recalibration:
         return self.offset + inputs @ self.slopes + pairs @ self.curves + self.factor * scalars
 
     def words(self):
-        """What happens to mean spectra, a sentence."""
-        if not self.moves_spectra:
-            return "Mean spectra stay as they were generated: surfaces left out do not clearly speak for a shift."
-        if self.trust == 1:
-            return "Mean spectra are shifted along the ratings."
-        return f"Mean spectra are a regression on the ratings, of which the networks see only {self.trust:.0%}."
+        """How far the networks are trusted, a sentence, or nothing."""
+        return "" if self.trust == 1 else f" The networks see {self.trust:.0%} of the ratings, the regression all."
 
     def apply(self, dale):
         """Sets the entries of DALE's config; one that is calibrated already is calibrated further."""
@@ -238,8 +238,8 @@ class _Fit:
         scale = np.sqrt(apart / (len(made) - len(means))).clip(1e-3)
         differences = means - made_means
         found = np.zeros(size), np.zeros((inputs.shape[1], size)), np.zeros((pairs.shape[1], size)), 0 * differences
-        for columns in (np.arange(size - 1), np.array([size - 1])):  # friction may be unknown
-            rows = np.isfinite(differences[:, columns[0]])
+        for columns in groups_of(dale):
+            rows = np.isfinite(differences[:, columns]).all(1)  # friction may be unknown
             if rows.any():
                 parts = explain(differences[rows][:, columns], inputs[rows], pairs[rows], scale[columns])
                 for whole, part in zip(found[:3], parts, strict=False):
@@ -247,24 +247,18 @@ class _Fit:
                 found[3][np.ix_(rows, columns)] = parts[3]
         return cls(made_means, scale, *found[:3], _errors(dale, found[3]))
 
-    def with_spectra_as_they_are(self, dale, differences):
-        """The same without a shift of level and mean spectrum."""
-        kept = np.ones(len(self.offset))
-        kept[[*range(dale.config.level_channels), -2]] = 0
-        shifts = (kept * part for part in (self.offset, self.slopes, self.curves))
-        return _Fit(self.made, self.scale, *shifts, _errors(dale, differences))
-
 
 def _errors(dale, differences):
     """What differences of scalars (n, num_scalars) make in mean spectra, dB: (n,)."""
     return np.abs(spectra_db(dale, differences) - spectra_db(dale, 0 * differences)).mean(1)
 
 
-def _nearest(fits):
-    """The first of fits whose surfaces left out are not clearly (90 %, paired) worse than those of the best."""
-    best = min(fits, key=lambda fit: fit.errors.mean()).errors
+def _most_trusted(fits):
+    """The first trust of fits whose surfaces left out are not clearly (90 %, paired) worse than those of the best."""
+    best = min((fit.errors for fit in fits.values()), key=np.mean)
+    apart = {trust: fit.errors - best for trust, fit in fits.items()}
     reach = stats.t.ppf(0.9, len(best) - 1) / len(best) ** 0.5
-    return next(fit for fit in fits if (fit.errors - best).mean() <= reach * (fit.errors - best).std(ddof=1))
+    return next(trust for trust, error in apart.items() if error.mean() <= reach * error.std(ddof=1))
 
 
 def recalibrate(dale, real, generated):
@@ -284,10 +278,8 @@ def recalibrate(dale, real, generated):
     pairs = _products(inputs) * np.outer(rated, rated)[np.triu_indices(known_axes)]
     means = real.mean(values)
     fits = {trust: _Fit.find(dale, means, made, inputs, pairs) for trust, made in generated.items()}
-    as_it_is = fits[1.0].with_spectra_as_they_are(dale, means - fits[1.0].made)
-    fit = _nearest([as_it_is, *fits.values()])
-    trust = next((one for one in fits if fits[one] is fit), 1.0)
-    takes = len(generated[trust].owners) / count
+    trust = _most_trusted(fits)
+    fit, takes = fits[trust], len(generated[trust].owners) / count
     expected = fit.made + fit.offset + inputs @ fit.slopes + pairs @ fit.curves
     left = values - expected[real.owners]
     variance = np.nanmean(real.mean(np.square(np.nan_to_num(left))), axis=0)
@@ -302,7 +294,7 @@ def recalibrate(dale, real, generated):
     slopes[known_axes:] = _further_slopes(means - expected, further, fit.scale)
     shifts = offset, slopes, fit.curves, factor
     shapes = _shapes(dale, real, generated[trust])
-    return Recalibration(trust, fit is not as_it_is, *shifts, centre, covariance, known_axes, shapes)
+    return Recalibration(trust, *shifts, centre, covariance, known_axes, shapes)
 
 
 def _further_slopes(left, inputs, scale):
