@@ -2,8 +2,9 @@
 
 The numbers of a whole texture (`DALEModel.split_scalars`) are compared, surface by surface, with what DALE generates
 from the surface's ratings. What differs is explained by an offset, slopes over the ratings and over their products. All
-have a Gaussian prior around 0, the pretrained mapping; how wide it is, the evidence of each number says (empirical
-Bayes). With few surfaces, or no difference, nothing moves; with many it is a regression of the surfaces themselves.
+have a Gaussian prior around 0, the pretrained mapping; how wide it is, the evidence of all numbers of a group says
+(empirical Bayes). With few surfaces, or no difference, nothing moves; with many it is a regression of the surfaces
+themselves.
 
 Slopes on top of a mapping cannot take away what it gets wrong of its own curves and mixtures. So the same is tried with
 networks that see only a share of the ratings: the largest one that surfaces left out do not clearly speak against.
@@ -127,8 +128,7 @@ def groups_of(dale):
 def explain(differences, inputs, pairs, scale):
     """What explains differences (n, k) of surfaces with inputs (n, axes) and products of them (n, pairs).
 
-    Means of the posteriors under all priors, weighed by the evidence that each number, and the mean of all, gives them;
-    `scale` (k,) brings the numbers to one unit.
+    Means of the posteriors under all priors, weighed by their evidence; `scale` (k,) brings the numbers to one unit.
 
     Returns:
         `tuple`: offset (k,), slopes (axes, k), curves (pairs, k), and what each surface differs from what the others
@@ -141,7 +141,7 @@ def explain(differences, inputs, pairs, scale):
         for residual in RESIDUALS:
             variances = own.clip(0)[:, None] + residual**2
             solved = vectors @ (rotated / variances)
-            evidence.append(-0.5 * (np.log(variances).sum() + (rotated**2 / variances).sum(0)))
+            evidence.append(-0.5 * (np.log(variances).sum() * targets.shape[1] + (rotated**2 / variances).sum()))
             unexpected = solved / (vectors**2 @ (1 / variances))  # of a surface, given all others, in closed form
             parts.append(
                 (
@@ -151,9 +151,8 @@ def explain(differences, inputs, pairs, scale):
                     unexpected,
                 )
             )
-    evidence = np.array(evidence)
-    weights = softmax((evidence + evidence.mean(1, keepdims=True)) / 2, axis=0)
-    return tuple(scale * np.einsum("pk,p...k->...k", weights, np.array(part)) for part in zip(*parts, strict=True))
+    weights = softmax(evidence)
+    return tuple(scale * np.tensordot(weights, np.array(part), 1) for part in zip(*parts, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,10 +253,10 @@ def _errors(dale, differences):
 
 
 def _most_trusted(fits):
-    """The first trust of fits whose surfaces left out are not clearly (90 %, paired) worse than those of the best."""
+    """The first trust of fits whose surfaces left out are not clearly (80 %, paired) worse than those of the best."""
     best = min((fit.errors for fit in fits.values()), key=np.mean)
     apart = {trust: fit.errors - best for trust, fit in fits.items()}
-    reach = stats.t.ppf(0.9, len(best) - 1) / len(best) ** 0.5
+    reach = stats.t.ppf(0.8, len(best) - 1) / len(best) ** 0.5
     return next(trust for trust, error in apart.items() if error.mean() <= reach * error.std(ddof=1))
 
 
