@@ -22,17 +22,22 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from accelerate.state import AcceleratorState, GradientState
+from sklearn.dummy import DummyRegressor
 from sklearn.linear_model import Ridge
 
 from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.evaluation.changes import against_real, comparisons, counted
 from tactile_diffusers.evaluation.envelopes import surface_means
 from tactile_diffusers.evaluation.held_out import open_held_out
+from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.evaluation.sampling import generate, noise_seeds
 from tactile_diffusers.evaluation.sections.generation import surface_correlation, unseen_errors
 from tactile_diffusers.evaluation.sections.regression import best_polynomial
-from tactile_diffusers.signal import band_levels_db
+from tactile_diffusers.evaluation.truth import LEAST_EFFECTIVE_SIZE
+from tactile_diffusers.evaluation.virtual_truth import truth_of
+from tactile_diffusers.signal import band_levels_db, level
 from tactile_diffusers.training.adapting import adapt
 
 COUNTS = (3, 5, 10, 20, 50, 100, 200)
@@ -42,22 +47,80 @@ TRAINED, ANEW = (50, 200), (50,)
 ANEW_STEPS = 1000
 TRAIN_DALE = Path(__file__).parents[1] / "train_dale.py"
 PER_SURFACE = 4
+#: Control: one rating alone at these values, so many textures each; fresh surfaces of a world that can be continued.
+VALUES, CONTROL_TAKES, TRUTH_SURFACES = (-1.0, 1.0), 200, 600
 INTRO = """# How many surfaces does adapting need?
 
 The bundled checkpoint was trained on simulated surfaces. What does it do on surfaces of another world, as it is,
 recalibrated in closed form, and, where it knows their textures less well than its own, with its decoder trained further
 (`tactile-diffusers adapt`), against a DALE trained anew and regressions on the same surfaces?
 All judge by {surfaces} unseen surfaces: the error of the mean spectrum of {takes} takes from a surface's ratings (nine
-bands, dB), the kernel distance (KTD) over that of real textures, and the correlation of log friction. Intervals are
-over surfaces (95 %); "over ridge" is paired. A row is one draw of surfaces; the decoder takes one step, a DALE trained
-anew ({anew} updates behind the bundled LCTG, from {few} surfaces) its default number.
+bands, dB), the kernel distance (KTD) over that of real textures, and the correlation of log friction. "Changes right"
+counts what a rating of −1 or +1 alone, the others open, does to level, shape and log friction, against surfaces of the
+world with such ratings: right within 20 % or their 95 % interval, direction included. Intervals are over surfaces
+(95 %); "over ridge" is paired. A row is one draw of surfaces; the decoder takes one step, a DALE trained anew ({anew}
+updates behind the bundled LCTG, from {few} surfaces) its default number.
 
     python examples/research/few_surfaces.py {words} --output {output}
 """
 
 
-def measure(pipe, data, takes, seed):
-    """Errors per surface (surfaces,), and leaves of KTD over real and of log friction."""
+class Control:
+    """What one rating alone does, beside what it is between surfaces of a world, `HeldOutData` of it in `data`."""
+
+    def __init__(self, data):
+        self.data, self.axes = data, data.dataset.ratings.axes
+        self.requests = {
+            (axis, value): np.array([value if name == axis else np.nan for name in self.axes])
+            for axis in self.axes
+            for value in VALUES
+        }
+        self.truth = truth_of(
+            PreparedDataset(data.dataset.path, "all"), list(self.requests.values()), self.measures,
+            surfaces=TRUTH_SURFACES, seed=data.seed,
+        )  # fmt: skip
+
+    def measures(self, textures, levels, frictions):
+        """Level, shape and log friction of textures (n, samples)."""
+        return texture_measures(textures, levels, frictions, self.data.rate, self.data.edges)
+
+    def counted(self, change):
+        """Leaf of how many changes are right; `change` takes an axis' index and ratings (n, axes) of one rating."""
+        found = {axis: {} for axis in self.axes}
+        for (axis, value), request in self.requests.items():
+            ratings = self.truth.draw_ratings(request, CONTROL_TAKES)
+            found[axis][str(value)] = against_real(change(self.axes.index(axis), ratings), self.truth, request)
+        return counted(comparisons(found, LEAST_EFFECTIVE_SIZE))["changes"]
+
+    def of_pipeline(self, pipe, seed):
+        """The count of a pipeline's textures; each condition starts from the same noise as nothing rated."""
+
+        def mean(ratings):
+            seeds = noise_seeds(seed, len(ratings))
+            made = generate(pipe, ratings, seeds, self.data.rate, self.data.dataset.segment_samples, steps=None)
+            measured = self.measures(made.textures, made.levels, made.friction_coefficients)
+            return {name: values.mean(0) for name, values in measured.items()}
+
+        base = mean(np.full((CONTROL_TAKES, len(self.axes)), np.nan))
+        return self.counted(lambda axis, ratings: {name: v - base[name] for name, v in mean(ratings).items()})
+
+    def of_regression(self, fit, ratings, measured):
+        """The count of `fit(points, targets)`, a function of one rating for each measure of surfaces."""
+        middle = {name: values.mean(0) for name, values in measured.items()}
+
+        def change(axis, requested):
+            fits = {
+                name: fit(ratings[:, [axis]], values.reshape(len(ratings), -1)) for name, values in measured.items()
+            }
+            means = {name: np.squeeze(one(requested[:, [axis]]).mean(0)) for name, one in fits.items()}
+            return {name: value - middle[name] for name, value in means.items()}
+
+        return self.counted(change)
+
+
+def measure(pipe, control, takes, seed):
+    """Errors per surface (surfaces,), and leaves of KTD over real, of log friction and of the changes right."""
+    data = control.data
     ids = np.unique(data.surfaces)
     groups = np.repeat(ids, takes)
     ratings = data.dataset.ratings.mean[groups]
@@ -66,23 +129,34 @@ def measure(pipe, data, takes, seed):
     points = data.reference.embed(made.textures[few])
     distances = data.reference.distances(points, groups[few], (data.points, data.surfaces))
     friction = surface_correlation(np.log(made.friction_coefficients), groups, np.log(data.frictions), data.surfaces)
-    return unseen_errors(data, made.textures, groups), distances["ktd_excess"], friction
+    right = control.of_pipeline(pipe, seed)
+    return unseen_errors(data, made.textures, groups), distances["ktd_excess"], friction, right
 
 
-def regressions(data, count):
-    """Errors per surface of regressions on the mean levels of so many training surfaces."""
+def regressions(control, count):
+    """The same of regressions on the means of so many training surfaces: no textures, so no KTD."""
+    data = control.data
     train = PreparedDataset(data.train.path, "train", max_surfaces=count)
     rows = train.non_overlapping(data.per_surface, data.seed)
     ids = train.surface_ids[rows]
     ratings = train.ratings.mean[np.unique(ids)]
-    targets = surface_means(band_levels_db(train.textures(rows), data.rate, data.edges), ids)
+    textures = train.textures(rows)
+    targets = surface_means(band_levels_db(textures, data.rate, data.edges), ids)
+    measured = control.measures(textures, level(textures), train.friction_coefficients[rows])
+    measured = {name: surface_means(values, ids) for name, values in measured.items()}
     wanted, real = data.dataset.ratings.mean[np.unique(data.surfaces)], surface_means(data.bands, data.surfaces)
-    predicted = {
-        "mean spectrum": np.tile(targets.mean(0), (len(real), 1)),
-        "ridge": Ridge(1.0).fit(ratings, targets).predict(wanted),
-        "best polynomial": best_polynomial(ratings, targets, data.seed)[0](wanted),
+    methods = {
+        "mean spectrum": lambda points, values: DummyRegressor().fit(points, values).predict,
+        "ridge": lambda points, values: Ridge(1.0).fit(points, values).predict,
+        "best polynomial": lambda points, values: best_polynomial(points, values, data.seed)[0],
     }
-    return {name: np.abs(values - real).mean(-1) for name, values in predicted.items()}
+    return {
+        name: (
+            np.abs(fit(ratings, targets)(wanted) - real).mean(-1), None, None,
+            control.of_regression(fit, ratings, measured),
+        )
+        for name, fit in methods.items()
+    }  # fmt: skip
 
 
 def adapted(path, count, fine_tuning):
@@ -116,39 +190,46 @@ def trained_anew(path, count):
 
 def rows_of(path, args):
     """One row for each count and method: dicts of "surfaces", "method", leaves."""
-    data, found = open_held_out(path, "test", PER_SURFACE, args.seed), []
-    zero = measure(adapted(path, 0, "no"), data, args.takes, args.seed)
+    control, found = Control(open_held_out(path, "test", PER_SURFACE, args.seed)), []
+
+    def measured(pipe):
+        return measure(pipe, control, args.takes, args.seed)
+
+    zero = measured(adapted(path, 0, "no"))
     for count in args.counts:
-        fits = regressions(data, count)
-        methods = {"zero-shot": zero, "recalibrated": measure(adapted(path, count, "no"), data, args.takes, args.seed)}
+        fits = regressions(control, count)
+        methods = {"zero-shot": zero, "recalibrated": measured(adapted(path, count, "no"))}
         if count in TRAINED and (pipe := adapted(path, count, "auto")) is not None:
-            methods["and the decoder trained"] = measure(pipe, data, args.takes, args.seed)
+            methods["and the decoder trained"] = measured(pipe)
         if count in ANEW:
-            methods["trained anew"] = measure(trained_anew(path, count), data, args.takes, args.seed)
-        methods |= {name: (errors, None, None) for name, errors in fits.items()}
-        for name, (errors, distance, friction) in methods.items():
+            methods["trained anew"] = measured(trained_anew(path, count))
+        for name, (errors, distance, friction, right) in (methods | fits).items():
             row = {"surfaces": count, "method": name, "nine_band_db": leaf(errors), "ktd_over_real": distance}
-            found.append(row | {"over_ridge_db": leaf(errors - fits["ridge"]), "log_friction_r": friction})
-            print(count, name, *(round(row[key]["mean"], 2) for key in list(row)[2:] if row[key]), flush=True)
+            row |= {"over_ridge_db": leaf(errors - fits["ridge"][0]), "log_friction_r": friction}
+            found.append(row | {"changes_right": right})
+            print(count, name, *(round(leaf["mean"], 2) for leaf in list(found[-1].values())[2:] if leaf), flush=True)
     return found
 
 
-def cell(entry):
-    """A leaf as text: mean and interval."""
+def cell(key, entry):
+    """A leaf as text: mean and interval; of a count, of how many."""
     if entry is None or entry["mean"] is None:
         return "–"
+    if key == "changes_right":
+        return f"{entry['mean']:.0f} of {entry['n']}"
     interval = "" if entry["interval"] is None else " [{:.2f}, {:.2f}]".format(*entry["interval"])
     return f"{entry['mean']:.2f}{interval}"
 
 
 def table(rows):
     """The rows of a world as Markdown."""
-    keys = ["nine_band_db", "over_ridge_db", "ktd_over_real", "log_friction_r"]
+    keys = ["nine_band_db", "over_ridge_db", "ktd_over_real", "log_friction_r", "changes_right"]
     lines = [
-        "| surfaces | method | unseen surfaces, dB | over ridge, dB | KTD over real | log friction, r |",
-        "|---" * 6 + "|",
+        "| surfaces | method | unseen surfaces, dB | over ridge, dB | KTD over real | friction, r | changes right |",
+        "|---" * 7 + "|",
     ]
-    lines += [f"| {r['surfaces']} | {r['method']} | " + " | ".join(cell(r[key]) for key in keys) + " |" for r in rows]
+    cells = [" | ".join(cell(key, row[key]) for key in keys) for row in rows]
+    lines += [f"| {row['surfaces']} | {row['method']} | {text} |" for row, text in zip(rows, cells, strict=True)]
     return "\n".join(lines)
 
 
