@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from dataset.shards import open_folder, write_shard
 
 from tactile_diffusers.cli.export import main
 from tactile_diffusers.export import FORMATS, read_npz, write_hdf5, write_npz, write_wav
-from tactile_diffusers.export.generated import open_folder, write_shard
 from tactile_diffusers.signal import RATING_AXES
 
 COMMON = {

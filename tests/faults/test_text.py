@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dataset.ratings import read_ratings_file
 from study.folder import FORMAT, KEY, KEY_COLUMNS, SETTINGS, VERSION, read_study
 from study.trials import read_tables
 
-from tactile_diffusers.cli.dataset_ratings import read_ratings_file
 from tactile_diffusers.data.folder import load_layout
 from tactile_diffusers.data.folder.rating_tables import read_ratings
 from tactile_diffusers.display import DriveProfile

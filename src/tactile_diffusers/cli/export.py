@@ -26,7 +26,7 @@ def parse_arguments(argv=None):
     )
     add = parser.add_argument
     add("--input", type=Path, required=True, metavar="PATH", help="a file of this package in any of the "
-        "formats, a folder of .npz files, or one of `tactile-diffusers dataset`")  # fmt: skip
+        "formats, a folder of .npz files, or one of examples/generate_dataset.py")  # fmt: skip
     add_output_argument(parser, "folder of the files")
     add("--formats", nargs="+", choices=FORMATS, default=list(FORMATS), metavar="FORMAT", help="default: all")
     add("--pixel_pitch", type=positive_number, default=PIXEL_PITCH, metavar="MM", help="distance of two pixels on the "

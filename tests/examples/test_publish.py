@@ -6,13 +6,14 @@ import re
 from types import SimpleNamespace
 
 import huggingface_hub
+import publish
 import pytest
 import torch
 from huggingface_hub import ModelCard
 from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.cli import evaluate, publish
+from tactile_diffusers.cli import evaluate
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.card import write_card
 from tactile_diffusers.evaluation.result_files import folder_digest
