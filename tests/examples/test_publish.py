@@ -21,7 +21,7 @@ from tactile_diffusers.training.record import surfaces_of, trained_on
 
 RECORD = {
     "script": "examples/train_dale.py",
-    "arguments": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5", "quiet": True, "scale_lr": False},
+    "arguments": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5", "quiet": True, "overwrite_output_dir": False},
     "segments": 7,
     "steps": 9,
     "changed": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5"},
