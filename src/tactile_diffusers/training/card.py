@@ -50,14 +50,14 @@ def finish(args, save, pipe, dataset, note="", base=None):
         OSError: if something cannot be written: what that is, and whether the models are saved.
         huggingface_hub.errors.HfHubHTTPError: if the Hub refuses; the folder is whole by then.
     """
-    output, name = Path(args.output_dir), getattr(args, "hub_model_id", None)
+    output, name = Path(args.output_dir), args.hub_model_id
     save_result(output, save)
     with writing("loss.png", output, finished=True):
         plot_losses(output)
     runs = [folder for folder, record in phases(output) if is_complete(record)]
     with writing("The model card", output, finished=True):
         write_card(output, pipe, dataset, runs, place=name, note=note, base=base)
-    if getattr(args, "push_to_hub", False):
+    if args.push_to_hub:
         forget_folders(output)
         upload_checkpoint(output, name or output.resolve().name)
     unlock_folder(output)

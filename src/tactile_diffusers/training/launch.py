@@ -59,12 +59,11 @@ def pipeline_source(word):
     return bundled_checkpoint() if word == "bundled" else word
 
 
-def training_parser(description, hub=True, **defaults):
+def training_parser(description, **defaults):
     """A parser with the arguments that all training scripts share.
 
     Args:
         description (`str`): the script's docstring.
-        hub (`bool`): whether the result can be sent to the Hub.
         defaults: of this script, where they differ.
 
     Returns:
@@ -74,8 +73,7 @@ def training_parser(description, hub=True, **defaults):
     _add_folders(parser.add_argument)
     _add_optimisation(parser.add_argument)
     _add_run(parser.add_argument)
-    if hub:
-        _add_hub(parser.add_argument)
+    _add_hub(parser.add_argument)
     parser.set_defaults(**defaults)
     return parser
 
