@@ -25,8 +25,8 @@ from ..io.reading import read_json
 from .checkpoints import step_of
 
 _REFUSALS = (OSError, ValueError)
-#: Trackers, and what has to be installed for them.
-TRACKERS = {"tensorboard": '"tactile-diffusers[training]"', "wandb": "wandb"}
+#: Trackers, and what installs them.
+TRACKERS = {"tensorboard": 'pip install "tactile-diffusers[training]"', "wandb": "pip install wandb"}
 #: Folder of the tracker, in the output folder.
 LOGS = "logs"
 _RESUME_HELP = (
@@ -195,9 +195,7 @@ def make_accelerator(args):
             "--overwrite_output_dir to start again."
         )
     if args.report_to != "none" and find_spec(args.report_to) is None:
-        raise ValueError(
-            f"--report_to {args.report_to} needs: pip install {TRACKERS[args.report_to]}; or set --report_to none."
-        )
+        raise ValueError(f"--report_to {args.report_to} needs: {TRACKERS[args.report_to]}; or set --report_to none.")
     accelerator = Accelerator(
         cpu=on_cpu(),
         gradient_accumulation_steps=args.gradient_accumulation_steps,
