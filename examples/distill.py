@@ -14,6 +14,8 @@ a whole texture from ratings, the U-Net the rest from these.
 import copy
 
 import torch
+from distilling.latent_step import LatentStep
+from distilling.scalars import fit_scalar_network
 
 from tactile_diffusers import DALEModel, TactileTexturePipeline
 from tactile_diffusers.data.dataset import PreparedDataset
@@ -21,7 +23,6 @@ from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
 from tactile_diffusers.training.decoder_step import DecoderStep
-from tactile_diffusers.training.energy_step import LatentStep
 from tactile_diffusers.training.launch import (
     at_least_one,
     make_accelerator,
@@ -34,7 +35,6 @@ from tactile_diffusers.training.launch import (
 )
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.record import surfaces_of
-from tactile_diffusers.training.scalars import fit_scalar_network
 from tactile_diffusers.training.steps import BatchNoise
 from tactile_diffusers.training.validation import Reconstructions
 
@@ -45,7 +45,7 @@ SCALAR_WIDTH = 256
 
 
 def parse_args(argv=None):
-    parser = training_parser(__doc__, hub=False, learning_rate=3e-4, lr_warmup_steps=50)
+    parser = training_parser(__doc__, learning_rate=3e-4, lr_warmup_steps=50)
     add = parser.add_argument
     add("--model", choices=["lctg", "dale"], default="lctg", help="that is distilled")
     add("--pretrained_model_name_or_path", type=pipeline_source, required=True, help="pipeline with the teacher")
@@ -117,7 +117,7 @@ def _latent_validation(args, pipe, dale, step):
 def main(argv=None):
     with starting():
         args = parse_args(argv)
-        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
+        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
         teacher = getattr(pipe, args.model)
         if teacher is None or teacher.config.distilled_steps is not None:
             raise ValueError(

@@ -8,10 +8,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import ablate
+import publish
 import pytest
 from ablate_rows import read_rows
 
-from tactile_diffusers.cli import publish
 from tactile_diffusers.cli.compare import read_report
 from tactile_diffusers.data.card.writing import NUMBERS_FILE, check_card_folder
 from tactile_diffusers.evaluation.report import _kept

@@ -14,7 +14,7 @@ from scipy import signal
 from ..signal import BAND_HZ, REFERENCE_FORCE, resample
 from ..signal.checks import check_number, check_whole_number
 from ..signal.fourier import low_pass_for
-from .metadata import check_texture
+from .metadata import check_texture, full_scale_of
 
 #: Share of the device's Nyquist frequency that the low-pass of a stream keeps: an elliptic filter of this order, ripple
 #: and attenuation, dB. Its delay is a few samples of the device.
@@ -56,13 +56,7 @@ class PCM:
         if device_rate < sampling_rate:
             texture = low_pass_for(texture, sampling_rate, device_rate)
         samples = resample(texture, sampling_rate, device_rate, method="fourier")
-        peak = float(np.abs(samples).max())
-        scale = (peak or 1.0) if full_scale is None else check_number("full_scale", full_scale, "N", above=0)
-        if peak > scale * (1 + 1e-9):
-            raise ValueError(
-                f"`full_scale` of {scale:g} N is below the {peak:g} N at which the texture peaks at {device_rate:g} "
-                "Hz. Give a larger one, the same for all textures that belong together, or attenuate them all."
-            )
+        scale = full_scale_of(np.abs(samples).max(), full_scale)
         return cls(np.clip(samples / scale, -1, 1).astype(np.float32), device_rate, scale)
 
     def blocks(self, samples):
@@ -74,32 +68,28 @@ class PCM:
 
 
 class PCMStream:
-    """Blocks of what a stream plays, in [-1, 1] at a device's rate.
+    """Blocks of what a stream plays, friction about its mean, in [-1, 1] at a device's rate.
 
     The stream runs at its own rate. What the device's rate cannot hold is filtered out before; between the samples of
     the stream lies a cubic.
 
     Args:
-        stream ([`TextureStream`] or [`EndlessStream`]): on a line; its reports are given to it as ever.
+        stream ([`TextureStream`] or [`EndlessStream`]): its reports are given to it as ever.
         device_rate (`float`): Hz.
-        full_scale (`float`): N of a sample of 1. Mean friction included, 1 N and more at the reference force.
-        mean_friction (`bool`, *optional*, defaults to `False`): `True` = the force on the finger, against its motion
-            (`stream.read`); `False` = friction about its mean (`stream.read_friction`), as vibrations are.
+        full_scale (`float`): N of a sample of 1.
 
     Attributes:
         newtons_per_full_scale (`float`): N of a sample of 1.
         clipped (`int`): samples so far that were beyond full scale; the first ones are warned of.
 
     Raises:
-        ValueError: on an impossible rate or scale, or a stream on a plane.
+        ValueError: on an impossible rate or scale.
     """
 
-    def __init__(self, stream, device_rate, full_scale, mean_friction=False):
+    def __init__(self, stream, device_rate, full_scale):
         if not callable(getattr(stream, "read_friction", None)):
             raise ValueError(f"`stream` must be a TextureStream or an EndlessStream, got {type(stream).__name__}.")
-        if mean_friction and stream.dimensions == 2:
-            raise ValueError("`mean_friction` needs a stream on a line: PCM has one channel. Leave it out.")
-        self.stream, self.mean_friction = stream, bool(mean_friction)
+        self.stream = stream
         self.sampling_rate = check_number("device_rate", device_rate, "Hz", above=2 * BAND_HZ[0])
         self.newtons_per_full_scale = check_number("full_scale", full_scale, "N", above=0)
         self.clipped, self._read = 0, 0
@@ -136,8 +126,7 @@ class PCMStream:
         return np.clip(values, -1, 1).astype(np.float32)
 
     def _next(self, samples, normal_force):
-        read = self.stream.read if self.mean_friction else lambda *block: self.stream.read_friction(*block)[0]
-        force = read(samples, normal_force).astype(np.float64)
+        force = self.stream.read_friction(samples, normal_force)[0].astype(np.float64)
         if self._filter is not None:
             force, self._state = signal.sosfilt(self._filter, force, zi=self._state)
         return force

@@ -32,8 +32,7 @@ _NOT_LISTED = {"format", "version", "report", "hold_out", "split_seed", "segment
 #: Arguments of a training that do not change its result.
 _WITHOUT_EFFECT = {
     *("quiet", "resume_from_checkpoint", "overwrite_output_dir", "checkpoints_total_limit"),
-    *("logging_dir", "tracker_project_name"),
-    *("cache_dir", "push_to_hub", "hub_model_id", "hub_private_repo"),
+    *("push_to_hub", "hub_model_id"),
 }
 
 
@@ -51,16 +50,16 @@ def finish(args, save, pipe, dataset, note="", base=None):
         OSError: if something cannot be written: what that is, and whether the models are saved.
         huggingface_hub.errors.HfHubHTTPError: if the Hub refuses; the folder is whole by then.
     """
-    output, name = Path(args.output_dir), getattr(args, "hub_model_id", None)
+    output, name = Path(args.output_dir), args.hub_model_id
     save_result(output, save)
     with writing("loss.png", output, finished=True):
         plot_losses(output)
     runs = [folder for folder, record in phases(output) if is_complete(record)]
     with writing("The model card", output, finished=True):
         write_card(output, pipe, dataset, runs, place=name, note=note, base=base)
-    if getattr(args, "push_to_hub", False):
+    if args.push_to_hub:
         forget_folders(output)
-        upload_checkpoint(output, name or output.resolve().name, args.hub_token, args.hub_private_repo or None)
+        upload_checkpoint(output, name or output.resolve().name)
     unlock_folder(output)
 
 

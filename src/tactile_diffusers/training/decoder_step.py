@@ -6,8 +6,14 @@ from torch import nn
 from ..features.fast_envelope import gain_of_frames
 from ..schedulers import VDDIMScheduler
 from .energy import energy_score, waveform_views
-from .energy_step import one_step
 from .steps import drop_detail
+
+
+def one_step(model, scheduler, noise, condition):
+    """Where a single step leads from noise (batch, channels, length); `model` gives the velocity."""
+    scheduler.set_timesteps(1, device=noise.device)
+    (t,) = scheduler.timesteps
+    return scheduler.step(model(noise, t, condition), t, noise, return_dict=False)[0]
 
 
 class DecoderStep(nn.Module):

@@ -2,17 +2,13 @@
 
 from torch import nn
 
-from ..models.calibration import scalar_shift
-from ..schedulers import VDDIMScheduler
-from .energy import StateViews, energy_score
-from .steps import drawn_ratings
+from tactile_diffusers.models.calibration import scalar_shift
+from tactile_diffusers.schedulers import VDDIMScheduler
+from tactile_diffusers.training.decoder_step import one_step
+from tactile_diffusers.training.energy import energy_score
+from tactile_diffusers.training.steps import drawn_ratings
 
-
-def one_step(model, scheduler, noise, condition):
-    """Where a single step leads from noise (batch, channels, length); `model` gives the velocity."""
-    scheduler.set_timesteps(1, device=noise.device)
-    (t,) = scheduler.timesteps
-    return scheduler.step(model(noise, t, condition), t, noise, return_dict=False)[0]
+from .views import StateViews
 
 
 class LatentStep(nn.Module):

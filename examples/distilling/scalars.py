@@ -6,8 +6,10 @@ import torch
 from diffusers.optimization import get_scheduler
 from tqdm.auto import tqdm
 
-from .energy import energy_score, scalar_views
-from .steps import BatchNoise, drawn_ratings
+from tactile_diffusers.training.energy import energy_score
+from tactile_diffusers.training.steps import BatchNoise, drawn_ratings
+
+from .views import scalar_views
 
 BATCH, LEARNING_RATE, WARMUP, AVERAGED = 256, 1e-3, 100, 0.998
 
