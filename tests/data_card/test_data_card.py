@@ -9,12 +9,12 @@ from operator import getitem
 import h5py
 import numpy as np
 import pytest
+from data_card import describe, write_card
+from data_card.advice import warnings_of
+from data_card.measure import describe_answers, relate
 from scipy.stats import spearmanr
 
 from tactile_diffusers.data import PreparedDataset, RaterScores, RecordingsWriter, SegmentLimits, prepare_recordings
-from tactile_diffusers.data.card import describe, write_card
-from tactile_diffusers.data.card.advice import warnings_of
-from tactile_diffusers.data.card.measure import describe_answers, relate
 from tactile_diffusers.data.folder import ConversionReport
 from tactile_diffusers.data.folder.clocks import Lag
 from tactile_diffusers.data.splits import HoldOut
@@ -41,7 +41,7 @@ def card(stored):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Cards without pictures: they take a second, and other tests look at them."""
-    monkeypatch.setattr("tactile_diffusers.data.card.writing._draw", lambda *_: [])
+    monkeypatch.setattr("data_card.writing._draw", lambda *_: [])
 
 
 @pytest.fixture
@@ -326,7 +326,7 @@ def test_failure_leaves_the_older_card(slides, tmp_path, undrawn, monkeypatch):
     recordings, prepared = slides({"a": {}})
     write_card(recordings, tmp_path / "card", prepared, quiet=True)
     before = (tmp_path / "card" / "card.json").read_bytes()
-    monkeypatch.setattr("tactile_diffusers.data.card.writing._draw", lambda *_: 1 / 0)
+    monkeypatch.setattr("data_card.writing._draw", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_card(recordings, tmp_path / "card", prepared, quiet=True)
     assert (tmp_path / "card" / "card.json").read_bytes() == before and not list(tmp_path.glob(".card*"))

@@ -10,15 +10,16 @@ import pandas
 from scipy.stats import spearmanr
 from tqdm import tqdm
 
-from ...io.reading import reading
-from ...signal import RATING_AXES, band_edges, band_levels_db
-from ...signal.rating_scales import RATING_SCALE
-from ..dataset import PreparedDataset
-from ..folder.convert import REPORT_ATTRIBUTE, notes_in_words
-from ..ratings import LEAST_COMMON, axis_correlation, rating_reliability
-from ..recordings import RecordingsFile
-from ..segments import SegmentLimits
-from ..splits import SPLITS
+from tactile_diffusers.data.dataset import PreparedDataset
+from tactile_diffusers.data.folder.convert import REPORT_ATTRIBUTE, notes_in_words
+from tactile_diffusers.data.ratings import LEAST_COMMON, axis_correlation, rating_reliability
+from tactile_diffusers.data.recordings import RecordingsFile
+from tactile_diffusers.data.segments import SegmentLimits
+from tactile_diffusers.data.splits import SPLITS
+from tactile_diffusers.io.reading import reading
+from tactile_diffusers.signal import RATING_AXES, band_edges, band_levels_db
+from tactile_diffusers.signal.rating_scales import RATING_SCALE
+
 from .advice import KEPT, warnings_of
 
 CARD_FORMAT = "tactile-data-card"

@@ -5,13 +5,14 @@ from pathlib import Path
 
 import jinja2
 
-from ...io.files import check_parent, whole_folder
-from ...io.reading import read_json
-from ...signal import RATING_AXES
-from ..folder.convert import notes_in_words
-from ..prepare import prepare_recordings
-from ..recordings import RecordingsFile
-from ..segments import limits_in_words
+from tactile_diffusers.data.folder.convert import notes_in_words
+from tactile_diffusers.data.prepare import prepare_recordings
+from tactile_diffusers.data.recordings import RecordingsFile
+from tactile_diffusers.data.segments import limits_in_words
+from tactile_diffusers.io.files import check_parent, whole_folder
+from tactile_diffusers.io.reading import read_json
+from tactile_diffusers.signal import RATING_AXES
+
 from .measure import CARD_FORMAT, describe
 from .pictures import MOST_EXPLORERS, MOST_NAMES, draw_ratings, draw_surfaces, unit_name
 
