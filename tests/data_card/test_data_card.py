@@ -16,7 +16,6 @@ from scipy.stats import spearmanr
 
 from tactile_diffusers.data import PreparedDataset, RaterScores, RecordingsWriter, SegmentLimits, prepare_recordings
 from tactile_diffusers.data.folder import ConversionReport
-from tactile_diffusers.data.folder.clocks import Lag
 from tactile_diffusers.data.splits import HoldOut
 from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES
 
@@ -284,18 +283,16 @@ def test_prepared_from_others_is_refused(virtual_recordings, slides, tmp_path):
 
 def test_what_the_conversion_noted_is_told(slides, tmp_path, undrawn):
     recordings, prepared = slides({"a": {}})
-    report = ConversionReport(
-        recordings=1, left_out={"b/0/0": "no file with force"}, lags={"a/0/0": Lag(0.02, 0.3, 0.9)}
-    )
+    report = ConversionReport(recordings=1, left_out={"b/0/0": "no file with force"})
     report.note("samples saturated, NaN", 40, "a.csv at 0.2 s")
     with h5py.File(recordings, "a") as file:
         file.attrs["conversion"] = json.dumps(report.facts)
     write_card(recordings, tmp_path / "card", prepared, quiet=True)
     text = (tmp_path / "card/card.md").read_text()
-    for line in ("40 samples saturated, NaN; first a.csv at 0.2 s", "left out: b/0/0: no file with force", "+20.0 ms"):
+    for line in ("40 samples saturated, NaN; first a.csv at 0.2 s", "left out: b/0/0: no file with force"):
         assert line in text
     assert '{"' not in text  # no JSON
-    for noted in ("{", "[]", "7", '{"notes": 3}', '{"left_out_first": {}, "lag": {}, "notes": [1]}'):
+    for noted in ("{", "[]", "7", '{"notes": 3}', '{"left_out_first": {}, "notes": [1]}'):
         with h5py.File(recordings, "a") as file:
             file.attrs["conversion"] = noted
         with pytest.raises(ValueError, match="slides.h5 .*'conversion'.*Convert it"):

@@ -15,7 +15,6 @@ from .clocks import (
     bridged,
     on_one_clock,
     on_stamps,
-    residual_lag,
     velocity_from_position,
     whole,
 )
@@ -27,14 +26,13 @@ LIKELY_SPEED, LIKELY_FORCE = (1.0, 1000.0), (0.01, 30.0)
 LARGEST_SPEED = 10_000.0
 
 
-def read_channels(name, channels, filter, report):
+def read_channels(channels, filter, report):
     """Reads one recording: keyword arguments of `RecordingsWriter.add_recording`.
 
     Args:
-        name (`str`): "surface/explorer/trial".
         channels (`dict[str, Source]`): the tables that hold "force" or "lateral", and "position" or "velocity".
         filter (`VelocityLayout`): makes velocity from position.
-        report (`ConversionReport`): receives notes and the lag.
+        report (`ConversionReport`): receives notes.
 
     Raises:
         Unusable: if it is to be left out.
@@ -68,7 +66,6 @@ def read_channels(name, channels, filter, report):
     arrays = {kind: _shaped(force.values, kind), f"{kind}_rate": force.rate, "unit": unit}
     if motion is not None:
         _check_speed(motion, channels, report)
-        report.lags[name] = _lag(force, motion)
         velocity = motion.values
         if velocity.shape[1] == 1:
             velocity = np.concatenate([velocity, 0.0 * velocity], axis=1)
@@ -195,7 +192,7 @@ def _resampled(channel, rate):
 
 
 def _check_speed(motion, channels, report):
-    """Refuses speeds that no finger has, before anything is computed from the distance, and notes unlikely ones."""
+    """Refuses speeds that no finger has, and notes unlikely ones."""
     speed = float(np.nanmedian(np.linalg.norm(motion.values, axis=1)))
     if speed > LARGEST_SPEED:
         name = "velocity" if "velocity" in channels else "position"
@@ -206,12 +203,3 @@ def _check_speed(motion, channels, report):
         )
     if not LIKELY_SPEED[0] <= speed <= LIKELY_SPEED[1]:
         report.note(f"recordings with a median speed outside {LIKELY_SPEED} mm/s: is the unit right?", 1, motion.where)
-
-
-def _lag(force, motion):
-    """Lag of the force; lateral force alone follows a movement along one line only."""
-    one_line = motion.values.shape[1] == 1 or not np.nan_to_num(motion.values[:, 1]).any()
-    axes = 1 if one_line else 2
-    if force.values.shape[1] < axes:
-        return None
-    return residual_lag(force.values[:, :axes], force.rate, motion.values[:, :axes], motion.rate)

@@ -4,7 +4,6 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 from ...io.files import clear_left_behind
@@ -18,8 +17,6 @@ from .sources import find_recordings
 
 #: Attribute of recordings.h5 that holds the report.
 REPORT_ATTRIBUTE = "conversion"
-#: A median lag (ms) of more than this is worth an `offset`: less is the shear of the finger pad at reversals (recipe).
-NOTABLE_LAG = 5.0
 #: Recordings that are listed by name; attributes of HDF5 hold 64 kB.
 _LISTED = 20
 
@@ -37,7 +34,6 @@ class ConversionReport:
         left_out (`dict[str, str]`): recording -> reason.
         raters, axes (`list[str]`): of the ratings that were written.
         rating_notes, remarks (`list[str]`): what happened to the ratings, and what else is to be said.
-        lags (`dict[str, Lag | None]`): recording -> lag of the force behind the motion; `None` = it cannot be seen.
     """
 
     recordings: int = 0
@@ -51,7 +47,6 @@ class ConversionReport:
     axes: list = field(default_factory=list)
     rating_notes: list = field(default_factory=list)
     remarks: list = field(default_factory=list)
-    lags: dict = field(default_factory=dict)
 
     def note(self, kind, count, place):
         """Counts something of a kind; the first place stays."""
@@ -73,23 +68,11 @@ class ConversionReport:
                 names.append(value)
 
     @property
-    def lag(self):
-        """Median lag in s over the recordings that show one; NaN if none does."""
-        seen = [lag.seconds for lag in self.lags.values() if lag is not None]
-        return float(np.median(seen)) if seen else float("nan")
-
-    @property
     def facts(self):
         """The report as a `dict` that JSON can hold; of long lists the beginning."""
-        seen = [lag for lag in self.lags.values() if lag is not None]
-        lag = {"recordings": len(seen), "not_determinable": len(self.lags) - len(seen)}
-        if seen:
-            lag["median_ms"] = round(1000 * self.lag, 2)
-            lag["range_ms"] = [round(1000 * end(lag.seconds for lag in seen), 2) for end in (min, max)]
-            lag["median_correlation"] = round(float(np.median([lag.correlation for lag in seen])), 3)
         listed = dict(list(self.left_out.items())[:_LISTED])
         facts = {name: len(getattr(self, name)) for name in ("surfaces", "explorers", "raters", "left_out")}
-        facts |= {"left_out_first": listed, "seconds": round(self.seconds, 4), "lag": lag}
+        facts |= {"left_out_first": listed, "seconds": round(self.seconds, 4)}
         same = ("recordings", "rates", "notes", "axes", "rating_notes", "remarks")
         return facts | {name: getattr(self, name) for name in same}
 
@@ -121,22 +104,10 @@ def _lines(facts):
     lines = [f"note: {count} {kind}; first {place}" for kind, (count, place) in facts["notes"].items()]
     lines += [f"note: ratings: {note}" for note in facts["rating_notes"]]
     lines += [f"note: {remark}" for remark in facts["remarks"]]
-    first, lag = facts["left_out_first"], facts["lag"]
+    first = facts["left_out_first"]
     lines += [f"left out: {name}: {reason}" for name, reason in first.items()]
     if facts["left_out"] > len(first):
         lines.append(f"left out: {facts['left_out'] - len(first)} more")
-    if not lag["recordings"]:
-        why = "no recording turns, or none shows it" if lag["not_determinable"] else "there is no motion"
-        return [*lines, f"lag between force and motion: not determinable ({why})"]
-    low, high = lag["range_ms"]
-    lines.append(
-        f"force behind motion: median {lag['median_ms']:+.1f} ms ({low:+.1f} to {high:+.1f} ms, correlation "
-        f"{abs(lag['median_correlation']):.2f}) in {lag['recordings']} recordings; not determinable in "
-        f"{lag['not_determinable']}"
-    )
-    if abs(lag["median_ms"]) > NOTABLE_LAG:
-        undone = f"{-lag['median_ms'] / 1000:+.4f} s"
-        lines.append(f"  nothing was shifted; to undo it, add {undone} to `offset` of the files with force")
     return lines
 
 
@@ -178,7 +149,7 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
     with RecordingsWriter(output, source=layout.source, licence=layout.licence) as writer:
         for name, channels in tqdm(recordings.items(), desc="converting", unit="recording", disable=quiet):
             try:
-                arrays = read_channels("/".join(name), channels, layout.velocity, report)
+                arrays = read_channels(channels, layout.velocity, report)
             except Unusable as error:
                 report.left_out["/".join(name)] = str(error)
                 continue
