@@ -1,12 +1,11 @@
 """`tactile-diffusers prepare`: generates or converts recordings, and prepares a data set from them."""
 
 import argparse
-import json
 from pathlib import Path
 
 from .. import virtual
 from ..data import HoldOut, SegmentLimits, prepare_recordings, split_surfaces
-from ..data.folder import convert_folder, draft_layout, export_folder, inspect_folder
+from ..data.folder import convert_folder, draft_layout, inspect_folder
 from ..data.sens3 import convert_sens3
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
@@ -34,8 +33,6 @@ SOURCE_OPTIONS = {
     "folder": {"root": None, "layout": None, "output": None},
     "recordings": {"recordings": None},
 }
-#: Options that stand for work of their own, and options of sources that they need.
-ALONE = {"inspect": set(), "export_folder": {"recordings"}, "calibrate": set()}
 DESCRIPTION = """\
 Brings recordings into one file (recordings.h5) and prepares a data set from it.
 
@@ -45,11 +42,9 @@ Brings recordings into one file (recordings.h5) and prepares a data set from it.
                        src/tactile_diffusers/data/folder/layout.py (pydoc tactile_diffusers.data.folder.layout)
   --source recordings  an existing recordings.h5
 
-With --prepared the recordings are then filtered, cut into segments and split by surface. On their own:
+With --prepared the recordings are then filtered, cut into segments and split by surface. On its own:
 
   --inspect DIR        lists what is in a folder; --draft layout.toml writes a layout with TODO where it could not tell
-  --export_folder DIR  writes --recordings as a folder of csv files with its layout
-  --calibrate          recomputes the constants of the virtual percepts
 """
 
 
@@ -73,13 +68,12 @@ def build_parser():
 def _add_files(add):
     file, folder = {"type": existing_file, "metavar": "FILE"}, {"type": existing_folder, "metavar": "FOLDER"}
     add("--output", type=Path, metavar="FILE", help="recordings.h5 to write; required unless --source recordings")
-    add("--recordings", **file, help="recordings.h5 to read; required by --source recordings and --export_folder")
+    add("--recordings", **file, help="recordings.h5 to read; required by --source recordings")
     add("--root", **folder, help="folder of the recordings; required by --source sens3 and folder")
     add("--layout", **file, help="layout.toml of the folder; required by --source sens3 and folder")
     add("--prepared", type=Path, metavar="FILE", help="prepared data set to write; default: none")
     add("--inspect", **folder, help="list what is in a folder, and stop")
     add("--draft", type=Path, metavar="FILE", help="with --inspect: layout to write; default: none")
-    add("--export_folder", type=Path, metavar="FOLDER", help="write --recordings as a folder of csv files, and stop")
 
 
 def _add_virtual(add):
@@ -99,7 +93,6 @@ def _add_virtual(add):
     shown = f"axes beside the three on which the raters answer, of {', '.join(FURTHER_AXES)}; default: none"
     add("--further_axes", nargs="+", choices=FURTHER_AXES, metavar="AXIS", help=shown)
     number("workers", count, "processes; the result does not depend on it")
-    add("--calibrate", action="store_true", help="recompute the constants of the percepts, and stop")
 
 
 def _add_segments(add):
@@ -142,14 +135,9 @@ def main(argv=None):
     """Runs the command."""
     parser = build_parser()
     args = parser.parse_args(argv)
-    _check_alone(parser, args)
-    if args.calibrate:
-        _calibrate()
-    elif args.inspect is not None:
+    _check_inspect(parser, args)
+    if args.inspect is not None:
         _inspect(args)
-    elif args.export_folder is not None:
-        export_folder(args.recordings, args.export_folder, quiet=args.quiet)
-        print(f"wrote {args.export_folder}")
     else:
         _check_source(parser, args)
         preparation = _preparation(args) if args.prepared is not None else None
@@ -158,18 +146,15 @@ def main(argv=None):
             _print_report(prepare_recordings(recordings, args.prepared, **preparation), args.prepared)
 
 
-def _check_alone(parser, args):
-    """Refuses options of other work beside --inspect, --export_folder or --calibrate."""
-    if args.draft is not None and args.inspect is None:
-        parser.error("--draft belongs to --inspect.")
-    used = {name for name, value in vars(args).items() if value is not None and value is not False}
-    for name in [name for name in ALONE if name in used][:1]:
-        others = {name for options in SOURCE_OPTIONS.values() for name in options} | {"prepared", *ALONE}
-        if unused := sorted(used & others - ALONE[name] - {name}):
-            left_out = ", ".join(f"--{other}" for other in unused)
-            parser.error(f"--{name} does one thing, and stops: leave out {left_out}.")
-        for needed in ALONE[name] - used:
-            parser.error(f"--{name} needs --{needed}.")
+def _check_inspect(parser, args):
+    """Refuses options of other work beside --inspect."""
+    if args.inspect is None:
+        if args.draft is not None:
+            parser.error("--draft belongs to --inspect.")
+        return
+    others = sorted({name for options in SOURCE_OPTIONS.values() for name in options} | {"prepared"})
+    if unused := [f"--{name}" for name in others if getattr(args, name) is not None]:
+        parser.error(f"--inspect does one thing, and stops: leave out {', '.join(unused)}.")
 
 
 def _check_source(parser, args):
@@ -231,12 +216,6 @@ def _hold_out(args):
         hold_out.matches("explorers", [f"explorer-{number}" for number in range(args.explorers)])
         hold_out.matches("raters", [f"rater-{number}" for number in range(args.raters)])
     return hold_out
-
-
-def _calibrate():
-    path = Path(virtual.__file__).parent / virtual.CALIBRATION_FILE
-    write_text(path, json.dumps(virtual.calibrate(), indent=2) + "\n")
-    print(f"wrote {path}")
 
 
 def _inspect(args):

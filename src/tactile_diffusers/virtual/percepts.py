@@ -166,7 +166,7 @@ def calibration():
     if stored["recipe_version"] != RECIPE_VERSION:
         raise ValueError(
             f"{CALIBRATION_FILE} belongs to recipe {stored['recipe_version']}, the code is recipe {RECIPE_VERSION}: "
-            "run examples/prepare_data.py --calibrate."
+            "run examples/research/calibrate_virtual.py."
         )
     return stored
 
