@@ -8,7 +8,6 @@ import jinja2
 from tactile_diffusers.data.folder.convert import notes_in_words
 from tactile_diffusers.data.prepare import prepare_recordings
 from tactile_diffusers.data.recordings import RecordingsFile
-from tactile_diffusers.data.segments import limits_in_words
 from tactile_diffusers.io.files import check_parent, whole_folder
 from tactile_diffusers.io.reading import read_json
 from tactile_diffusers.signal import RATING_AXES
@@ -125,7 +124,7 @@ def markdown(card):
         card,
         axes=RATING_AXES,
         unit=unit_name(card["recordings"]["unit"]),
-        limits=limits_in_words(card["preparation"]["limits"]),
+        limits=_limits_in_words(card["preparation"]["limits"]),
         conversion_notes=notes_in_words(conversion) if conversion else "",
         warnings_in_words=warnings_in_words(card),
         kept_explorers=list(explorers) if 1 < len(explorers) <= MOST_EXPLORERS else [],
@@ -133,6 +132,17 @@ def markdown(card):
         most_names=MOST_NAMES,
     )
     return text.rstrip() + "\n"
+
+
+def _limits_in_words(limits):
+    """Limits of segments, the dict in the attributes of a prepared file, in words."""
+    channels = (("normal force", limits["normal_force"], "N"), ("speed", limits["speed"], "mm/s"))
+    words = [
+        f"any {name}" if bounds is None else f"{name} {bounds[0]:g}–{bounds[1]:g} {unit}"
+        for name, bounds, unit in channels
+    ]
+    words += [f"deviations up to {limits['longest_excursion']:g} s bridged", f"segments of {limits['seconds']:g} s"]
+    return ", ".join([*words, f"{100 * limits['overlap']:.0f} % overlap"])
 
 
 def _row(cells):

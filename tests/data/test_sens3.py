@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from tactile_diffusers.data import RecordingsFile
-from tactile_diffusers.data.folder import load_layout
-from tactile_diffusers.data.sens3 import convert_sens3, sens3_layout
+from tactile_diffusers.data.folder import convert_folder, load_layout
+from tactile_diffusers.data.sens3 import differences_from_sens3, sens3_layout
 from tactile_diffusers.signal import DEVICE_RATE
 
 #: What somebody would write in place of each TODO, in the order of the template.
@@ -49,14 +49,15 @@ def folder(tmp_path):
 def test_the_template_names_what_is_to_be_filled_in(tmp_path):
     (tmp_path / "layout.toml").write_text(sens3_layout())
     with pytest.raises(ValueError, match=r"`\[\[files\]\] 1, pattern` = 'TODO: .*' is still to be filled in"):
-        convert_sens3(tmp_path, tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+        convert_folder(tmp_path, tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
 
 
 def test_a_folder_of_its_kind(folder):
     layout = load_layout(filled(folder))
     assert layout.source == "SENS3 (www.sens3.net, arXiv 2401.01818)" and "SENS3" in layout.licence
-    report = convert_sens3(folder, folder / "layout.toml", folder / "r.h5", quiet=True)
-    assert report.remarks == ["2 surfaces, SENS3 has 50", "1 explorers, SENS3 has 2"]  # 12 raters and 10 kHz fit
+    report = convert_folder(folder, folder / "layout.toml", folder / "r.h5", quiet=True)
+    told = differences_from_sens3(report)
+    assert told == ["2 surfaces, SENS3 has 50", "1 explorers, SENS3 has 2"]  # 12 raters and 10 kHz fit
     table = pd.read_csv(folder / "ratings.csv", dtype={"texture": str})
     with RecordingsFile(folder / "r.h5") as file:
         recording = file.read("01/1/1")

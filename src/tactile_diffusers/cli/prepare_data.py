@@ -6,7 +6,7 @@ from pathlib import Path
 from .. import virtual
 from ..data import HoldOut, SegmentLimits, prepare_recordings, split_surfaces
 from ..data.folder import convert_folder, draft_layout, inspect_folder
-from ..data.sens3 import convert_sens3
+from ..data.sens3 import differences_from_sens3
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
@@ -242,8 +242,10 @@ def _recordings(args):
         virtual.generate_recordings(args.output, quiet=args.quiet, **settings)
         print(f"wrote {args.output}")
     else:
-        convert = convert_sens3 if args.source == "sens3" else convert_folder
-        _print_report(convert(args.root, args.layout, args.output, quiet=args.quiet), args.output)
+        report = convert_folder(args.root, args.layout, args.output, quiet=args.quiet)
+        for difference in differences_from_sens3(report) if args.source == "sens3" else ():
+            print(f"note: {difference}")
+        _print_report(report, args.output)
     return args.output
 
 

@@ -78,7 +78,7 @@ def prepare_recordings(
         band, order, passes: of `signal.band_pass`.
         validation, test, split_seed: of `split_surfaces`, among the surfaces that are not held out.
         quiet (`bool`): no progress bar.
-        turnarounds (`str`): "keep" (the paper), "exclude" or "mask"; see `treat_turnarounds`.
+        turnarounds (`str`): "keep" (the paper) or "mask"; see `treat_turnarounds`.
         hold_out (`HoldOut`, *optional*): surfaces, explorers and raters of the split "hard".
 
     Returns:

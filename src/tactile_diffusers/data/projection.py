@@ -53,7 +53,7 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
 
     Args:
         recording (`Recording`): one exploration.
-        turnarounds (`str`): "keep", "exclude" or "mask"; see `treat_turnarounds`.
+        turnarounds (`str`): "keep" or "mask"; see `treat_turnarounds`.
 
     Returns:
         `Channels`.

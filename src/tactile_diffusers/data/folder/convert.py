@@ -33,7 +33,7 @@ class ConversionReport:
         notes (`dict[str, list]`): kind -> [count, first place].
         left_out (`dict[str, str]`): recording -> reason.
         raters, axes (`list[str]`): of the ratings that were written.
-        rating_notes, remarks (`list[str]`): what happened to the ratings, and what else is to be said.
+        rating_notes (`list[str]`): what happened to the ratings.
     """
 
     recordings: int = 0
@@ -46,7 +46,6 @@ class ConversionReport:
     raters: list = field(default_factory=list)
     axes: list = field(default_factory=list)
     rating_notes: list = field(default_factory=list)
-    remarks: list = field(default_factory=list)
 
     def note(self, kind, count, place):
         """Counts something of a kind; the first place stays."""
@@ -73,7 +72,7 @@ class ConversionReport:
         listed = dict(list(self.left_out.items())[:_LISTED])
         facts = {name: len(getattr(self, name)) for name in ("surfaces", "explorers", "raters", "left_out")}
         facts |= {"left_out_first": listed, "seconds": round(self.seconds, 4)}
-        same = ("recordings", "rates", "notes", "axes", "rating_notes", "remarks")
+        same = ("recordings", "rates", "notes", "axes", "rating_notes")
         return facts | {name: getattr(self, name) for name in same}
 
     def __str__(self):
@@ -103,7 +102,6 @@ def _lines(facts):
     """Notes begin with "note: "."""
     lines = [f"note: {count} {kind}; first {place}" for kind, (count, place) in facts["notes"].items()]
     lines += [f"note: ratings: {note}" for note in facts["rating_notes"]]
-    lines += [f"note: {remark}" for remark in facts["remarks"]]
     first = facts["left_out_first"]
     lines += [f"left out: {name}: {reason}" for name, reason in first.items()]
     if facts["left_out"] > len(first):
@@ -111,7 +109,7 @@ def _lines(facts):
     return lines
 
 
-def convert_folder(root, layout, output, quiet=False, remarks=None):
+def convert_folder(root, layout, output, quiet=False):
     """Converts a folder of recordings, described by a layout, to `recordings.h5`.
 
     What can be found without reading the numbers (patterns, files that belong together, columns of the first files,
@@ -123,7 +121,6 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
         layout (`Layout`, `str` or `Path`): a layout, or the file of one.
         output (`str` or `Path`): the file to write; it appears only when it is whole.
         quiet (`bool`): no progress bar.
-        remarks (`Callable`, *optional*): from the finished `ConversionReport` to further notes, a list of strings.
 
     Returns:
         `ConversionReport`, also stored as the attribute "conversion" of the file, in JSON.
@@ -160,7 +157,6 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
             raise ValueError(f"{root}: none of {len(report.left_out)} recordings can be used; {name}: {reason}.")
         if scores is not None:
             _write_ratings(writer, scores, report)
-        report.remarks = list(remarks(report)) if remarks else []
         writer.set_attributes(**{REPORT_ATTRIBUTE: json.dumps(report.facts, ensure_ascii=False)})
     return report
 
