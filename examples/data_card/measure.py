@@ -170,7 +170,7 @@ def _selection(data):
 
 def _preparation(data):
     """Settings and notes of the preparation, and the surfaces and segments of each split."""
-    names = ("limits", "band", "filter_order", "filter_passes", "turnarounds", "split_seed", "hold_out")
+    names = ("limits", "band", "turnarounds", "split_seed", "hold_out")
     splits = np.array(data.splits)
     counts = {
         split: {"surfaces": np.sum(splits == split), "segments": np.sum(splits[data.surface_ids] == split)}

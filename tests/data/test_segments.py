@@ -56,7 +56,7 @@ def recording_of(force, velocity, velocity_rate=500, lateral=None):
 
 def windows_of(recording, limits=None):
     data = channels(recording)
-    filtered, valid = filtered_with_gaps(data.lateral, recording.rate, BAND_HZ, 4, 2)
+    filtered, valid = filtered_with_gaps(data.lateral, recording.rate, BAND_HZ)
     return find_windows(data, filtered, valid, recording.rate, limits or SegmentLimits())
 
 
@@ -136,7 +136,7 @@ def test_windows_of_random_recordings_equal_the_slow_reference(stretches):
     recording = random_recording(stretches)
     assume(recording.samples >= WINDOW and not np.isnan(recording.force).all())  # others are refused when they are read
     data = channels(recording, "keep")
-    filtered, valid = filtered_with_gaps(data.lateral, SLOW_RATE, SLOW_BAND, 4, 2)
+    filtered, valid = filtered_with_gaps(data.lateral, SLOW_RATE, SLOW_BAND)
     windows = find_windows(data, filtered, valid, SLOW_RATE, SLOW_LIMITS)
     starts, reasons = slow_windows(recording)
     assert windows.start.tolist() == starts
@@ -253,7 +253,7 @@ def test_a_quick_turn_by_less_than_a_right_angle_is_none():
 def test_what_each_option_leaves_of_a_reversal(turnarounds):
     recording = back_and_forth([3.0])
     data = channels(recording, turnarounds)
-    filtered, valid = filtered_with_gaps(data.lateral, DEVICE_RATE, BAND_HZ, 4, 2)
+    filtered, valid = filtered_with_gaps(data.lateral, DEVICE_RATE, BAND_HZ)
     windows = find_windows(data, filtered, valid, DEVICE_RATE, SegmentLimits())
     steady, swing = 0.005 * np.sqrt(2 * 980 / DEVICE_RATE), np.abs(filtered[29_000:31_000]).max()
     near = (windows.start < 30_000 + 500) & (windows.start + SEGMENT_SAMPLES > 30_000 - 500)
@@ -294,7 +294,7 @@ def test_a_step_at_a_gap_leaves_little_in_segments():
     for gap in (1, 100, 1000):
         lateral = np.where(np.arange(60_000) < 30_000, 0.0, 0.5)
         lateral[30_000 - gap : 30_000] = np.nan
-        filtered, valid = filtered_with_gaps(lateral, DEVICE_RATE, BAND_HZ, 4, 2)
+        filtered, valid = filtered_with_gaps(lateral, DEVICE_RATE, BAND_HZ)
         assert np.abs(filtered).max() > 0.005 and np.abs(filtered[valid]).max() < 1e-3
         first = np.flatnonzero(valid[30_000:])[0] + 30_000
         assert np.sqrt(np.mean(filtered[first : first + SEGMENT_SAMPLES] ** 2)) < 1e-4

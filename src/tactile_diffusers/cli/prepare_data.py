@@ -115,9 +115,6 @@ def _add_segments(add):
         add(f"--{name}", type=float, default=default, metavar="X", help=f"{purpose}; default: %(default)s")
     treated = "how reversals inside a segment are treated (keep = the paper); default: %(default)s"
     add("--turnarounds", choices=TURNAROUNDS, default=DEFAULT_TURNAROUNDS, help=treated)
-    add("--filter_order", type=int, default=4, metavar="N", help="Butterworth, per edge; default: %(default)s")
-    passes = "2 = forward and backward, zero phase; default: %(default)s"
-    add("--filter_passes", type=int, default=2, choices=(1, 2), help=passes)
 
 
 def _add_splits(add):
@@ -199,8 +196,7 @@ def _preparation(args):
         if args.seconds < limits.seconds:
             raise ValueError(f"--seconds must be at least one segment, {limits.seconds} s, got {args.seconds}.")
     same = {name: getattr(args, name) for name in ("validation", "test", "split_seed", "turnarounds", "quiet")}
-    filters = {"band": band, "order": args.filter_order, "passes": args.filter_passes}
-    return same | filters | {"limits": limits, "hold_out": _hold_out(args)}
+    return same | {"band": band, "limits": limits, "hold_out": _hold_out(args)}
 
 
 def _hold_out(args):

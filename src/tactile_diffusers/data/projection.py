@@ -161,7 +161,7 @@ def sliding_direction(velocity, rate):
     return np.unwrap(np.arctan2(held[:, 1], held[:, 0]))
 
 
-def filtered_with_gaps(lateral, rate, band, order, passes):
+def filtered_with_gaps(lateral, rate, band):
     """Band-passes a whole recording that may hold NaN.
 
     Gaps are interpolated for the filter. Samples within two periods of the band's low edge of a gap, or of an end of
@@ -170,7 +170,7 @@ def filtered_with_gaps(lateral, rate, band, order, passes):
     Args:
         lateral (`np.ndarray`): (n,) N.
         rate (`int`): Hz.
-        band, order, passes: of `signal.band_pass`.
+        band (`tuple[float, float]`): of `signal.band_pass`, Hz.
 
     Returns:
         `tuple[np.ndarray, np.ndarray]`: filtered (n,) float32 and valid (n,) bool.
@@ -179,5 +179,5 @@ def filtered_with_gaps(lateral, rate, band, order, passes):
     margin = int(np.ceil(2 * rate / band[0]))
     valid = ~mask_of_runs(true_runs(missing) + [-margin, margin], len(lateral))
     valid[:margin] = valid[max(0, len(valid) - margin) :] = False
-    filtered = band_pass(interpolated(lateral, missing), rate, band=band, order=order, passes=passes)
+    filtered = band_pass(interpolated(lateral, missing), rate, band=band)
     return filtered.astype(np.float32), valid
