@@ -6,15 +6,14 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from calibrate_virtual import calibrate
 from scipy.stats import kurtosis, skew
 
 from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db, band_pass, rms
 from tactile_diffusers.virtual import (
-    CALIBRATION_FILE,
     SurfaceParameters,
     VirtualSurface,
-    calibrate,
     explorer,
     free_exploration,
     generate_recordings,
@@ -24,7 +23,7 @@ from tactile_diffusers.virtual.collection import Collection
 from tactile_diffusers.virtual.exploration import EXPLORERS, VELOCITY_RATE
 from tactile_diffusers.virtual.friction import contact_force, low_pass, stick_slip
 from tactile_diffusers.virtual.laws import contact_stiffness, finger_cutoff, friction_coefficient, stick_slip_rate
-from tactile_diffusers.virtual.percepts import expected_powers
+from tactile_diffusers.virtual.percepts import CALIBRATION_FILE, expected_powers
 from tactile_diffusers.virtual.raters import check_rating_correlation, draw_raters
 from tactile_diffusers.virtual.relief import profile_tables
 from tactile_diffusers.virtual.streams import Stream, stream

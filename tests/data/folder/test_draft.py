@@ -85,8 +85,8 @@ def test_time_stamps(tmp_path, name, stamps, unit, rate):
     assert any(f"time taken as {unit}" in doubt for doubt in group.doubts) is (unit in ("s", "ms", "us"))
 
 
-DOUBTS = [  # the first: the normal force is in y, and z has no clear sign
-    ("Fx [N]|Fz [N]|Fy [N]", "largest in Fy [N] (-0.5), not in z", "force", {"normal_sign": f"TODO: {SIGN}"}),
+DOUBTS = [  # the first: z has no clear sign
+    ("Fx [N]|Fz [N]|Fy [N]", "no position or velocity", "force", {"normal_sign": f"TODO: {SIGN}"}),
     ("fx_N|fy_N|fz_mN", "no position or velocity", "force", {"unit": f"TODO: {UNITS}; the name says N and mN"}),
     ("F_T|y|F_N", "only one column is used, not F_N", "lateral", {"column": "F_T", "unit": f"TODO: {UNITS}"}),
 ]

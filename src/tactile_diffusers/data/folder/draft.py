@@ -6,11 +6,10 @@ with a TODO is refused.
 """
 
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
-from .clocks import SHORTEST_SHARE, whole
+from .clocks import whole
 from .draft_names import assign_roles, content_of
 from .draft_ratings import RatingsGuess, guess_by_surfaces, guess_ratings
 from .draft_tables import HEAD_ROWS, TableGroup, list_files, open_groups
@@ -18,10 +17,7 @@ from .layout import CHANNEL_UNITS, FORMAT, TODO, VERSION, VelocityLayout
 from .layout_text import toml_comment, toml_table
 from .rating_tables import pair_names
 from .sources import Pattern
-from .tables import few, read_table
 
-#: Rows that are read of each csv file, enough to find its header.
-HEADER_ROWS = 5
 #: Columns of a kind of table, and files that were not looked at, that are listed.
 MOST_COLUMNS, MOST_SKIPPED = 24, 12
 #: The mean of z must be this share of its range for its sign to decide which way is pressing (recipe).
@@ -89,8 +85,7 @@ def inspect_folder(root, quiet=False):
     """Looks at a folder: names, columns, units, rates and ranges, and what they probably mean.
 
     At most 5000 files are listed (1000 of a folder) and 90 opened, three of each kind of name; of text tables the
-    first 50,000 rows are read. Of all text tables that hold recordings the names of columns are compared. Nothing is
-    written, and pickles are not read.
+    first 50,000 rows are read. Nothing is written, and pickles are not read.
 
     Args:
         root (`str` or `Path`): the folder.
@@ -115,8 +110,7 @@ def inspect_folder(root, quiet=False):
         group.doubts += assign_roles(group.fields) + group.first.doubts
     _choose_channels(inventory.recorded)
     for group in inventory.recorded:
-        group.doubts += [*_doubts_on_names(group), *_doubts_on_numbers(group, inventory.recorded)]
-        group.doubts += _doubts_on_headers(root, group)
+        group.doubts += _doubts_on_names(group)
     _find_ratings(inventory, rated)
     inventory.doubts += _doubts_on_folder(inventory)
     return inventory
@@ -181,40 +175,6 @@ def _doubts_on_names(group):
         if read != meant:
             yield f"the pattern reads the surface of {name} as {read!r}: rename the files so that names are clear"
             return
-
-
-def _doubts_on_numbers(group, groups):
-    """Yields what looks wrong in the forces, columns, rates and lengths of a group."""
-    if "force" in group.channels:
-        mean = {axis: column.mean for axis, column in group.channels["force"].items()}
-        largest = max(mean, key=lambda axis: abs(mean[axis]))
-        if abs(mean[largest]) > abs(mean["z"]):
-            name = group.channels["force"][largest].name
-            values = f"({mean[largest]:.3g}), not in z ({mean['z']:.3g})"
-            yield f"the mean force is largest in {name} {values}: is z the normal force?"
-    rates = [table.rate for table in group.tables if table.rate]
-    if rates and max(rates) > 1.01 * min(rates):
-        remedy = ": preparation will refuse this; resample to one rate (`resample` = Hz)"
-        remedy *= bool(group.channels.keys() & {"force", "lateral"})
-        yield f"rates differ between files: {min(rates):.6g} to {max(rates):.6g} Hz{remedy}"
-    longest = max((other.seconds or 0 for other in groups if set(other.surfaces) & set(group.surfaces)), default=0)
-    if group.seconds and group.seconds < SHORTEST_SHARE * longest:
-        yield f"lasts {group.seconds:.3g} s, others {longest:.3g} s: is the rate right?"
-
-
-def _doubts_on_headers(root, group):
-    """Yields a doubt if some files have other columns than the first. All csv files are read, as a batch may be odd."""
-    columns = {facts.table.path: facts.table.names for facts in group.tables}
-    for path in (root / name for name in group.files.names if group.kind == "csv"):
-        with suppress(ValueError, OSError):  # the conversion says why
-            columns[path] = columns.get(path) or read_table(path, "csv", max_rows=HEADER_ROWS).names
-    usual = group.first.table.names
-    odd = {path.relative_to(root).as_posix(): names for path, names in columns.items() if names and names != usual}
-    if odd:
-        yield (
-            f"{len(odd)} of {len(group.files.names)} files have other columns: {few(sorted(odd), 3)}; the "
-            f"first of them has {', '.join(odd[min(odd)])}. Give them a [[files]] of their own, with `where`"
-        )
 
 
 def _doubts_on_folder(inventory):
