@@ -1,6 +1,5 @@
 """The numbers of a data card: recordings, the time that preparation kept, surfaces, and how far ratings fit them."""
 
-import json
 import math
 import warnings
 from pathlib import Path
@@ -11,12 +10,11 @@ from scipy.stats import spearmanr
 from tqdm import tqdm
 
 from tactile_diffusers.data.dataset import PreparedDataset
-from tactile_diffusers.data.folder.convert import REPORT_ATTRIBUTE, notes_in_words
+from tactile_diffusers.data.folder.convert import REPORT_ATTRIBUTE
 from tactile_diffusers.data.ratings import LEAST_COMMON, axis_correlation, rating_reliability
 from tactile_diffusers.data.recordings import RecordingsFile
 from tactile_diffusers.data.segments import SegmentLimits
 from tactile_diffusers.data.splits import SPLITS
-from tactile_diffusers.io.reading import reading
 from tactile_diffusers.signal import RATING_AXES, band_edges, band_levels_db
 from tactile_diffusers.signal.rating_scales import RATING_SCALE
 
@@ -100,10 +98,6 @@ def _check_same(source, data):
 
 def _source(source, limits, quiet):
     """What the file holds, and how long speed and normal force were what; reads one recording after the other."""
-    with reading(source.path, f"a store of recordings with the attribute {REPORT_ATTRIBUTE!r}", "Convert it again."):
-        conversion = json.loads(source.attributes.get(REPORT_ATTRIBUTE, "null"))
-        if conversion is not None:
-            notes_in_words(conversion)
     rows, samples = [], {"normal_force": [], "speed": []}
     for one in tqdm(source, total=len(source), desc="recordings", unit="recording", disable=quiet):
         channel = "lateral" if one.force is None else "force"
@@ -130,7 +124,7 @@ def _source(source, limits, quiet):
         "rates": table["rate"].value_counts().to_dict(),
         "velocity_rates": velocities,
         "attributes": {k: v for k, v in source.attributes.items() if k not in ("format", "version", REPORT_ATTRIBUTE)},
-        "conversion": conversion,
+        "conversion": source.attributes.get(REPORT_ATTRIBUTE),
     }
     return facts, {name: _over_time(found, getattr(limits, name)) for name, found in samples.items()}
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import jinja2
 
-from tactile_diffusers.data.folder.convert import notes_in_words
 from tactile_diffusers.data.prepare import prepare_recordings
 from tactile_diffusers.data.recordings import RecordingsFile
 from tactile_diffusers.io.files import check_parent, whole_folder
@@ -119,13 +118,14 @@ def markdown(card):
     """The whole card: its numbers in the words and tables of the template."""
     environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.filters.update(row=_row, head=_head, percent=_percent)
-    conversion, explorers = card["recordings"]["conversion"], card["kept"]["explorers"]
+    conversion, explorers = str(card["recordings"]["conversion"] or ""), card["kept"]["explorers"]
+    noted = [line for line in conversion.splitlines() if line.startswith(("note: ", "left out: "))]
     text = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         card,
         axes=RATING_AXES,
         unit=unit_name(card["recordings"]["unit"]),
         limits=_limits_in_words(card["preparation"]["limits"]),
-        conversion_notes=notes_in_words(conversion) if conversion else "",
+        conversion_notes="\n".join(f"- {line.removeprefix('note: ')}" for line in noted),
         warnings_in_words=warnings_in_words(card),
         kept_explorers=list(explorers) if 1 < len(explorers) <= MOST_EXPLORERS else [],
         most_explorers=MOST_EXPLORERS,

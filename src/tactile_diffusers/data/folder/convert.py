@@ -1,6 +1,5 @@
 """From a folder and its layout to `recordings.h5`, one recording in memory at a time, with a report."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -66,15 +65,6 @@ class ConversionReport:
             if value not in names:
                 names.append(value)
 
-    @property
-    def facts(self):
-        """The report as a `dict` that JSON can hold; of long lists the beginning."""
-        listed = dict(list(self.left_out.items())[:_LISTED])
-        facts = {name: len(getattr(self, name)) for name in ("surfaces", "explorers", "raters", "left_out")}
-        facts |= {"left_out_first": listed, "seconds": round(self.seconds, 4)}
-        same = ("recordings", "rates", "notes", "axes", "rating_notes")
-        return facts | {name: getattr(self, name) for name in same}
-
     def __str__(self):
         lines = [
             f"{self.recordings} recordings of {len(self.surfaces)} surfaces by {len(self.explorers)} explorers, "
@@ -86,27 +76,12 @@ class ConversionReport:
             )
         if self.raters:
             lines.append(f"ratings by {len(self.raters)} raters on {', '.join(self.axes)}")
-        return "\n".join(lines + _lines(self.facts))
-
-
-def notes_in_words(facts):
-    """What `ConversionReport.facts` holds beyond counts, as a Markdown list.
-
-    Args:
-        facts (`dict`): as stored.
-    """
-    return "\n".join(f"- {line.removeprefix('note: ').strip()}" for line in _lines(facts))
-
-
-def _lines(facts):
-    """Notes begin with "note: "."""
-    lines = [f"note: {count} {kind}; first {place}" for kind, (count, place) in facts["notes"].items()]
-    lines += [f"note: ratings: {note}" for note in facts["rating_notes"]]
-    first = facts["left_out_first"]
-    lines += [f"left out: {name}: {reason}" for name, reason in first.items()]
-    if facts["left_out"] > len(first):
-        lines.append(f"left out: {facts['left_out'] - len(first)} more")
-    return lines
+        lines += [f"note: {count} {kind}; first {place}" for kind, (count, place) in self.notes.items()]
+        lines += [f"note: ratings: {note}" for note in self.rating_notes]
+        lines += [f"left out: {name}: {reason}" for name, reason in list(self.left_out.items())[:_LISTED]]
+        if len(self.left_out) > _LISTED:
+            lines.append(f"left out: {len(self.left_out) - _LISTED} more")
+        return "\n".join(lines)
 
 
 def convert_folder(root, layout, output, quiet=False):
@@ -123,7 +98,7 @@ def convert_folder(root, layout, output, quiet=False):
         quiet (`bool`): no progress bar.
 
     Returns:
-        `ConversionReport`, also stored as the attribute "conversion" of the file, in JSON.
+        `ConversionReport`, also stored as the attribute "conversion" of the file, as text.
 
     Raises:
         FileNotFoundError: if the folder, the layout or the folder of `output` does not exist.
@@ -157,7 +132,7 @@ def convert_folder(root, layout, output, quiet=False):
             raise ValueError(f"{root}: none of {len(report.left_out)} recordings can be used; {name}: {reason}.")
         if scores is not None:
             _write_ratings(writer, scores, report)
-        writer.set_attributes(**{REPORT_ATTRIBUTE: json.dumps(report.facts, ensure_ascii=False)})
+        writer.set_attributes(**{REPORT_ATTRIBUTE: str(report)})
     return report
 
 
