@@ -44,7 +44,7 @@ Brings recordings into one file (recordings.h5) and prepares a data set from it.
 
 With --prepared the recordings are then filtered, cut into segments and split by surface. On its own:
 
-  --inspect DIR        lists what is in a folder; --draft layout.toml writes a layout with TODO where it could not tell
+  --inspect DIR        drafts a layout of a folder, with TODO where it could not tell; --draft layout.toml writes it
 """
 
 
@@ -72,7 +72,7 @@ def _add_files(add):
     add("--root", **folder, help="folder of the recordings; required by --source sens3 and folder")
     add("--layout", **file, help="layout.toml of the folder; required by --source sens3 and folder")
     add("--prepared", type=Path, metavar="FILE", help="prepared data set to write; default: none")
-    add("--inspect", **folder, help="list what is in a folder, and stop")
+    add("--inspect", **folder, help="draft a layout of a folder, and stop")
     add("--draft", type=Path, metavar="FILE", help="with --inspect: layout to write; default: none")
 
 
@@ -220,13 +220,13 @@ def _inspect(args):
         if args.draft.exists():
             raise ValueError(f"--draft {args.draft} exists: give another name, a layout may hold work of yours.")
     inventory = inspect_folder(args.inspect, quiet=args.quiet)
-    print(inventory)
     if not inventory.groups:
         raise ValueError(f"--inspect {args.inspect}: there is no file that can be read as a table, so no draft of it.")
+    layout = draft_layout(inventory)
     if args.draft is None:
-        return print("\n--draft layout.toml writes a layout of this folder.")
-    write_text(args.draft, draft_layout(inventory))
-    print(f"\nwrote {args.draft}: fill in every TODO, then --source folder --root {args.inspect} --layout {args.draft}")
+        return print(f"{layout}\n--draft layout.toml writes this layout.")
+    write_text(args.draft, layout)
+    print(f"wrote {args.draft}: fill in every TODO, then --source folder --root {args.inspect} --layout {args.draft}")
 
 
 def _recordings(args):

@@ -26,7 +26,7 @@ CLEAR_SIGN = 0.1
 
 @dataclass
 class FolderInventory:
-    """What is in a folder; `str` prints it for a terminal.
+    """What is in a folder; `draft_layout` puts it in words.
 
     Attributes:
         root (`Path`): the folder. Paths in it are relative and written with "/".
@@ -63,22 +63,6 @@ class FolderInventory:
     def surfaces(self):
         """Names of recorded surfaces, of the kind of file that has most of them."""
         return max((group.surfaces for group in self.recorded), key=len, default=[])
-
-    def __str__(self):
-        total = len(self.files) + len(self.others) + len(self.skipped)
-        lines = [f"{self.root}: {total} files, {len(self.groups)} kinds of tables" + " (and more)" * self.truncated]
-        for group in self.groups:
-            lines += ["", *_listed(group, self.ratings)]
-        lines.append("")
-        if self.others:
-            endings = Counter(PurePath(path).suffix or path for path in self.others)
-            lines.append("no tables: " + ", ".join(f"{count} {ending}" for ending, count in endings.most_common()))
-        skipped = [f"not looked at: {path}: {reason}" for path, reason in self.skipped.items()]
-        lines += skipped[:MOST_SKIPPED]
-        lines += [f"not looked at: {len(skipped) - MOST_SKIPPED} more files"] * (len(skipped) > MOST_SKIPPED)
-        pairs = self.surface_names.items()
-        lines += [f"{theirs!r} in the ratings is {ours!r} in the recordings (guess)" for theirs, ours in pairs]
-        return "\n".join(lines + [f"check: {doubt}" for doubt in self.doubts])
 
 
 def inspect_folder(root, quiet=False):
@@ -189,35 +173,6 @@ def _doubts_on_folder(inventory):
         yield "the folder has more files than are listed; what does not vary in the names of these may in the others"
 
 
-def _listed(group, ratings):
-    count = len(group.files.names)
-    lines = [f"{group.place}   {count} file{'s' * (count > 1)}, {group.kind}"]
-    lines += [f"    {item.role or 'varies'}: {item}" for item in group.fields]
-    if not group.tables:
-        return [*lines, "    not opened"]
-    facts, (rate, rate_from) = group.first, group.rate
-    rows = f"{facts.table.rows} rows" if facts.complete else f"{HEAD_ROWS} rows and more"
-    clock = f", {rate:.6g} Hz (from {rate_from})" if rate else ""
-    seconds = f", {group.seconds:.1f} s" if group.seconds else ""
-    lines.append(f"    {rows}{clock}{seconds}; {len(group.tables)} opened, ranges of all of them:")
-    meaning, doubts = ", ".join(group.channels), group.doubts
-    if ratings is not None and ratings.group is group:
-        meaning, doubts = f"ratings ({ratings.keys['form']}) on {', '.join(ratings.axes)}", doubts + ratings.doubts
-    used = {column.name: f"{name} {axis}" for name, axes in group.channels.items() for axis, column in axes.items()}
-    width = max(len(column.name) for column in facts.columns)
-    for column in facts.columns[:MOST_COLUMNS]:
-        same = [other for table in group.tables for other in table.columns if other.name == column.name]
-        span = f"{min(c.low for c in same):.4g} .. {max(c.high for c in same):.4g}"
-        span = f"text, {column.distinct} different" if column.measures == "text" else span
-        span += f", {column.missing} missing" * bool(column.missing)
-        known = "" if column.measures in ("text", "number") else f"({column.measures} {column.axis}".strip() + ")"
-        known = used.get(column.name, known)
-        lines.append(f"      {column.name:<{width}}  {column.unit or '-':<5} {span:<28} {known}".rstrip())
-    more = len(facts.table.names) - MOST_COLUMNS
-    lines += [f"      and {more} more columns"] * (more > 0) + [f"    guess: {meaning or 'not used'}"]
-    return lines + [f"    check: {doubt}" for doubt in doubts]
-
-
 def draft_layout(inventory):
     """Drafts a `layout.toml`: what was inferred with the evidence, and "TODO: ..." where nothing decides.
 
@@ -243,7 +198,8 @@ def draft_layout(inventory):
     rated = ratings.group if ratings else None
     unused = [group for group in inventory.groups if not group.channels and group is not rated]
     if unused:
-        blocks.append("\n".join(["# Not used:", *(toml_comment(group.place) for group in unused)]))
+        listed = [line for group in unused for line in (toml_comment(group.place), *_columns(group))]
+        blocks.append("\n".join(["# Not used:", *listed]))
     if "position" in held:
         header = "[velocity]  # of the filter that makes velocity from position"
         blocks.append(toml_table(header, VelocityLayout().model_dump(), {"window": "s"}))
@@ -251,7 +207,8 @@ def draft_layout(inventory):
         first_line = rated.first.table.first_line
         keys = {"pattern": rated.files.pattern, **_inside(rated), **ratings.keys}
         keys |= {"header": first_line - 1} if first_line not in (None, 2) else {}
-        blocks += ["\n".join([*_checks(ratings.doubts), toml_table("[ratings]", keys, ratings.comments)])]
+        lines = [*_columns(rated), *_checks(ratings.doubts), toml_table("[ratings]", keys, ratings.comments)]
+        blocks.append("\n".join(lines))
         blocks[-1] += "\n" + toml_table("[ratings.axes]", ratings.axes)
     if inventory.surface_names:
         header = "# name in the ratings = name in the recordings: paired by numbers or spelling, check them"
@@ -268,12 +225,34 @@ def _head(inventory):
         "source": f"{TODO}: what these data are and where they come from",
         "licence": f"{TODO}: under which licence{see}",
     }
-    drafted = f"Drafted from {inventory.root.resolve().name}: check every line, fill in what holds {TODO}."
-    return "\n".join([toml_comment(drafted), *_checks(inventory.doubts), toml_table("", facts)])
+    lines = [f"Drafted from {inventory.root.resolve().name}: check every line, fill in what holds {TODO}."]
+    if inventory.others:
+        endings = Counter(PurePath(path).suffix or path for path in inventory.others)
+        lines.append("no tables: " + ", ".join(f"{count} {ending}" for ending, count in endings.most_common()))
+    skipped = [f"not looked at: {path}: {reason}" for path, reason in inventory.skipped.items()]
+    lines += skipped[:MOST_SKIPPED]
+    lines += [f"not looked at: {len(skipped) - MOST_SKIPPED} more files"] * (len(skipped) > MOST_SKIPPED)
+    return "\n".join([*map(toml_comment, lines), *_checks(inventory.doubts), toml_table("", facts)])
 
 
 def _checks(doubts):
     return [toml_comment(f"check: {doubt}") for doubt in doubts]
+
+
+def _columns(group):
+    """A comment for each column: its unit, its range in the files that were opened, what it measures by its name."""
+    if not group.tables:
+        return ["#   not opened"]
+    lines = []
+    for column in group.first.columns[:MOST_COLUMNS]:
+        same = [other for table in group.tables for other in table.columns if other.name == column.name]
+        span = f"{min(c.low for c in same):.4g} to {max(c.high for c in same):.4g}"
+        words = [f"text, {column.distinct} different" if column.measures == "text" else span]
+        words += [f"{column.missing} missing"] * bool(column.missing)
+        words += [f"{column.measures} {column.axis}".strip()] * (column.measures not in ("text", "number"))
+        lines.append(toml_comment(f"- {column.name}: {', '.join(words)}"))
+    more = len(group.first.table.names) - MOST_COLUMNS
+    return lines + [f"# - and {more} more columns"] * (more > 0)
 
 
 def _files(group):
@@ -281,7 +260,7 @@ def _files(group):
     facts, comments = group.first, {}
     rows = f"first {HEAD_ROWS} rows" if not facts.complete else f"{facts.table.rows} rows"
     lines = [f"# files: {len(group.files.names)}; {rows} of {len(group.tables)} looked at"]
-    lines += [toml_comment(f"{item.role}: {item}") for item in group.fields if item.role]
+    lines += [toml_comment(f"{item.role}: {item}") for item in group.fields if item.role] + _columns(group)
     keys = {"pattern": group.files.pattern, **_inside(group)}
     if group.field_of("surface") is None:
         keys["pattern"] = f"{TODO}: put {{surface}} where its name stands in {group.files.pattern}"

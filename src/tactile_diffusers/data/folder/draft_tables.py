@@ -157,12 +157,6 @@ class TableGroup:
         rates = {float(number) * (1000 if kilo else 1) for number, kilo in _HERTZ.findall(self.files.pattern)}
         return (rates.pop(), "the name of the file") if len(rates) == 1 else (None, "")
 
-    @property
-    def seconds(self):
-        """Length of the first table, s; `None` if that is unknown."""
-        rate, _ = self.rate
-        return self.first.table.rows / rate if rate and self.first.complete else None
-
 
 def list_files(root):
     """Files of a folder that may be tables, other files, skipped files with the reason, and whether there are more.
