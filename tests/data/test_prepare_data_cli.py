@@ -87,7 +87,7 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--output {tmp}/r.h5 --root {tmp}", "--root belongs to --source"),
         ("--source recordings --prepared {tmp}/p.h5", "needs --recordings"),
         ("--source recordings --recordings " + __file__, "needs --prepared"),
-        ("--source sens3 --root {tmp} --output {tmp}/r.h5", "Write one with --inspect"),
+        ("--source folder --root {tmp} --output {tmp}/r.h5", "Write one with --inspect"),
         ("--source folder --root {tmp}/no --layout " + __file__ + " --output {tmp}/r.h5", "is not a folder"),
         ("--source recordings --workers 2 --recordings " + __file__, "--workers belongs to --source virtual"),
         ("--draft {tmp}/l.toml --output {tmp}/r.h5", "--draft belongs to --inspect"),

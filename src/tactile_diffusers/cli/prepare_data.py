@@ -6,7 +6,6 @@ from pathlib import Path
 from .. import virtual
 from ..data import HoldOut, SegmentLimits, prepare_recordings, split_surfaces
 from ..data.folder import convert_folder, draft_layout, inspect_folder
-from ..data.sens3 import differences_from_sens3
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
@@ -29,7 +28,6 @@ SOURCE_OPTIONS = {
         "workers": 1,
         "output": None,
     },
-    "sens3": {"root": None, "layout": None, "output": None},
     "folder": {"root": None, "layout": None, "output": None},
     "recordings": {"recordings": None},
 }
@@ -37,9 +35,9 @@ DESCRIPTION = """\
 Brings recordings into one file (recordings.h5) and prepares a data set from it.
 
   --source virtual     virtual surfaces, explored and rated, are written to --output
-  --source sens3       the folder --root, described by --layout, is converted to --output, and compared with SENS3
-  --source folder      likewise, anyone's folder; the keys of a layout are explained at the top of
-                       src/tactile_diffusers/data/folder/layout.py (pydoc tactile_diffusers.data.folder.layout)
+  --source folder      the folder --root, described by --layout, is converted to --output; the keys of a layout are
+                       explained at the top of src/tactile_diffusers/data/folder/layout.py
+                       (pydoc tactile_diffusers.data.folder.layout), examples/configs/sens3_layout.toml is one
   --source recordings  an existing recordings.h5
 
 With --prepared the recordings are then filtered, cut into segments and split by surface. On its own:
@@ -69,8 +67,8 @@ def _add_files(add):
     file, folder = {"type": existing_file, "metavar": "FILE"}, {"type": existing_folder, "metavar": "FOLDER"}
     add("--output", type=Path, metavar="FILE", help="recordings.h5 to write; required unless --source recordings")
     add("--recordings", **file, help="recordings.h5 to read; required by --source recordings")
-    add("--root", **folder, help="folder of the recordings; required by --source sens3 and folder")
-    add("--layout", **file, help="layout.toml of the folder; required by --source sens3 and folder")
+    add("--root", **folder, help="folder of the recordings; required by --source folder")
+    add("--layout", **file, help="layout.toml of the folder; required by --source folder")
     add("--prepared", type=Path, metavar="FILE", help="prepared data set to write; default: none")
     add("--inspect", **folder, help="draft a layout of a folder, and stop")
     add("--draft", type=Path, metavar="FILE", help="with --inspect: layout to write; default: none")
@@ -238,10 +236,7 @@ def _recordings(args):
         virtual.generate_recordings(args.output, quiet=args.quiet, **settings)
         print(f"wrote {args.output}")
     else:
-        report = convert_folder(args.root, args.layout, args.output, quiet=args.quiet)
-        for difference in differences_from_sens3(report) if args.source == "sens3" else ():
-            print(f"note: {difference}")
-        _print_report(report, args.output)
+        _print_report(convert_folder(args.root, args.layout, args.output, quiet=args.quiet), args.output)
     return args.output
 
 
