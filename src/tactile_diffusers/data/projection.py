@@ -7,7 +7,7 @@ from scipy import signal
 
 from ..signal import band_pass
 from ..signal.masks import interpolated, mask_of_runs, true_runs
-from .force_checks import over_range, saturated
+from .force_checks import out_of_range
 from .turnarounds import DEFAULT_TURNAROUNDS, find_turnarounds, treat_turnarounds
 
 #: Cutoff (Hz) of the zero-phase low-pass on velocity before its direction is taken.
@@ -72,7 +72,7 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
         positions = positions[positions < samples]
         angle = at_rate(angle, velocity_rate, rate, samples)
     force = recording.force if recording.force is not None else recording.lateral
-    broken = _out_of_range(force, rate, recording.unit)
+    broken = out_of_range(force, rate, recording.unit)
     lateral, normal = _project(recording, angle)
     lateral = np.where(broken, np.nan, lateral)
     if np.isnan(lateral).all():
@@ -83,12 +83,6 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
     lateral, flipped = sign * lateral, bool(np.any(sign < 0))
     lateral, excluded = treat_turnarounds(lateral, positions, rate, turnarounds)
     return Channels(lateral, normal, speed, positions, broken, excluded, flipped)
-
-
-def _out_of_range(force, rate, unit):
-    axes = force.T if force.ndim == 2 else [force]
-    broken = np.any([saturated(axis, rate) for axis in axes], axis=0)
-    return broken | over_range(force) if unit == "N" else broken
 
 
 def _project(recording, angle):
