@@ -11,7 +11,7 @@ from pathlib import Path, PurePath
 
 from .clocks import whole
 from .draft_names import assign_roles, content_of
-from .draft_ratings import RatingsGuess, guess_by_surfaces, guess_ratings
+from .draft_ratings import RatingsGuess, guess_ratings
 from .draft_tables import HEAD_ROWS, TableGroup, list_files, open_groups
 from .layout import CHANNEL_UNITS, FORMAT, TODO, VERSION, VelocityLayout
 from .layout_text import toml_comment, toml_table
@@ -137,10 +137,8 @@ def _choose_channels(groups):
 def _find_ratings(inventory, groups):
     """Sets the ratings, of the group with most axes and surfaces, and which of their surfaces is which recorded one."""
     surfaces = set(inventory.surfaces)
-    guesses = [guess_ratings(group, surfaces) for group in groups]
-    if not guesses:  # words that are not known; whoever names the recorded surfaces row by row probably rates them
-        others = [group for group in inventory.groups if group.tables and not group.channels]
-        guesses = [guess for group in others if (guess := guess_by_surfaces(group, surfaces)) is not None]
+    groups = groups or [group for group in inventory.groups if group.tables and not group.channels]
+    guesses = [guess for group in groups if (guess := guess_ratings(group, surfaces)) is not None]
     if not guesses:
         return
     ratings = inventory.ratings = max(guesses, key=lambda guess: (len(guess.axes), len(guess.surfaces)))
