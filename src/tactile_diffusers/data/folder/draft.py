@@ -32,7 +32,6 @@ class FolderInventory:
         root (`Path`): the folder. Paths in it are relative and written with "/".
         files, others (`list[str]`): files that may be tables, and other files.
         skipped (`dict[str, str]`): files that were not looked at -> the reason.
-        truncated (`bool`): there are more files.
         groups (`list[TableGroup]`): tables of one kind each.
         ratings (`RatingsGuess` or `None`): what looks like answers of raters.
         surface_names (`dict[str, str]`): name in the ratings -> name in the recordings, where they differ.
@@ -43,7 +42,6 @@ class FolderInventory:
     files: list[str]
     others: list[str]
     skipped: dict[str, str]
-    truncated: bool
     groups: list[TableGroup] = field(default_factory=list)
     ratings: RatingsGuess | None = None
     surface_names: dict = field(default_factory=dict)
@@ -68,8 +66,8 @@ class FolderInventory:
 def inspect_folder(root, quiet=False):
     """Looks at a folder: names, columns, units, rates and ranges, and what they probably mean.
 
-    At most 5000 files are listed (1000 of a folder) and 90 opened, three of each kind of name; of text tables the
-    first 50,000 rows are read. Nothing is written, and pickles are not read.
+    At most 90 files are opened, three of each kind of name; of text tables the first 50,000 rows are read. Nothing is
+    written, and pickles are not read.
 
     Args:
         root (`str` or `Path`): the folder.
@@ -167,8 +165,6 @@ def _doubts_on_folder(inventory):
         yield "no position or velocity was recognised: the sliding direction is unknown"
     if inventory.ratings is None:
         yield "no ratings were recognised"
-    if inventory.truncated:
-        yield "the folder has more files than are listed; what does not vary in the names of these may in the others"
 
 
 def draft_layout(inventory):
