@@ -92,19 +92,17 @@ def _check_replaceable(output):
 
 def _data_warnings(folder, data):
     """The warnings of a data card of these data as Markdown."""
-    from tactile_diffusers.data.card.writing import warnings_in_words
-
     with reading(folder / "card.json", "a data card", "Write it again with examples/inspect_data.py."):
         card = read_json(folder / "card.json", "JSON")
         source = card["recordings"]["attributes"].get("source")
         surfaces = card["recordings"]["surfaces"]
-        warnings = warnings_in_words(card)
+        warnings = [f"- **{warning['name']}**: {warning['text']}" for warning in card["warnings"]]
     if source != data.source or surfaces != len(data.surfaces):
         raise ValueError(
             f"--data_card {folder} describes {surfaces} surfaces of {source!r}, --data holds {len(data.surfaces)} of "
             f"{data.source!r}: write the card of these data with examples/inspect_data.py."
         )
-    return warnings
+    return "\n".join(warnings) or "None."
 
 
 def _report(folder, digests, output, known):

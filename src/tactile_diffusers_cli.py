@@ -21,7 +21,6 @@ COMMANDS = {
     "play": ("play", "the force that a finger meets along a trajectory"),
     "search": ("search", "the texture that you prefer, by comparisons of two"),
     "prepare": ("prepare_data", "recordings as a data set for training"),
-    "inspect": ("inspect_data", "a report on recordings, with warnings and remedies"),
     "adapt": ("adapt", "a pretrained pipeline to the few surfaces of a lab"),
     "evaluate": ("evaluate", "metrics of a checkpoint on held-out surfaces"),
     "compare": ("compare", "several evaluations side by side"),

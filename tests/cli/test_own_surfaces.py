@@ -6,8 +6,9 @@ import shlex
 import shutil
 from pathlib import Path
 
+from export_folder import export_folder
+
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.data.folder.folder_export import export_folder
 
 README = Path(__file__).parents[2] / "README.md"
 

@@ -43,7 +43,6 @@ def test_attributes_are_plain_values(virtual_prepared):
     assert data.attributes["seed"] == 3 and type(data.attributes["seed"]) is int
     assert data.attributes["agreement"] == 1.0 and type(data.attributes["agreement"]) is float
     assert data.attributes["band"] == list(BAND_HZ) and type(data.attributes["recipe_version"]) is int
-    assert (data.attributes["filter_order"], data.attributes["filter_passes"]) == (4, 2)
     assert (data.attributes["turnarounds"], data.attributes["hold_out"]) == ("mask", None)
     assert SegmentLimits(**data.attributes["limits"]).samples(DEVICE_RATE) == data.segment_samples
     assert json.loads(json.dumps(data.attributes)) == data.attributes

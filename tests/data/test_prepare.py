@@ -15,8 +15,7 @@ from tactile_diffusers.data import (
 from tactile_diffusers.data.recordings import RaterScores
 from tactile_diffusers.data.segments import REASONS
 from tactile_diffusers.data.splits import SPLITS, HoldOut
-from tactile_diffusers.data.turnarounds import MASK_SECONDS
-from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES, SEGMENT_SECONDS
+from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES
 
 SURFACES = ("0-rubber", "1-wood", "2-wood", "3-metal", "4-rubber", "5-glass", "6-paper")
 RATERS = ("r1", "r2", "r3", "r4", "r10")
@@ -172,24 +171,18 @@ def strokes(tmp_path, recording_maker):
 
 def prepared_with(path, turnarounds):
     target = path.with_name(f"{turnarounds}.h5")
-    report = prepare_recordings(path, target, quiet=True, validation=0, test=0, turnarounds=turnarounds)
-    return PreparedDataset(target), report
+    prepare_recordings(path, target, quiet=True, validation=0, test=0, turnarounds=turnarounds)
+    return PreparedDataset(target)
 
 
-def test_exclude_and_mask(strokes):
-    (keep, _), (mask, _), (exclude, report) = (prepared_with(strokes, name) for name in ("keep", "mask", "exclude"))
+def test_keep_and_mask(strokes):
+    keep, mask = prepared_with(strokes, "keep"), prepared_with(strokes, "mask")
     assert len(keep) == len(mask) and (keep.segments.turnarounds == mask.segments.turnarounds).all()
-    assert len(exclude) < len(keep) and not exclude.segments.turnarounds.any()
-    half = MASK_SECONDS / 2
-    begins = exclude.starts / DEVICE_RATE
-    for at in (2, 5):
-        assert ((begins + SEGMENT_SECONDS <= at - half + 0.004) | (begins >= at + half - 0.004)).all()
-    assert report.seconds["filtered"]["turnaround"] == pytest.approx(3 * 2 * MASK_SECONDS)
-    steady = exclude.levels.mean()
+    steady = mask.levels[mask.segments.turnarounds == 0].mean()
     np.testing.assert_allclose(mask.levels, steady, atol=0.05)
     assert keep.levels[keep.segments.turnarounds > 0].min() > steady + 0.5
-    for data in (keep, mask, exclude):
-        assert data.attributes["turnarounds"] in ("keep", "mask", "exclude")
+    for name, data in (("keep", keep), ("mask", mask)):
+        assert data.attributes["turnarounds"] == name
         # the swing at the turnaround is not part of it; 2 % is what the smoothed direction loses beside it
         np.testing.assert_allclose(data.friction_coefficients, 0.6, rtol=0.02)
 

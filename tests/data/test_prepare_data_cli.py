@@ -1,6 +1,7 @@
 """The command line: what it makes, and how it refuses."""
 
 import pytest
+from export_folder import export_folder
 
 from tactile_diffusers.cli.prepare_data import main
 from tactile_diffusers.data import PreparedDataset, RecordingsFile
@@ -61,16 +62,6 @@ def test_flags_reach_the_virtual_collection(tmp_path):
     assert set(hard.surface_ids) == {5} and 5 not in set(train.surface_ids)
 
 
-def test_out_into_a_folder_and_back(tmp_path, virtual_recordings, capsys):
-    folder, back = tmp_path / "folder", tmp_path / "back.h5"
-    run("--export-folder {f} --recordings {r} --quiet", f=folder, r=virtual_recordings)
-    run("--source folder --root {f} --layout {f}/layout.toml --output {b} --quiet", f=folder, b=back)
-    assert "6 recordings" in capsys.readouterr().out
-    with RecordingsFile(virtual_recordings) as a, RecordingsFile(back) as b:
-        assert sorted(a.names) == sorted(b.names)
-        assert all((a.read(name).force == b.read(name).force).all() for name in a.names)
-
-
 def test_why_no_segment_meets_the_limits_is_listed(tmp_path, virtual_recordings, capsys):
     flags = "--source recordings --recordings {r} --prepared {p} --speed 900 950 --quiet"
     assert refused(flags, r=virtual_recordings, p=tmp_path / "p.h5")
@@ -80,7 +71,7 @@ def test_why_no_segment_meets_the_limits_is_listed(tmp_path, virtual_recordings,
 
 def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtual_recordings, capsys):
     folder, draft = tmp_path / "folder", tmp_path / "layout.toml"
-    run("--export-folder {f} --recordings {r} --quiet", f=folder, r=virtual_recordings)
+    export_folder(virtual_recordings, folder, quiet=True)
     run("--inspect {f} --draft {d} --quiet", f=folder, d=draft)
     assert "TODO" in capsys.readouterr().out and "[[files]]" in draft.read_text()
     assert refused("--inspect {f} --draft {d} --quiet", f=folder, d=draft)
@@ -96,15 +87,12 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--output {tmp}/r.h5 --root {tmp}", "--root belongs to --source"),
         ("--source recordings --prepared {tmp}/p.h5", "needs --recordings"),
         ("--source recordings --recordings " + __file__, "needs --prepared"),
-        ("--source sens3 --root {tmp} --output {tmp}/r.h5", "Write one with --inspect"),
+        ("--source folder --root {tmp} --output {tmp}/r.h5", "Write one with --inspect"),
         ("--source folder --root {tmp}/no --layout " + __file__ + " --output {tmp}/r.h5", "is not a folder"),
         ("--source recordings --workers 2 --recordings " + __file__, "--workers belongs to --source virtual"),
         ("--draft {tmp}/l.toml --output {tmp}/r.h5", "--draft belongs to --inspect"),
-        ("--export-folder {tmp}/f", "needs --recordings"),
-        ("--export-folder {tmp}/f --root {tmp} --output {tmp}/r.h5", "leave out --output, --root"),
         ("--inspect {tmp} --prepared {tmp}/p.h5 --seed 1", "--inspect does one thing, and stops: leave out"),
         ("--inspect {tmp} --draft {tmp}/nowhere/l.toml", "nowhere of l.toml does not exist"),
-        ("--calibrate --surfaces 3", "leave out --surfaces"),
         ("--inspect {tmp}", "there is no file that can be read as a table"),
         ("--root {tmp} --output {tmp}/r.h5", "not to virtual. Files of your own: --source folder."),
         ("--output {tmp}/r.h5 --seconds 1", "`seconds`"),

@@ -9,13 +9,13 @@ import huggingface_hub
 import publish
 import pytest
 import torch
+from data_card import write_card
 from huggingface_hub import ModelCard
 from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli import evaluate
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.data.card import write_card
 from tactile_diffusers.evaluation.result_files import folder_digest
 from tactile_diffusers.training.record import surfaces_of, trained_on
 

@@ -11,9 +11,9 @@ import ablate
 import publish
 import pytest
 from ablate_rows import read_rows
+from data_card.writing import NUMBERS_FILE, check_card_folder
 
 from tactile_diffusers.cli.compare import read_report
-from tactile_diffusers.data.card.writing import NUMBERS_FILE, check_card_folder
 from tactile_diffusers.evaluation.report import _kept
 from tactile_diffusers.pipelines.hub import forget_folders
 

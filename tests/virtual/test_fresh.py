@@ -84,7 +84,7 @@ def test_textures_are_those_of_a_prepared_file(tmp_path, turnarounds):
                 writer.add_recording(surface.name, f"e{number}", "0", force=force, velocity=velocity, **rates)
         answers = np.stack([surface.answers(draw_raters(SEED)) for surface in surfaces], axis=1)
         writer.set_ratings(answers, [str(r) for r in range(len(answers))], [s.name for s in surfaces], RATING_AXES)
-    filters = {"band": (30.0, 900.0), "order": 3, "passes": 1, "turnarounds": turnarounds}
+    filters = {"band": (30.0, 900.0), "turnarounds": turnarounds}
     prepare_recordings(tmp_path / "r.h5", tmp_path / "p.h5", limits=limits, validation=0, test=0, quiet=True, **filters)
     data = PreparedDataset(tmp_path / "p.h5", "all")
     for number, surface in enumerate(surfaces):

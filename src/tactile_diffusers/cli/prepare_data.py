@@ -1,13 +1,11 @@
 """`tactile-diffusers prepare`: generates or converts recordings, and prepares a data set from them."""
 
 import argparse
-import json
 from pathlib import Path
 
 from .. import virtual
 from ..data import HoldOut, SegmentLimits, prepare_recordings, split_surfaces
-from ..data.folder import convert_folder, draft_layout, export_folder, inspect_folder
-from ..data.sens3 import convert_sens3
+from ..data.folder import convert_folder, draft_layout, inspect_folder
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
@@ -30,26 +28,21 @@ SOURCE_OPTIONS = {
         "workers": 1,
         "output": None,
     },
-    "sens3": {"root": None, "layout": None, "output": None},
     "folder": {"root": None, "layout": None, "output": None},
     "recordings": {"recordings": None},
 }
-#: Options that stand for work of their own, and options of sources that they need.
-ALONE = {"inspect": set(), "export_folder": {"recordings"}, "calibrate": set()}
 DESCRIPTION = """\
 Brings recordings into one file (recordings.h5) and prepares a data set from it.
 
   --source virtual     virtual surfaces, explored and rated, are written to --output
-  --source sens3       the folder --root, described by --layout, is converted to --output, and compared with SENS3
-  --source folder      likewise, anyone's folder; the keys of a layout are explained at the top of
-                       src/tactile_diffusers/data/folder/layout.py (pydoc tactile_diffusers.data.folder.layout)
+  --source folder      the folder --root, described by --layout, is converted to --output; the keys of a layout are
+                       explained at the top of src/tactile_diffusers/data/folder/layout.py
+                       (pydoc tactile_diffusers.data.folder.layout), examples/configs/sens3_layout.toml is one
   --source recordings  an existing recordings.h5
 
-With --prepared the recordings are then filtered, cut into segments and split by surface. On their own:
+With --prepared the recordings are then filtered, cut into segments and split by surface. On its own:
 
-  --inspect DIR        lists what is in a folder; --draft layout.toml writes a layout with TODO where it could not tell
-  --export_folder DIR  writes --recordings as a folder of csv files with its layout
-  --calibrate          recomputes the constants of the virtual percepts
+  --inspect DIR        drafts a layout of a folder, with TODO where it could not tell; --draft layout.toml writes it
 """
 
 
@@ -73,13 +66,12 @@ def build_parser():
 def _add_files(add):
     file, folder = {"type": existing_file, "metavar": "FILE"}, {"type": existing_folder, "metavar": "FOLDER"}
     add("--output", type=Path, metavar="FILE", help="recordings.h5 to write; required unless --source recordings")
-    add("--recordings", **file, help="recordings.h5 to read; required by --source recordings and --export_folder")
-    add("--root", **folder, help="folder of the recordings; required by --source sens3 and folder")
-    add("--layout", **file, help="layout.toml of the folder; required by --source sens3 and folder")
+    add("--recordings", **file, help="recordings.h5 to read; required by --source recordings")
+    add("--root", **folder, help="folder of the recordings; required by --source folder")
+    add("--layout", **file, help="layout.toml of the folder; required by --source folder")
     add("--prepared", type=Path, metavar="FILE", help="prepared data set to write; default: none")
-    add("--inspect", **folder, help="list what is in a folder, and stop")
+    add("--inspect", **folder, help="draft a layout of a folder, and stop")
     add("--draft", type=Path, metavar="FILE", help="with --inspect: layout to write; default: none")
-    add("--export_folder", type=Path, metavar="FOLDER", help="write --recordings as a folder of csv files, and stop")
 
 
 def _add_virtual(add):
@@ -99,7 +91,6 @@ def _add_virtual(add):
     shown = f"axes beside the three on which the raters answer, of {', '.join(FURTHER_AXES)}; default: none"
     add("--further_axes", nargs="+", choices=FURTHER_AXES, metavar="AXIS", help=shown)
     number("workers", count, "processes; the result does not depend on it")
-    add("--calibrate", action="store_true", help="recompute the constants of the percepts, and stop")
 
 
 def _add_segments(add):
@@ -122,9 +113,6 @@ def _add_segments(add):
         add(f"--{name}", type=float, default=default, metavar="X", help=f"{purpose}; default: %(default)s")
     treated = "how reversals inside a segment are treated (keep = the paper); default: %(default)s"
     add("--turnarounds", choices=TURNAROUNDS, default=DEFAULT_TURNAROUNDS, help=treated)
-    add("--filter_order", type=int, default=4, metavar="N", help="Butterworth, per edge; default: %(default)s")
-    passes = "2 = forward and backward, zero phase; default: %(default)s"
-    add("--filter_passes", type=int, default=2, choices=(1, 2), help=passes)
 
 
 def _add_splits(add):
@@ -142,14 +130,9 @@ def main(argv=None):
     """Runs the command."""
     parser = build_parser()
     args = parser.parse_args(argv)
-    _check_alone(parser, args)
-    if args.calibrate:
-        _calibrate()
-    elif args.inspect is not None:
+    _check_inspect(parser, args)
+    if args.inspect is not None:
         _inspect(args)
-    elif args.export_folder is not None:
-        export_folder(args.recordings, args.export_folder, quiet=args.quiet)
-        print(f"wrote {args.export_folder}")
     else:
         _check_source(parser, args)
         preparation = _preparation(args) if args.prepared is not None else None
@@ -158,18 +141,15 @@ def main(argv=None):
             _print_report(prepare_recordings(recordings, args.prepared, **preparation), args.prepared)
 
 
-def _check_alone(parser, args):
-    """Refuses options of other work beside --inspect, --export_folder or --calibrate."""
-    if args.draft is not None and args.inspect is None:
-        parser.error("--draft belongs to --inspect.")
-    used = {name for name, value in vars(args).items() if value is not None and value is not False}
-    for name in [name for name in ALONE if name in used][:1]:
-        others = {name for options in SOURCE_OPTIONS.values() for name in options} | {"prepared", *ALONE}
-        if unused := sorted(used & others - ALONE[name] - {name}):
-            left_out = ", ".join(f"--{other}" for other in unused)
-            parser.error(f"--{name} does one thing, and stops: leave out {left_out}.")
-        for needed in ALONE[name] - used:
-            parser.error(f"--{name} needs --{needed}.")
+def _check_inspect(parser, args):
+    """Refuses options of other work beside --inspect."""
+    if args.inspect is None:
+        if args.draft is not None:
+            parser.error("--draft belongs to --inspect.")
+        return
+    others = sorted({name for options in SOURCE_OPTIONS.values() for name in options} | {"prepared"})
+    if unused := [f"--{name}" for name in others if getattr(args, name) is not None]:
+        parser.error(f"--inspect does one thing, and stops: leave out {', '.join(unused)}.")
 
 
 def _check_source(parser, args):
@@ -214,8 +194,7 @@ def _preparation(args):
         if args.seconds < limits.seconds:
             raise ValueError(f"--seconds must be at least one segment, {limits.seconds} s, got {args.seconds}.")
     same = {name: getattr(args, name) for name in ("validation", "test", "split_seed", "turnarounds", "quiet")}
-    filters = {"band": band, "order": args.filter_order, "passes": args.filter_passes}
-    return same | filters | {"limits": limits, "hold_out": _hold_out(args)}
+    return same | {"band": band, "limits": limits, "hold_out": _hold_out(args)}
 
 
 def _hold_out(args):
@@ -233,25 +212,19 @@ def _hold_out(args):
     return hold_out
 
 
-def _calibrate():
-    path = Path(virtual.__file__).parent / virtual.CALIBRATION_FILE
-    write_text(path, json.dumps(virtual.calibrate(), indent=2) + "\n")
-    print(f"wrote {path}")
-
-
 def _inspect(args):
     if args.draft is not None:
         check_parent(args.draft)
         if args.draft.exists():
             raise ValueError(f"--draft {args.draft} exists: give another name, a layout may hold work of yours.")
     inventory = inspect_folder(args.inspect, quiet=args.quiet)
-    print(inventory)
     if not inventory.groups:
         raise ValueError(f"--inspect {args.inspect}: there is no file that can be read as a table, so no draft of it.")
+    layout = draft_layout(inventory)
     if args.draft is None:
-        return print("\n--draft layout.toml writes a layout of this folder.")
-    write_text(args.draft, draft_layout(inventory))
-    print(f"\nwrote {args.draft}: fill in every TODO, then --source folder --root {args.inspect} --layout {args.draft}")
+        return print(f"{layout}\n--draft layout.toml writes this layout.")
+    write_text(args.draft, layout)
+    print(f"wrote {args.draft}: fill in every TODO, then --source folder --root {args.inspect} --layout {args.draft}")
 
 
 def _recordings(args):
@@ -263,8 +236,7 @@ def _recordings(args):
         virtual.generate_recordings(args.output, quiet=args.quiet, **settings)
         print(f"wrote {args.output}")
     else:
-        convert = convert_sens3 if args.source == "sens3" else convert_folder
-        _print_report(convert(args.root, args.layout, args.output, quiet=args.quiet), args.output)
+        _print_report(convert_folder(args.root, args.layout, args.output, quiet=args.quiet), args.output)
     return args.output
 
 

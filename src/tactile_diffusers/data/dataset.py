@@ -33,7 +33,7 @@ class PreparedDataset(torch.utils.data.Dataset):
         path, split, subset, sampling_rate: the arguments.
         segment_samples (`int`): samples of a segment at `sampling_rate`.
         attributes (`dict`): what the source and the preparation stored about the file, as plain numbers, strings,
-            lists and dicts: "source", "licence", "limits", "filter_order", "turnarounds"; virtual data also "seed".
+            lists and dicts: "source", "licence", "limits", "turnarounds"; virtual data also "seed".
         source (`str`): where the recordings come from.
         unit (`str`): of textures, "N", or "1" if uncalibrated.
         band (`tuple[float, float]`): edges of the band-pass, Hz.
@@ -93,7 +93,7 @@ class PreparedDataset(torch.utils.data.Dataset):
             )
         for name in ("limits", "hold_out"):
             attributes[name] = json.loads(attributes[name])
-        for name in ("filter_order", "filter_passes", "turnarounds", "report"):
+        for name in ("turnarounds", "report"):
             attributes[name]  # a missing one is refused here, not in the last line of a card
         self.attributes = attributes
         self.source, self.unit = str(attributes["source"]), str(attributes["unit"])

@@ -120,6 +120,13 @@ def saturated(values, rate):
     return mask if len(true_runs(between, shortest - 1)) >= len(runs) else mask_of_runs(runs, len(values))
 
 
+def out_of_range(force, rate, unit):
+    """Samples of (n, 3) or (n,) forces at which a sensor was at the end of its range, or above 100 N: (n,) bool."""
+    axes = force.T if force.ndim == 2 else [force]
+    broken = np.any([saturated(axis, rate) for axis in axes], axis=0)
+    return broken | over_range(force) if unit == "N" else broken
+
+
 def check_ratings(values, shape, where):
     """Raises a `ValueError` unless answers have this shape and lie on the scale; NaN = missing."""
     if values.shape != shape:

@@ -57,8 +57,6 @@ def prepare_recordings(
     prepared,
     limits=None,
     band=BAND_HZ,
-    order=4,
-    passes=2,
     validation=0.1,
     test=0.1,
     split_seed=0,
@@ -75,10 +73,10 @@ def prepare_recordings(
         recordings (`str` or `Path`): `recordings.h5`.
         prepared (`str` or `Path`): the file to write.
         limits (`SegmentLimits`, *optional*): defaults to the paper's.
-        band, order, passes: of `signal.band_pass`.
+        band: of `signal.band_pass`.
         validation, test, split_seed: of `split_surfaces`, among the surfaces that are not held out.
         quiet (`bool`): no progress bar.
-        turnarounds (`str`): "keep" (the paper), "exclude" or "mask"; see `treat_turnarounds`.
+        turnarounds (`str`): "keep" (the paper) or "mask"; see `treat_turnarounds`.
         hold_out (`HoldOut`, *optional*): surfaces, explorers and raters of the split "hard".
 
     Returns:
@@ -93,7 +91,7 @@ def prepare_recordings(
     if os.path.realpath(recordings) == os.path.realpath(prepared):
         raise ValueError(f"`prepared` is `recordings`, {recordings}, and would replace it: give another file.")
     with RecordingsFile(recordings) as source:
-        rate = _common_rate(source, band, order, passes)
+        rate = _common_rate(source, band)
         splits = assign_splits(source.names, source.surfaces, validation, test, split_seed, hold_out)
         ratings, notes = _pool(source, splits, hold_out)
         index = _Index(rate, limits, len(source))
@@ -103,7 +101,7 @@ def prepare_recordings(
             bar = tqdm(source, total=len(source), desc="preparing", unit="recording", disable=quiet)
             for number, recording in enumerate(bar):
                 data = channels(recording, turnarounds)
-                filtered, valid = filtered_with_gaps(data.lateral, rate, band, order, passes)
+                filtered, valid = filtered_with_gaps(data.lateral, rate, band)
                 lateral.add(number, filtered)
                 index.add(number, recording, data, filtered, valid)
             tables = index.tables()
@@ -121,8 +119,6 @@ def prepare_recordings(
                 sampling_rate=rate,
                 segment_samples=limits.samples(rate),
                 band=band,
-                filter_order=order,
-                filter_passes=passes,
                 turnarounds=turnarounds,
                 unit=source.unit,
                 limits=json.dumps(asdict(limits)),
@@ -179,7 +175,7 @@ class _Index:
         return [f"{note}, in {len(self._names[note])} recordings, first {''.join(at)}" for note, at in firsts.items()]
 
 
-def _common_rate(source, band, order, passes):
+def _common_rate(source, band):
     rates = {source.rate(name) for name in source.names}
     if len(rates) > 1:
         raise ValueError(
@@ -189,8 +185,6 @@ def _common_rate(source, band, order, passes):
     rate = rates.pop()
     if not 0 < band[0] < band[1] < rate / 2:
         raise ValueError(f"`band` must satisfy 0 < low < high < {rate / 2} Hz for {source.path}, got {tuple(band)}.")
-    if order < 1 or passes not in (1, 2):
-        raise ValueError(f"`order` must be at least 1 and `passes` 1 or 2, got {order} and {passes}.")
     return rate
 
 

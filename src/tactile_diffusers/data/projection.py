@@ -7,7 +7,7 @@ from scipy import signal
 
 from ..signal import band_pass
 from ..signal.masks import interpolated, mask_of_runs, true_runs
-from .force_checks import over_range, saturated
+from .force_checks import out_of_range
 from .turnarounds import DEFAULT_TURNAROUNDS, find_turnarounds, treat_turnarounds
 
 #: Cutoff (Hz) of the zero-phase low-pass on velocity before its direction is taken.
@@ -53,7 +53,7 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
 
     Args:
         recording (`Recording`): one exploration.
-        turnarounds (`str`): "keep", "exclude" or "mask"; see `treat_turnarounds`.
+        turnarounds (`str`): "keep" or "mask"; see `treat_turnarounds`.
 
     Returns:
         `Channels`.
@@ -72,7 +72,7 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
         positions = positions[positions < samples]
         angle = at_rate(angle, velocity_rate, rate, samples)
     force = recording.force if recording.force is not None else recording.lateral
-    broken = _out_of_range(force, rate, recording.unit)
+    broken = out_of_range(force, rate, recording.unit)
     lateral, normal = _project(recording, angle)
     lateral = np.where(broken, np.nan, lateral)
     if np.isnan(lateral).all():
@@ -83,12 +83,6 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
     lateral, flipped = sign * lateral, bool(np.any(sign < 0))
     lateral, excluded = treat_turnarounds(lateral, positions, rate, turnarounds)
     return Channels(lateral, normal, speed, positions, broken, excluded, flipped)
-
-
-def _out_of_range(force, rate, unit):
-    axes = force.T if force.ndim == 2 else [force]
-    broken = np.any([saturated(axis, rate) for axis in axes], axis=0)
-    return broken | over_range(force) if unit == "N" else broken
 
 
 def _project(recording, angle):
@@ -161,7 +155,7 @@ def sliding_direction(velocity, rate):
     return np.unwrap(np.arctan2(held[:, 1], held[:, 0]))
 
 
-def filtered_with_gaps(lateral, rate, band, order, passes):
+def filtered_with_gaps(lateral, rate, band):
     """Band-passes a whole recording that may hold NaN.
 
     Gaps are interpolated for the filter. Samples within two periods of the band's low edge of a gap, or of an end of
@@ -170,7 +164,7 @@ def filtered_with_gaps(lateral, rate, band, order, passes):
     Args:
         lateral (`np.ndarray`): (n,) N.
         rate (`int`): Hz.
-        band, order, passes: of `signal.band_pass`.
+        band (`tuple[float, float]`): of `signal.band_pass`, Hz.
 
     Returns:
         `tuple[np.ndarray, np.ndarray]`: filtered (n,) float32 and valid (n,) bool.
@@ -179,5 +173,5 @@ def filtered_with_gaps(lateral, rate, band, order, passes):
     margin = int(np.ceil(2 * rate / band[0]))
     valid = ~mask_of_runs(true_runs(missing) + [-margin, margin], len(lateral))
     valid[:margin] = valid[max(0, len(valid) - margin) :] = False
-    filtered = band_pass(interpolated(lateral, missing), rate, band=band, order=order, passes=passes)
+    filtered = band_pass(interpolated(lateral, missing), rate, band=band)
     return filtered.astype(np.float32), valid

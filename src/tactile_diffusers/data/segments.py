@@ -73,17 +73,6 @@ class SegmentLimits:
         return replace(self, normal_force=None, speed=None)
 
 
-def limits_in_words(limits):
-    """Limits of segments, the dict in the attributes of a prepared file, in words."""
-    channels = (("normal force", limits["normal_force"], "N"), ("speed", limits["speed"], "mm/s"))
-    words = [
-        f"any {name}" if bounds is None else f"{name} {bounds[0]:g}–{bounds[1]:g} {unit}"
-        for name, bounds, unit in channels
-    ]
-    words += [f"deviations up to {limits['longest_excursion']:g} s bridged", f"segments of {limits['seconds']:g} s"]
-    return ", ".join([*words, f"{100 * limits['overlap']:.0f} % overlap"])
-
-
 @dataclass
 class SegmentTable:
     """Segments, one row each; all columns are (segments,) int64 or float32.

@@ -4,17 +4,16 @@ import numpy as np
 
 from ..signal.masks import interpolated, mask_of_runs, true_runs
 
-#: Treatments of turnarounds: none (the paper), no segment holds one, or the force around it is replaced.
-TURNAROUNDS = ("keep", "exclude", "mask")
+#: Treatments of turnarounds: none (the paper), or the force around it is replaced.
+TURNAROUNDS = ("keep", "mask")
 #: By measurement on 20 virtual surfaces, segments with turnarounds against segments without. KTD: under "keep" 13 if
 #: the finger turns in an arc and 381 if it reverses on a line, under "mask" -8 and -8; others without, -15. Lowest of
-#: the nine bands: +1.1 and +16.2 dB under "keep", -0.4 and -0.3 dB under "mask". "exclude" left half of the segments if
-#: it turns in an arc, and none if it reverses on a line.
+#: the nine bands: +1.1 and +16.2 dB under "keep", -0.4 and -0.3 dB under "mask".
 DEFAULT_TURNAROUNDS = "mask"
 #: Around a turnaround lateral force dips for about so long (s); level and friction coefficient are computed without it.
 DIP_SECONDS = 0.06
-#: "exclude" and "mask" act on so much around a turnaround (s): the longest excursion of the paper, and measured better
-#: than 0.06 and 0.08 s, which leave the ends of the dip, and as good as 0.12 s.
+#: "mask" acts on so much around a turnaround (s): the longest excursion of the paper, and measured better than 0.06
+#: and 0.08 s, which leave the ends of the dip, and as good as 0.12 s.
 MASK_SECONDS = 0.1
 #: Mean force on either side of what "mask" replaces is taken over so much (s).
 _EDGE_SECONDS = 0.005
@@ -38,11 +37,10 @@ def around(positions, seconds, rate, samples):
 
 
 def treat_turnarounds(lateral, positions, rate, turnarounds=DEFAULT_TURNAROUNDS):
-    """Applies "keep", "exclude" or "mask" to lateral force (n,) before it is filtered; `positions` are samples.
+    """Applies "keep" or "mask" to lateral force (n,) before it is filtered; `positions` are samples.
 
     "keep" leaves it as it is (the paper). "mask" replaces 0.1 s around each turnaround (`mask_turnarounds`), and where
-    three or more are so close that there is little texture between them, lets no segment hold them. "exclude" does the
-    same and lets no segment hold any.
+    three or more are so close that there is little texture between them, lets no segment hold them.
 
     Returns:
         `tuple[np.ndarray, np.ndarray]`: lateral force (n,) N, and which samples no segment may hold, (n,) bool.
@@ -55,8 +53,7 @@ def treat_turnarounds(lateral, positions, rate, turnarounds=DEFAULT_TURNAROUNDS)
         return lateral, np.zeros(len(lateral), dtype=bool)
     near = around(positions, MASK_SECONDS, rate, len(lateral))
     crowded = true_runs(near, shortest=2 * int(round(MASK_SECONDS * rate)) + 1)
-    excluded = near if turnarounds == "exclude" else mask_of_runs(crowded, len(lateral))
-    return mask_turnarounds(lateral, near, rate), excluded
+    return mask_turnarounds(lateral, near, rate), mask_of_runs(crowded, len(lateral))
 
 
 def check_turnarounds(turnarounds):

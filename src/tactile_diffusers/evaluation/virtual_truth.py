@@ -74,8 +74,6 @@ def virtual_truth(
         seconds=seconds,
         limits=limits if dataset.subset == "filtered" else limits.without_conditions(),
         band=dataset.band,
-        order=facts["filter_order"],
-        passes=facts["filter_passes"],
         turnarounds=facts["turnarounds"],
         per_surface=per_surface,
     )

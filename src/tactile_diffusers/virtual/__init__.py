@@ -7,13 +7,11 @@ from .collection import Collection
 from .exploration import VELOCITY_RATE, Exploration, Explorer, explorer, free_exploration, steady_exploration
 from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
 from .generate_recordings import generate_recordings
-from .percepts import CALIBRATION_FILE, calibrate
 from .raters import RATING_CORRELATION
 from .recipe import RECIPE_VERSION, SurfaceParameters
 from .surface import VirtualSurface
 
 __all__ = [
-    "CALIBRATION_FILE",
     "FIRST_FRESH",
     "RATING_CORRELATION",
     "RECIPE_VERSION",
@@ -23,7 +21,6 @@ __all__ = [
     "Explorer",
     "SurfaceParameters",
     "VirtualSurface",
-    "calibrate",
     "explorer",
     "free_exploration",
     "fresh_ratings",

@@ -102,10 +102,10 @@ class Exploration:
         return self.speed[:, None] * np.stack([np.cos(self.heading), np.sin(self.heading)], axis=-1)
 
 
-def steady_exploration(speed, normal_force, seconds, heading=0.0):
+def steady_exploration(speed, normal_force, seconds):
     """A straight slide at constant speed (mm/s) and normal force (N): for tests and for replay at other speeds."""
     ones = np.ones(int(round(seconds * VELOCITY_RATE)))
-    return Exploration(speed * ones, normal_force * ones, heading * ones, speed * ones)
+    return Exploration(speed * ones, normal_force * ones, 0.0 * ones, speed * ones)
 
 
 def ornstein_uhlenbeck(rng, samples, tau, rate):

@@ -55,8 +55,6 @@ def fresh_textures(
     seconds=12.0,
     limits=None,
     band=BAND_HZ,
-    order=4,
-    passes=2,
     per_surface=2,
     trial=0,
     turnarounds=DEFAULT_TURNAROUNDS,
@@ -70,7 +68,7 @@ def fresh_textures(
             collection.
         seconds (`float`): of each recording.
         limits (`SegmentLimits`, *optional*): defaults to the paper's.
-        band, order, passes: of `signal.band_pass`.
+        band: of `signal.band_pass`.
         per_surface (`int`): at most so many textures; they share no sample and come from the explorers in turn.
         trial (`int`): another number gives another exploration.
         turnarounds (`str`): of `prepare_recordings`; a prepared file's attributes have it under this name.
@@ -80,7 +78,7 @@ def fresh_textures(
         (k,), all float32; k is 0 if no window meets the limits.
     """
     limits = limits or SegmentLimits()
-    surface, route = collection.surface(index), (limits, band, order, passes, turnarounds)
+    surface, route = collection.surface(index), (limits, band, turnarounds)
     # which windows are taken is a draw of its own, so that the recordings do not depend on it
     rng = stream(collection.seed, Stream.FRESH_WINDOWS, index, trial)
     found = []
@@ -105,7 +103,7 @@ def _numbers(name, value):
     return numbers
 
 
-def _explored(surface, explorer, seconds, trial, limits, band, order, passes, turnarounds):
+def _explored(surface, explorer, seconds, trial, limits, band, turnarounds):
     """One recording as `prepare_recordings` sees it: filtered lateral force (n,) and its `Windows`."""
     force, velocity = surface.explore(explorer, seconds, trial)
     recording = Recording(
@@ -120,7 +118,7 @@ def _explored(surface, explorer, seconds, trial, limits, band, order, passes, tu
         unit="N",
     )
     data = channels(recording, turnarounds)
-    filtered, valid = filtered_with_gaps(data.lateral, DEVICE_RATE, band, order, passes)
+    filtered, valid = filtered_with_gaps(data.lateral, DEVICE_RATE, band)
     return filtered, find_windows(data, filtered, valid, DEVICE_RATE, limits)
 
 

@@ -9,7 +9,6 @@ from ..signal.checks import check_whole_number
 from ..signal.constants import VIRTUAL_SOURCE
 from .collection import Collection
 from .exploration import VELOCITY_RATE
-from .raters import RATERS, RATING_CORRELATION
 from .workers import run_in_order
 
 LICENCE = "CC0-1.0"
@@ -19,33 +18,26 @@ def generate_recordings(
     path,
     surfaces,
     seconds,
-    explorers=2,
-    seed=0,
-    agreement=1.0,
     quiet=False,
-    *,
-    raters=RATERS,
-    rating_correlation=RATING_CORRELATION,
-    impulsiveness=1.0,
-    further_axes=(),
     workers=1,
+    **settings,
 ):
     """Writes recordings and ratings of virtual surfaces: about 2 ms for each second of recording.
 
     Args:
         path (`str` or `Path`): `recordings.h5` to write; it appears when it is complete.
         surfaces (`int`): number of surfaces.
-        seconds, explorers, seed, agreement, raters, rating_correlation, impulsiveness, further_axes: of `Collection`.
+        seconds (`float`): duration of a recording.
         quiet (`bool`): no progress bar.
         workers (`int`): processes that explore; 1 = this one. The result does not depend on it.
+        **settings: further ones of `Collection`, such as `explorers` and `seed`.
 
     Raises:
         ValueError: if an argument is out of range.
         FileNotFoundError: if the folder of `path` does not exist.
         ChildProcessError: if a worker was killed.
     """
-    settings = agreement, raters, rating_correlation, impulsiveness, further_axes
-    collection = Collection(seconds, explorers, seed, *settings)
+    collection = Collection(seconds, **settings)
     surfaces, workers = check_whole_number("surfaces", surfaces), check_whole_number("workers", workers)
     clear_left_behind(path)
     with RecordingsWriter(path, VIRTUAL_SOURCE, LICENCE, **collection.attributes) as writer:

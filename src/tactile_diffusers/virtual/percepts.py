@@ -10,13 +10,10 @@ from scipy.special import ndtri
 from ..signal import BAND_HZ, REFERENCE_FORCE
 from .friction import FALL_SHARE, TEMPORAL_NOISE_N, stick_slip_gate
 from .laws import finger_cutoff, friction_coefficient, stick_slip_drop, stick_slip_rate, texture_amplitude
-from .recipe import RECIPE_VERSION, REFERENCE_SPEED_MM_S, draw_surface
+from .recipe import RECIPE_VERSION, REFERENCE_SPEED_MM_S
 from .relief import CATCH_SPREAD, HARMONICS, PERIOD_MM, catch_response, harmonic_amplitudes, spectrum
-from .streams import Stream, stream
 
 CALIBRATION_FILE = "calibration.json"
-CALIBRATION_SURFACES = 10_000
-CALIBRATION_SEED = 20_260_000
 #: Frequencies (Hz) at which continuous spectra are evaluated.
 FREQUENCIES = np.geomspace(*BAND_HZ, 201)
 #: Below this, Hz, vibration counts as relief rather than as fine texture (recipe).
@@ -128,33 +125,6 @@ def combine(inputs, standardise):
     return rough, bumpy, slippery
 
 
-def calibrate(surfaces=CALIBRATION_SURFACES):
-    """Means and standard deviations that normalise percepts, from one population of surfaces: about ten seconds.
-
-    Returns:
-        `dict`: what `calibration.json` holds.
-    """
-    drawn = [draw_surface(stream(CALIBRATION_SEED, Stream.SURFACE, k)) for k in range(surfaces)]
-    population = [percept_inputs(surface) for surface in drawn]
-    inputs = {name: np.array([item[name] for item in population]) for name in population[0]}
-    constants = {}
-
-    def standardise(name, values):
-        mean, scale = float(np.mean(values)), float(np.std(values))
-        constants[name] = {"mean": round(mean, 6), "scale": round(scale, 6)}
-        return (values - mean) / scale
-
-    correlation = np.corrcoef(combine(inputs, standardise))
-    return {
-        "recipe_version": RECIPE_VERSION,
-        "surfaces": surfaces,
-        "seed": CALIBRATION_SEED,
-        "constants": constants,
-        "correlation": correlation.round(6).tolist(),
-        "further": _further_constants(drawn),
-    }
-
-
 @lru_cache(maxsize=1)
 def calibration():
     """What `calibration.json` holds.
@@ -166,7 +136,7 @@ def calibration():
     if stored["recipe_version"] != RECIPE_VERSION:
         raise ValueError(
             f"{CALIBRATION_FILE} belongs to recipe {stored['recipe_version']}, the code is recipe {RECIPE_VERSION}: "
-            "run examples/prepare_data.py --calibrate."
+            "run examples/research/calibrate_virtual.py."
         )
     return stored
 
@@ -184,13 +154,6 @@ def further_inputs(surface):
         "regularity": grating / (1 + grating) - surface.intermittency - surface.jitter,
         "fineness": float(np.sum(power * np.log2(frequency)) / np.sum(power)),
     }
-
-
-def _further_constants(surfaces):
-    """Mean and scale of `further_inputs` over a population: name -> dict."""
-    found = [further_inputs(surface) for surface in surfaces]
-    columns = {name: [one[name] for one in found] for name in found[0]}
-    return {k: {"mean": round(float(np.mean(v)), 6), "scale": round(float(np.std(v)), 6)} for k, v in columns.items()}
 
 
 def further_percept(surface, name):

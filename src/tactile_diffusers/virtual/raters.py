@@ -27,14 +27,15 @@ GAIN_SPREAD = 0.25
 #: to -0.9 for the second over sets without smooth, sticky surfaces; with glass and rubber it should be weaker. The
 #: third is the product of the other two: bumpiness and slipperiness go together through roughness alone (recipe).
 RATING_CORRELATION = (0.40, -0.50, -0.20)
+#: Smallest eigenvalue of a matrix of correlations that raters can have: below, an axis repeats the two others.
+LEAST_EIGENVALUE = 0.02
 
 
 def check_rating_correlation(value):
     """Three correlations, (rough, bumpy), (rough, slippery), (bumpy, slippery): a tuple of floats.
 
     Raises:
-        ValueError: if they are not three numbers in [-0.95, 0.95], or no three ratings can correlate so; it names the
-            nearest possible ones.
+        ValueError: if they are not three numbers in [-0.95, 0.95], or no three ratings can correlate so.
     """
     try:
         pairs = tuple(float(number) for number in value)
@@ -46,16 +47,10 @@ def check_rating_correlation(value):
             f"(bumpy, slippery), got {value!r}."
         )
     if np.linalg.eigvalsh(correlation_matrix(pairs))[0] < LEAST_EIGENVALUE * (1 - 1e-6):
-        nearest = ", ".join(f"{number:.3f}" for number in nearest_correlation(pairs))
         raise ValueError(
-            f"`rating_correlation` {pairs} is impossible: no three ratings correlate so. The nearest possible is "
-            f"({nearest})."
+            f"`rating_correlation` {pairs} is impossible: no three ratings correlate so. Nearer to 0 they do."
         )
     return pairs
-
-
-#: Smallest eigenvalue of a matrix of correlations that raters can have: below, an axis repeats the two others.
-LEAST_EIGENVALUE = 0.02
 
 
 def correlation_matrix(pairs):
@@ -63,19 +58,6 @@ def correlation_matrix(pairs):
     matrix = np.eye(3)
     matrix[np.triu_indices(3, 1)] = pairs
     return matrix + np.triu(matrix, 1).T
-
-
-def nearest_correlation(pairs, steps=200):
-    """The possible correlations nearest to `pairs`: alternating projections (Higham 2002). Rounded towards zero."""
-    matrix, correction = correlation_matrix(pairs), np.zeros((3, 3))
-    for _ in range(steps):
-        shifted = matrix - correction
-        values, vectors = np.linalg.eigh(shifted)
-        positive = (vectors * np.maximum(values, LEAST_EIGENVALUE)) @ vectors.T
-        correction = positive - shifted
-        matrix = positive.copy()
-        np.fill_diagonal(matrix, 1.0)
-    return np.trunc(0.999 * matrix[np.triu_indices(3, 1)] * 1000) / 1000
 
 
 @lru_cache(maxsize=16)

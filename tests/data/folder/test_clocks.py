@@ -1,17 +1,15 @@
-"""Time stamps, a common start, velocity and lag: against signals that are known at every instant."""
+"""Time stamps, a common start and velocity: against signals that are known at every instant."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.data.folder.clocks import (
     Timed,
     Unusable,
     on_one_clock,
     on_stamps,
-    residual_lag,
     velocity_from_position,
     whole,
 )
@@ -135,55 +133,3 @@ def test_velocity_of_a_known_movement():
     error = np.abs(velocity - speed)
     assert np.nanmax(error[25:-25]) < 0.01 * 40 * np.pi
     assert np.nanmax(error) < 0.03 * 40 * np.pi  # the ends are extrapolated parabolas
-
-
-def test_lag_of_virtual_recordings(virtual_recordings):
-    """A shift by 20 ms changes the lag by 20 ms within 1 ms (a sample is 2 ms); without one it is 0 within 5 ms.
-
-    The rest is the shear of the contact, which the estimate tells from a lag by the spread of speeds only.
-    """
-    lags = []
-    with RecordingsFile(virtual_recordings) as file:
-        for recording in file:
-            force, rest = recording.force[:, :2], (recording.velocity, recording.velocity_rate)
-            lag = residual_lag(force, recording.rate, *rest)
-            early, late = (
-                residual_lag(force[200:], recording.rate, *rest),
-                residual_lag(force, recording.rate, rest[0][10:], 500),
-            )
-            assert early.seconds - lag.seconds == pytest.approx(-0.02, abs=1e-3)
-            assert late.seconds - lag.seconds == pytest.approx(0.02, abs=1e-3)
-            assert lag.correlation > 0.9
-            flipped = residual_lag(-force, recording.rate, *rest)  # the force on the finger
-            assert flipped.seconds == pytest.approx(lag.seconds) and flipped.correlation == -lag.correlation
-            lags.append(lag.seconds)
-    assert abs(np.median(lags)) < 0.005
-
-
-def strokes(seconds=10.0, rate=1000.0, shift=0.0):
-    """Velocity along x of strokes to and fro at 80 mm/s, and a lateral force of 0.3 N that follows after `shift` s."""
-    time = np.arange(int(seconds * rate)) / rate
-    speed = np.random.default_rng(0).uniform(60, 100, 100)[(time // 0.7).astype(int)]
-    velocity = speed * np.sign(np.sin(np.pi * time / 0.7))
-    force = 0.3 * np.sign(np.sin(np.pi * (time - shift) / 0.7))
-    return column(force), column(velocity)
-
-
-@pytest.mark.parametrize("shift", [-0.05, 0.0, 0.05])
-def test_lag_of_lateral_force_along_one_line(shift):
-    force, velocity = strokes(shift=shift)
-    velocity[3000:3100] = np.nan
-    assert residual_lag(force, 1000.0, velocity, 1000.0).seconds == pytest.approx(shift, abs=2e-3)
-
-
-def test_no_lag_is_reported_without_evidence():
-    """Noise correlates with the direction by chance; no turns; too short. A reported lag would be acted on."""
-    force, velocity = strokes()
-    for seed in range(5):
-        noise = column(np.random.default_rng(seed).standard_normal(len(velocity)))
-        assert residual_lag(noise, 1000.0, velocity, 1000.0) is None
-    assert residual_lag(np.abs(force), 1000.0, np.abs(velocity), 1000.0) is None
-    assert residual_lag(force[:900], 1000.0, velocity[:900], 1000.0) is None
-    velocity = np.random.default_rng(0).normal(0, 80, (2000, 2))
-    velocity[1000] = 1e12  # tracking that jumps by kilometres: the steps of the way would fill the memory
-    assert residual_lag(velocity, 500, velocity, 500) is None

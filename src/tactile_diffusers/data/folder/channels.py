@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...signal import BAND_HZ, SEGMENT_SECONDS, resample
-from ...signal.constants import LARGEST_FORCE_N
-from ..force_checks import check_forces, over_range, saturated
+from ..force_checks import check_forces, out_of_range
 from .clocks import (
     RATE_TOLERANCE,
     SHORTEST_SHARE,
@@ -15,7 +14,6 @@ from .clocks import (
     bridged,
     on_one_clock,
     on_stamps,
-    residual_lag,
     velocity_from_position,
     whole,
 )
@@ -27,14 +25,13 @@ LIKELY_SPEED, LIKELY_FORCE = (1.0, 1000.0), (0.01, 30.0)
 LARGEST_SPEED = 10_000.0
 
 
-def read_channels(name, channels, filter, report):
+def read_channels(channels, filter, report):
     """Reads one recording: keyword arguments of `RecordingsWriter.add_recording`.
 
     Args:
-        name (`str`): "surface/explorer/trial".
         channels (`dict[str, Source]`): the tables that hold "force" or "lateral", and "position" or "velocity".
         filter (`VelocityLayout`): makes velocity from position.
-        report (`ConversionReport`): receives notes and the lag.
+        report (`ConversionReport`): receives notes.
 
     Raises:
         Unusable: if it is to be left out.
@@ -61,14 +58,13 @@ def read_channels(name, channels, filter, report):
         if channel is not None:
             _check_usable(channel)
             report.note_counts(channel.counts, channel.where)  # of the common clock
-    force = _without_faults(force, kind, unit, report)
+    _check_force(force, kind, unit, report)
     if files.resample not in (None, force.rate):
         report.note(f"recordings resampled to {files.resample:g} Hz", 1, f"{force.where} ({force.rate:g} Hz)")
-        force = _resampled(force, files.resample)
+        force = _resampled(force, files.resample, unit)
     arrays = {kind: _shaped(force.values, kind), f"{kind}_rate": force.rate, "unit": unit}
     if motion is not None:
         _check_speed(motion, channels, report)
-        report.lags[name] = _lag(force, motion)
         velocity = motion.values
         if velocity.shape[1] == 1:
             velocity = np.concatenate([velocity, 0.0 * velocity], axis=1)
@@ -149,8 +145,8 @@ def _shaped(values, kind):
     return values if kind == "force" else values[:, 0]
 
 
-def _without_faults(force, kind, unit, report):
-    """The force with NaN where the sensor was at the end of its range, or showed what no finger does."""
+def _check_force(force, kind, unit, report):
+    """Refuses a force that no finger can have made, and notes what is only suspicious."""
     if force.rate != int(force.rate) or force.rate <= 2 * BAND_HZ[0]:
         raise ValueError(
             f"{force.where}: the rate of the force is {force.rate:.6g} Hz; it must be a whole number, and above "
@@ -159,7 +155,6 @@ def _without_faults(force, kind, unit, report):
     values = _shaped(force.values, kind)
     if (np.fmin.reduce(force.values) == np.fmax.reduce(force.values)).all():
         raise Unusable(f"{force.where}: the force never changes: nothing was connected")
-    notes = check_forces(values, force.where, unit)
     if kind == "force" and np.nanmean(values[:, 2]) < 0:
         report.note("recordings: z is negative on average: is `normal_sign` right?", 1, force.where)
     if kind == "force" and unit == "N":
@@ -167,35 +162,26 @@ def _without_faults(force, kind, unit, report):
         if not LIKELY_FORCE[0] <= median <= LIKELY_FORCE[1]:
             what = f"recordings with a median normal force outside {LIKELY_FORCE} N: is the unit right?"
             report.note(what, 1, f"{force.where} ({median:.2g} N)")
-    faults = {"saturated, NaN": np.any([saturated(column, force.rate) for column in force.values.T], axis=0)}
-    if unit == "N":
-        faults[f"above {LARGEST_FORCE_N:.0f} N, NaN"] = over_range(values)
-    for fault, mask in faults.items():
-        if mask.any():
-            report.note(f"samples {fault}", mask.sum(), f"{force.where} at {mask.argmax() / force.rate:.4f} s")
-            force = replace(force, values=np.where(mask[:, None], np.nan, force.values))
-    if np.any(list(faults.values())):
-        _check_usable(force)
-        notes = check_forces(_shaped(force.values, kind), force.where, unit)
-    for note in notes:  # "what (numbers)"
+    for note in check_forces(values, force.where, unit):  # "what (numbers)"
         what, _, detail = note.partition(" (")
         report.note(f"recordings: {what}", 1, f"{force.where} ({detail}")
-    return force
 
 
-def _resampled(channel, rate):
-    """At another rate; what lies beside a missing sample is missing, too."""
-    filled = bridged(channel.values)
+def _resampled(channel, rate, unit):
+    """At another rate; what lies beside a sample that is missing or out of the sensor's range is missing, too."""
+    broken = out_of_range(channel.values, channel.rate, unit)
+    known = np.where(broken[:, None], np.nan, channel.values)
+    filled = bridged(known)
     mean = filled.mean(axis=0)  # the filter takes what is beyond the ends for zero
     values = resample((filled - mean).T, channel.rate, rate).T + mean
-    gaps = np.isnan(channel.values).any(axis=1)
+    gaps = np.isnan(known).any(axis=1)
     beside = np.interp(np.arange(len(values)) * (channel.rate / rate), np.arange(len(gaps)), gaps) > 0
     true_rate = channel.true_rate * rate / channel.rate
     return replace(channel, values=np.where(beside[:, None], np.nan, values), rate=rate, true_rate=true_rate)
 
 
 def _check_speed(motion, channels, report):
-    """Refuses speeds that no finger has, before anything is computed from the distance, and notes unlikely ones."""
+    """Refuses speeds that no finger has, and notes unlikely ones."""
     speed = float(np.nanmedian(np.linalg.norm(motion.values, axis=1)))
     if speed > LARGEST_SPEED:
         name = "velocity" if "velocity" in channels else "position"
@@ -206,12 +192,3 @@ def _check_speed(motion, channels, report):
         )
     if not LIKELY_SPEED[0] <= speed <= LIKELY_SPEED[1]:
         report.note(f"recordings with a median speed outside {LIKELY_SPEED} mm/s: is the unit right?", 1, motion.where)
-
-
-def _lag(force, motion):
-    """Lag of the force; lateral force alone follows a movement along one line only."""
-    one_line = motion.values.shape[1] == 1 or not np.nan_to_num(motion.values[:, 1]).any()
-    axes = 1 if one_line else 2
-    if force.values.shape[1] < axes:
-        return None
-    return residual_lag(force.values[:, :axes], force.rate, motion.values[:, :axes], motion.rate)

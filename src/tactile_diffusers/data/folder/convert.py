@@ -1,10 +1,8 @@
 """From a folder and its layout to `recordings.h5`, one recording in memory at a time, with a report."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 from tqdm import tqdm
 
 from ...io.files import clear_left_behind
@@ -18,8 +16,6 @@ from .sources import find_recordings
 
 #: Attribute of recordings.h5 that holds the report.
 REPORT_ATTRIBUTE = "conversion"
-#: A median lag (ms) of more than this is worth an `offset`: less is the shear of the finger pad at reversals (recipe).
-NOTABLE_LAG = 5.0
 #: Recordings that are listed by name; attributes of HDF5 hold 64 kB.
 _LISTED = 20
 
@@ -36,8 +32,7 @@ class ConversionReport:
         notes (`dict[str, list]`): kind -> [count, first place].
         left_out (`dict[str, str]`): recording -> reason.
         raters, axes (`list[str]`): of the ratings that were written.
-        rating_notes, remarks (`list[str]`): what happened to the ratings, and what else is to be said.
-        lags (`dict[str, Lag | None]`): recording -> lag of the force behind the motion; `None` = it cannot be seen.
+        rating_notes (`list[str]`): what happened to the ratings.
     """
 
     recordings: int = 0
@@ -50,8 +45,6 @@ class ConversionReport:
     raters: list = field(default_factory=list)
     axes: list = field(default_factory=list)
     rating_notes: list = field(default_factory=list)
-    remarks: list = field(default_factory=list)
-    lags: dict = field(default_factory=dict)
 
     def note(self, kind, count, place):
         """Counts something of a kind; the first place stays."""
@@ -72,27 +65,6 @@ class ConversionReport:
             if value not in names:
                 names.append(value)
 
-    @property
-    def lag(self):
-        """Median lag in s over the recordings that show one; NaN if none does."""
-        seen = [lag.seconds for lag in self.lags.values() if lag is not None]
-        return float(np.median(seen)) if seen else float("nan")
-
-    @property
-    def facts(self):
-        """The report as a `dict` that JSON can hold; of long lists the beginning."""
-        seen = [lag for lag in self.lags.values() if lag is not None]
-        lag = {"recordings": len(seen), "not_determinable": len(self.lags) - len(seen)}
-        if seen:
-            lag["median_ms"] = round(1000 * self.lag, 2)
-            lag["range_ms"] = [round(1000 * end(lag.seconds for lag in seen), 2) for end in (min, max)]
-            lag["median_correlation"] = round(float(np.median([lag.correlation for lag in seen])), 3)
-        listed = dict(list(self.left_out.items())[:_LISTED])
-        facts = {name: len(getattr(self, name)) for name in ("surfaces", "explorers", "raters", "left_out")}
-        facts |= {"left_out_first": listed, "seconds": round(self.seconds, 4), "lag": lag}
-        same = ("recordings", "rates", "notes", "axes", "rating_notes", "remarks")
-        return facts | {name: getattr(self, name) for name in same}
-
     def __str__(self):
         lines = [
             f"{self.recordings} recordings of {len(self.surfaces)} surfaces by {len(self.explorers)} explorers, "
@@ -104,43 +76,15 @@ class ConversionReport:
             )
         if self.raters:
             lines.append(f"ratings by {len(self.raters)} raters on {', '.join(self.axes)}")
-        return "\n".join(lines + _lines(self.facts))
+        lines += [f"note: {count} {kind}; first {place}" for kind, (count, place) in self.notes.items()]
+        lines += [f"note: ratings: {note}" for note in self.rating_notes]
+        lines += [f"left out: {name}: {reason}" for name, reason in list(self.left_out.items())[:_LISTED]]
+        if len(self.left_out) > _LISTED:
+            lines.append(f"left out: {len(self.left_out) - _LISTED} more")
+        return "\n".join(lines)
 
 
-def notes_in_words(facts):
-    """What `ConversionReport.facts` holds beyond counts, as a Markdown list.
-
-    Args:
-        facts (`dict`): as stored.
-    """
-    return "\n".join(f"- {line.removeprefix('note: ').strip()}" for line in _lines(facts))
-
-
-def _lines(facts):
-    """Notes begin with "note: "."""
-    lines = [f"note: {count} {kind}; first {place}" for kind, (count, place) in facts["notes"].items()]
-    lines += [f"note: ratings: {note}" for note in facts["rating_notes"]]
-    lines += [f"note: {remark}" for remark in facts["remarks"]]
-    first, lag = facts["left_out_first"], facts["lag"]
-    lines += [f"left out: {name}: {reason}" for name, reason in first.items()]
-    if facts["left_out"] > len(first):
-        lines.append(f"left out: {facts['left_out'] - len(first)} more")
-    if not lag["recordings"]:
-        why = "no recording turns, or none shows it" if lag["not_determinable"] else "there is no motion"
-        return [*lines, f"lag between force and motion: not determinable ({why})"]
-    low, high = lag["range_ms"]
-    lines.append(
-        f"force behind motion: median {lag['median_ms']:+.1f} ms ({low:+.1f} to {high:+.1f} ms, correlation "
-        f"{abs(lag['median_correlation']):.2f}) in {lag['recordings']} recordings; not determinable in "
-        f"{lag['not_determinable']}"
-    )
-    if abs(lag["median_ms"]) > NOTABLE_LAG:
-        undone = f"{-lag['median_ms'] / 1000:+.4f} s"
-        lines.append(f"  nothing was shifted; to undo it, add {undone} to `offset` of the files with force")
-    return lines
-
-
-def convert_folder(root, layout, output, quiet=False, remarks=None):
+def convert_folder(root, layout, output, quiet=False):
     """Converts a folder of recordings, described by a layout, to `recordings.h5`.
 
     What can be found without reading the numbers (patterns, files that belong together, columns of the first files,
@@ -152,10 +96,9 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
         layout (`Layout`, `str` or `Path`): a layout, or the file of one.
         output (`str` or `Path`): the file to write; it appears only when it is whole.
         quiet (`bool`): no progress bar.
-        remarks (`Callable`, *optional*): from the finished `ConversionReport` to further notes, a list of strings.
 
     Returns:
-        `ConversionReport`, also stored as the attribute "conversion" of the file, in JSON.
+        `ConversionReport`, also stored as the attribute "conversion" of the file, as text.
 
     Raises:
         FileNotFoundError: if the folder, the layout or the folder of `output` does not exist.
@@ -178,7 +121,7 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
     with RecordingsWriter(output, source=layout.source, licence=layout.licence) as writer:
         for name, channels in tqdm(recordings.items(), desc="converting", unit="recording", disable=quiet):
             try:
-                arrays = read_channels("/".join(name), channels, layout.velocity, report)
+                arrays = read_channels(channels, layout.velocity, report)
             except Unusable as error:
                 report.left_out["/".join(name)] = str(error)
                 continue
@@ -189,8 +132,7 @@ def convert_folder(root, layout, output, quiet=False, remarks=None):
             raise ValueError(f"{root}: none of {len(report.left_out)} recordings can be used; {name}: {reason}.")
         if scores is not None:
             _write_ratings(writer, scores, report)
-        report.remarks = list(remarks(report)) if remarks else []
-        writer.set_attributes(**{REPORT_ATTRIBUTE: json.dumps(report.facts, ensure_ascii=False)})
+        writer.set_attributes(**{REPORT_ATTRIBUTE: str(report)})
     return report
 
 

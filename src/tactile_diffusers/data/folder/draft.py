@@ -6,22 +6,18 @@ with a TODO is refused.
 """
 
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
-from .clocks import SHORTEST_SHARE, whole
+from .clocks import whole
 from .draft_names import assign_roles, content_of
-from .draft_ratings import RatingsGuess, guess_by_surfaces, guess_ratings
+from .draft_ratings import RatingsGuess, guess_ratings
 from .draft_tables import HEAD_ROWS, TableGroup, list_files, open_groups
 from .layout import CHANNEL_UNITS, FORMAT, TODO, VERSION, VelocityLayout
 from .layout_text import toml_comment, toml_table
 from .rating_tables import pair_names
 from .sources import Pattern
-from .tables import few, read_table
 
-#: Rows that are read of each csv file, enough to find its header.
-HEADER_ROWS = 5
 #: Columns of a kind of table, and files that were not looked at, that are listed.
 MOST_COLUMNS, MOST_SKIPPED = 24, 12
 #: The mean of z must be this share of its range for its sign to decide which way is pressing (recipe).
@@ -30,13 +26,12 @@ CLEAR_SIGN = 0.1
 
 @dataclass
 class FolderInventory:
-    """What is in a folder; `str` prints it for a terminal.
+    """What is in a folder; `draft_layout` puts it in words.
 
     Attributes:
         root (`Path`): the folder. Paths in it are relative and written with "/".
         files, others (`list[str]`): files that may be tables, and other files.
         skipped (`dict[str, str]`): files that were not looked at -> the reason.
-        truncated (`bool`): there are more files.
         groups (`list[TableGroup]`): tables of one kind each.
         ratings (`RatingsGuess` or `None`): what looks like answers of raters.
         surface_names (`dict[str, str]`): name in the ratings -> name in the recordings, where they differ.
@@ -47,7 +42,6 @@ class FolderInventory:
     files: list[str]
     others: list[str]
     skipped: dict[str, str]
-    truncated: bool
     groups: list[TableGroup] = field(default_factory=list)
     ratings: RatingsGuess | None = None
     surface_names: dict = field(default_factory=dict)
@@ -68,28 +62,11 @@ class FolderInventory:
         """Names of recorded surfaces, of the kind of file that has most of them."""
         return max((group.surfaces for group in self.recorded), key=len, default=[])
 
-    def __str__(self):
-        total = len(self.files) + len(self.others) + len(self.skipped)
-        lines = [f"{self.root}: {total} files, {len(self.groups)} kinds of tables" + " (and more)" * self.truncated]
-        for group in self.groups:
-            lines += ["", *_listed(group, self.ratings)]
-        lines.append("")
-        if self.others:
-            endings = Counter(PurePath(path).suffix or path for path in self.others)
-            lines.append("no tables: " + ", ".join(f"{count} {ending}" for ending, count in endings.most_common()))
-        skipped = [f"not looked at: {path}: {reason}" for path, reason in self.skipped.items()]
-        lines += skipped[:MOST_SKIPPED]
-        lines += [f"not looked at: {len(skipped) - MOST_SKIPPED} more files"] * (len(skipped) > MOST_SKIPPED)
-        pairs = self.surface_names.items()
-        lines += [f"{theirs!r} in the ratings is {ours!r} in the recordings (guess)" for theirs, ours in pairs]
-        return "\n".join(lines + [f"check: {doubt}" for doubt in self.doubts])
-
 
 def inspect_folder(root, quiet=False):
     """Looks at a folder: names, columns, units, rates and ranges, and what they probably mean.
 
-    At most 5000 files are listed (1000 of a folder) and 90 opened, three of each kind of name; of text tables the
-    first 50,000 rows are read. Of all text tables that hold recordings the names of columns are compared. Nothing is
+    At most 90 files are opened, three of each kind of name; of text tables the first 50,000 rows are read. Nothing is
     written, and pickles are not read.
 
     Args:
@@ -115,8 +92,7 @@ def inspect_folder(root, quiet=False):
         group.doubts += assign_roles(group.fields) + group.first.doubts
     _choose_channels(inventory.recorded)
     for group in inventory.recorded:
-        group.doubts += [*_doubts_on_names(group), *_doubts_on_numbers(group, inventory.recorded)]
-        group.doubts += _doubts_on_headers(root, group)
+        group.doubts += _doubts_on_names(group)
     _find_ratings(inventory, rated)
     inventory.doubts += _doubts_on_folder(inventory)
     return inventory
@@ -159,10 +135,8 @@ def _choose_channels(groups):
 def _find_ratings(inventory, groups):
     """Sets the ratings, of the group with most axes and surfaces, and which of their surfaces is which recorded one."""
     surfaces = set(inventory.surfaces)
-    guesses = [guess_ratings(group, surfaces) for group in groups]
-    if not guesses:  # words that are not known; whoever names the recorded surfaces row by row probably rates them
-        others = [group for group in inventory.groups if group.tables and not group.channels]
-        guesses = [guess for group in others if (guess := guess_by_surfaces(group, surfaces)) is not None]
+    groups = groups or [group for group in inventory.groups if group.tables and not group.channels]
+    guesses = [guess for group in groups if (guess := guess_ratings(group, surfaces)) is not None]
     if not guesses:
         return
     ratings = inventory.ratings = max(guesses, key=lambda guess: (len(guess.axes), len(guess.surfaces)))
@@ -183,40 +157,6 @@ def _doubts_on_names(group):
             return
 
 
-def _doubts_on_numbers(group, groups):
-    """Yields what looks wrong in the forces, columns, rates and lengths of a group."""
-    if "force" in group.channels:
-        mean = {axis: column.mean for axis, column in group.channels["force"].items()}
-        largest = max(mean, key=lambda axis: abs(mean[axis]))
-        if abs(mean[largest]) > abs(mean["z"]):
-            name = group.channels["force"][largest].name
-            values = f"({mean[largest]:.3g}), not in z ({mean['z']:.3g})"
-            yield f"the mean force is largest in {name} {values}: is z the normal force?"
-    rates = [table.rate for table in group.tables if table.rate]
-    if rates and max(rates) > 1.01 * min(rates):
-        remedy = ": preparation will refuse this; resample to one rate (`resample` = Hz)"
-        remedy *= bool(group.channels.keys() & {"force", "lateral"})
-        yield f"rates differ between files: {min(rates):.6g} to {max(rates):.6g} Hz{remedy}"
-    longest = max((other.seconds or 0 for other in groups if set(other.surfaces) & set(group.surfaces)), default=0)
-    if group.seconds and group.seconds < SHORTEST_SHARE * longest:
-        yield f"lasts {group.seconds:.3g} s, others {longest:.3g} s: is the rate right?"
-
-
-def _doubts_on_headers(root, group):
-    """Yields a doubt if some files have other columns than the first. All csv files are read, as a batch may be odd."""
-    columns = {facts.table.path: facts.table.names for facts in group.tables}
-    for path in (root / name for name in group.files.names if group.kind == "csv"):
-        with suppress(ValueError, OSError):  # the conversion says why
-            columns[path] = columns.get(path) or read_table(path, "csv", max_rows=HEADER_ROWS).names
-    usual = group.first.table.names
-    odd = {path.relative_to(root).as_posix(): names for path, names in columns.items() if names and names != usual}
-    if odd:
-        yield (
-            f"{len(odd)} of {len(group.files.names)} files have other columns: {few(sorted(odd), 3)}; the "
-            f"first of them has {', '.join(odd[min(odd)])}. Give them a [[files]] of their own, with `where`"
-        )
-
-
 def _doubts_on_folder(inventory):
     held = inventory.held
     if not held & {"force", "lateral"}:
@@ -225,37 +165,6 @@ def _doubts_on_folder(inventory):
         yield "no position or velocity was recognised: the sliding direction is unknown"
     if inventory.ratings is None:
         yield "no ratings were recognised"
-    if inventory.truncated:
-        yield "the folder has more files than are listed; what does not vary in the names of these may in the others"
-
-
-def _listed(group, ratings):
-    count = len(group.files.names)
-    lines = [f"{group.place}   {count} file{'s' * (count > 1)}, {group.kind}"]
-    lines += [f"    {item.role or 'varies'}: {item}" for item in group.fields]
-    if not group.tables:
-        return [*lines, "    not opened"]
-    facts, (rate, rate_from) = group.first, group.rate
-    rows = f"{facts.table.rows} rows" if facts.complete else f"{HEAD_ROWS} rows and more"
-    clock = f", {rate:.6g} Hz (from {rate_from})" if rate else ""
-    seconds = f", {group.seconds:.1f} s" if group.seconds else ""
-    lines.append(f"    {rows}{clock}{seconds}; {len(group.tables)} opened, ranges of all of them:")
-    meaning, doubts = ", ".join(group.channels), group.doubts
-    if ratings is not None and ratings.group is group:
-        meaning, doubts = f"ratings ({ratings.keys['form']}) on {', '.join(ratings.axes)}", doubts + ratings.doubts
-    used = {column.name: f"{name} {axis}" for name, axes in group.channels.items() for axis, column in axes.items()}
-    width = max(len(column.name) for column in facts.columns)
-    for column in facts.columns[:MOST_COLUMNS]:
-        same = [other for table in group.tables for other in table.columns if other.name == column.name]
-        span = f"{min(c.low for c in same):.4g} .. {max(c.high for c in same):.4g}"
-        span = f"text, {column.distinct} different" if column.measures == "text" else span
-        span += f", {column.missing} missing" * bool(column.missing)
-        known = "" if column.measures in ("text", "number") else f"({column.measures} {column.axis}".strip() + ")"
-        known = used.get(column.name, known)
-        lines.append(f"      {column.name:<{width}}  {column.unit or '-':<5} {span:<28} {known}".rstrip())
-    more = len(facts.table.names) - MOST_COLUMNS
-    lines += [f"      and {more} more columns"] * (more > 0) + [f"    guess: {meaning or 'not used'}"]
-    return lines + [f"    check: {doubt}" for doubt in doubts]
 
 
 def draft_layout(inventory):
@@ -283,7 +192,8 @@ def draft_layout(inventory):
     rated = ratings.group if ratings else None
     unused = [group for group in inventory.groups if not group.channels and group is not rated]
     if unused:
-        blocks.append("\n".join(["# Not used:", *(toml_comment(group.place) for group in unused)]))
+        listed = [line for group in unused for line in (toml_comment(group.place), *_columns(group))]
+        blocks.append("\n".join(["# Not used:", *listed]))
     if "position" in held:
         header = "[velocity]  # of the filter that makes velocity from position"
         blocks.append(toml_table(header, VelocityLayout().model_dump(), {"window": "s"}))
@@ -291,7 +201,8 @@ def draft_layout(inventory):
         first_line = rated.first.table.first_line
         keys = {"pattern": rated.files.pattern, **_inside(rated), **ratings.keys}
         keys |= {"header": first_line - 1} if first_line not in (None, 2) else {}
-        blocks += ["\n".join([*_checks(ratings.doubts), toml_table("[ratings]", keys, ratings.comments)])]
+        lines = [*_columns(rated), *_checks(ratings.doubts), toml_table("[ratings]", keys, ratings.comments)]
+        blocks.append("\n".join(lines))
         blocks[-1] += "\n" + toml_table("[ratings.axes]", ratings.axes)
     if inventory.surface_names:
         header = "# name in the ratings = name in the recordings: paired by numbers or spelling, check them"
@@ -308,12 +219,34 @@ def _head(inventory):
         "source": f"{TODO}: what these data are and where they come from",
         "licence": f"{TODO}: under which licence{see}",
     }
-    drafted = f"Drafted from {inventory.root.resolve().name}: check every line, fill in what holds {TODO}."
-    return "\n".join([toml_comment(drafted), *_checks(inventory.doubts), toml_table("", facts)])
+    lines = [f"Drafted from {inventory.root.resolve().name}: check every line, fill in what holds {TODO}."]
+    if inventory.others:
+        endings = Counter(PurePath(path).suffix or path for path in inventory.others)
+        lines.append("no tables: " + ", ".join(f"{count} {ending}" for ending, count in endings.most_common()))
+    skipped = [f"not looked at: {path}: {reason}" for path, reason in inventory.skipped.items()]
+    lines += skipped[:MOST_SKIPPED]
+    lines += [f"not looked at: {len(skipped) - MOST_SKIPPED} more files"] * (len(skipped) > MOST_SKIPPED)
+    return "\n".join([*map(toml_comment, lines), *_checks(inventory.doubts), toml_table("", facts)])
 
 
 def _checks(doubts):
     return [toml_comment(f"check: {doubt}") for doubt in doubts]
+
+
+def _columns(group):
+    """A comment for each column: its unit, its range in the files that were opened, what it measures by its name."""
+    if not group.tables:
+        return ["#   not opened"]
+    lines = []
+    for column in group.first.columns[:MOST_COLUMNS]:
+        same = [other for table in group.tables for other in table.columns if other.name == column.name]
+        span = f"{min(c.low for c in same):.4g} to {max(c.high for c in same):.4g}"
+        words = [f"text, {column.distinct} different" if column.measures == "text" else span]
+        words += [f"{column.missing} missing"] * bool(column.missing)
+        words += [f"{column.measures} {column.axis}".strip()] * (column.measures not in ("text", "number"))
+        lines.append(toml_comment(f"- {column.name}: {', '.join(words)}"))
+    more = len(group.first.table.names) - MOST_COLUMNS
+    return lines + [f"# - and {more} more columns"] * (more > 0)
 
 
 def _files(group):
@@ -321,7 +254,7 @@ def _files(group):
     facts, comments = group.first, {}
     rows = f"first {HEAD_ROWS} rows" if not facts.complete else f"{facts.table.rows} rows"
     lines = [f"# files: {len(group.files.names)}; {rows} of {len(group.tables)} looked at"]
-    lines += [toml_comment(f"{item.role}: {item}") for item in group.fields if item.role]
+    lines += [toml_comment(f"{item.role}: {item}") for item in group.fields if item.role] + _columns(group)
     keys = {"pattern": group.files.pattern, **_inside(group)}
     if group.field_of("surface") is None:
         keys["pattern"] = f"{TODO}: put {{surface}} where its name stands in {group.files.pattern}"

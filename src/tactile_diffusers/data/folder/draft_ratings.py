@@ -53,7 +53,8 @@ def axis_of(text):
 def guess_ratings(group, surfaces):
     """`RatingsGuess` if tables look like answers, else `None`; `surfaces` are the recorded ones, if known.
 
-    An axis is a column, a value of a text column, or a part of the names of the files or sheets.
+    An axis is a column, a value of a text column, or a part of the names of the files or sheets. Where no word for one
+    is known, a column that names recorded surfaces beside answers will do.
     """
     facts = group.first
     is_force = facts.measuring("force").keys() >= {"x", "y", "z"}
@@ -64,7 +65,9 @@ def guess_ratings(group, surfaces):
     ours = {axis_of(column.name): column for column in reversed(answers) if axis_of(column.name) in RATING_AXES}
     naming = next((column for column in facts.columns if _names_axes(facts, column)), None)
     by_name = next((item for item in group.fields if all(map(axis_of, item.values))), None)
-    if not answers or not (ours or naming or by_name):
+    known = ours or naming or by_name
+    texts = [facts.table.text(column.name) for column in facts.columns if column.measures == "text"]
+    if not answers or not (known or any(surfaces & set(names) for names in texts)):
         return None
     for item in group.fields:
         role = "axis" if item is by_name else {"explorer": "rater"}.get(item.hint, item.hint)
@@ -72,6 +75,10 @@ def guess_ratings(group, surfaces):
     guess = RatingsGuess(group, {"form": "long"})
     if by_name and not all(_by_words(facts.columns, role) for role in ("rater", "surface")):
         answers, theirs = _wide(guess, answers, surfaces), {axis_of(value): value for value in by_name.values}
+    elif not known:
+        _long(guess, answers, surfaces)
+        names = ", ".join(column.name for column in answers)
+        theirs = {axis: f"{TODO}: the column of {axis}, one of {names}; or remove this axis" for axis in AXIS_WORDS}
     elif ours and not by_name:
         named = [column for column in answers if axis_of(column.name)]
         _long(guess, named, surfaces)
@@ -88,23 +95,6 @@ def guess_ratings(group, surfaces):
         if axis in theirs:
             ask = f"{TODO}: {' or '.join(words)}? what the largest number means"
             guess.axes[axis] = {"column": theirs[axis], "high": ask, "words": list(words)}
-    _set_scale(guess, answers)
-    return guess
-
-
-def guess_by_surfaces(group, surfaces):
-    """`RatingsGuess` if a column names recorded surfaces beside answers whose words are not known, else `None`."""
-    facts, (low, high) = group.first, LIKELY_ANSWERS
-    texts = [column for column in facts.columns if column.measures == "text"]
-    answers = [column for column in facts.columns if column.whole and low <= column.low < column.high <= high]
-    if not (answers and any(surfaces & set(facts.table.text(column.name)) for column in texts)):
-        return None
-    guess, names = RatingsGuess(group, {"form": "long"}), ", ".join(column.name for column in answers)
-    _long(guess, answers, surfaces)
-    for axis, words in AXIS_WORDS.items():
-        ask = f"{TODO}: {' or '.join(words)}? what the largest number means"
-        column = f"{TODO}: the column of {axis}, one of {names}; or remove this axis"
-        guess.axes[axis] = {"column": column, "high": ask, "words": list(words)}
     _set_scale(guess, answers)
     return guess
 

@@ -5,7 +5,6 @@ Everything here is a guess from names and numbers (recipe), and is reported as o
 
 import os
 import re
-from collections import Counter
 from copy import copy
 from dataclasses import dataclass, field, replace
 
@@ -46,8 +45,6 @@ NAMES = {
     "position": rf"(p|pos|position|positions|coord|stage|displacement){_LAST}?|{_AXIS}(pos|position|coord)",
     "bare": rf"(ch|channel|col|column|var|data|values?)?{_LAST}",
 }
-#: No more files than this are listed, nor more of one folder, so that one sensor's files do not hide another's.
-MOST_FILES, MOST_IN_FOLDER = 5000, 1000
 #: Text files that are no tables.
 TEXT_NAMES = ("readme", "license", "licence", "changelog", "requirements")
 #: Files that are opened in all; of each kind the first, the one in the middle and the last.
@@ -157,26 +154,16 @@ class TableGroup:
         rates = {float(number) * (1000 if kilo else 1) for number, kilo in _HERTZ.findall(self.files.pattern)}
         return (rates.pop(), "the name of the file") if len(rates) == 1 else (None, "")
 
-    @property
-    def seconds(self):
-        """Length of the first table, s; `None` if that is unknown."""
-        rate, _ = self.rate
-        return self.first.table.rows / rate if rate and self.first.complete else None
-
 
 def list_files(root):
-    """Files of a folder that may be tables, other files, skipped files with the reason, and whether there are more.
+    """Files of a folder that may be tables, other files, and skipped files with the reason.
 
     Raises:
         FileNotFoundError: if there is no folder.
     """
-    files, others, skipped, listed, more = [], [], {}, Counter(), False
+    files, others, skipped = [], [], {}
     for path in files_below(root):
-        folder, _, name = path.rpartition("/")
-        if listed.total() >= MOST_FILES or listed[folder] >= MOST_IN_FOLDER:
-            more = True
-            continue
-        listed[folder] += 1
+        name = path.rpartition("/")[2]
         if (readable := path.encode(errors="replace").decode()) != path:
             skipped[readable] = "its name is not valid UTF-8"
         elif kind_of(name) is None or name.lower().startswith(TEXT_NAMES):
@@ -187,7 +174,7 @@ def list_files(root):
             skipped[path] = "empty"
         else:
             files.append(path)
-    return files, others, skipped, more
+    return files, others, skipped
 
 
 def open_groups(root, files, skipped, quiet):

@@ -14,7 +14,7 @@
     [[files]]
     pattern = "{surface}/P{explorer}_{trial}_stage.csv"
     time = { column = "t", unit = "ms" }
-    offset = 0.0               # s, added to this file's time: set it from the lag that the conversion reports
+    offset = 0.0               # s, added to this file's time, where its clock began apart
     position = { x = "px", y = "py", unit = "mm" }
 
     [velocity]                 # Savitzky-Golay filter: velocity from position

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import jinja2
 
-from ...io.files import check_parent, whole_folder
-from ...io.reading import read_json
-from ...signal import RATING_AXES
-from ..folder.convert import notes_in_words
-from ..prepare import prepare_recordings
-from ..recordings import RecordingsFile
-from ..segments import limits_in_words
+from tactile_diffusers.data.prepare import prepare_recordings
+from tactile_diffusers.data.recordings import RecordingsFile
+from tactile_diffusers.io.files import check_parent, whole_folder
+from tactile_diffusers.io.reading import read_json
+from tactile_diffusers.signal import RATING_AXES
+
 from .measure import CARD_FORMAT, describe
 from .pictures import MOST_EXPLORERS, MOST_NAMES, draw_ratings, draw_surfaces, unit_name
 
@@ -119,19 +118,31 @@ def markdown(card):
     """The whole card: its numbers in the words and tables of the template."""
     environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.filters.update(row=_row, head=_head, percent=_percent)
-    conversion, explorers = card["recordings"]["conversion"], card["kept"]["explorers"]
+    conversion, explorers = str(card["recordings"]["conversion"] or ""), card["kept"]["explorers"]
+    noted = [line for line in conversion.splitlines() if line.startswith(("note: ", "left out: "))]
     text = environment.from_string(TEMPLATE.read_text(encoding="utf-8")).render(
         card,
         axes=RATING_AXES,
         unit=unit_name(card["recordings"]["unit"]),
-        limits=limits_in_words(card["preparation"]["limits"]),
-        conversion_notes=notes_in_words(conversion) if conversion else "",
+        limits=_limits_in_words(card["preparation"]["limits"]),
+        conversion_notes="\n".join(f"- {line.removeprefix('note: ')}" for line in noted),
         warnings_in_words=warnings_in_words(card),
         kept_explorers=list(explorers) if 1 < len(explorers) <= MOST_EXPLORERS else [],
         most_explorers=MOST_EXPLORERS,
         most_names=MOST_NAMES,
     )
     return text.rstrip() + "\n"
+
+
+def _limits_in_words(limits):
+    """Limits of segments, the dict in the attributes of a prepared file, in words."""
+    channels = (("normal force", limits["normal_force"], "N"), ("speed", limits["speed"], "mm/s"))
+    words = [
+        f"any {name}" if bounds is None else f"{name} {bounds[0]:g}–{bounds[1]:g} {unit}"
+        for name, bounds, unit in channels
+    ]
+    words += [f"deviations up to {limits['longest_excursion']:g} s bridged", f"segments of {limits['seconds']:g} s"]
+    return ", ".join([*words, f"{100 * limits['overlap']:.0f} % overlap"])
 
 
 def _row(cells):

@@ -1,6 +1,5 @@
 """The numbers of a data card: recordings, the time that preparation kept, surfaces, and how far ratings fit them."""
 
-import json
 import math
 import warnings
 from pathlib import Path
@@ -10,15 +9,15 @@ import pandas
 from scipy.stats import spearmanr
 from tqdm import tqdm
 
-from ...io.reading import reading
-from ...signal import RATING_AXES, band_edges, band_levels_db
-from ...signal.rating_scales import RATING_SCALE
-from ..dataset import PreparedDataset
-from ..folder.convert import REPORT_ATTRIBUTE, notes_in_words
-from ..ratings import LEAST_COMMON, axis_correlation, rating_reliability
-from ..recordings import RecordingsFile
-from ..segments import SegmentLimits
-from ..splits import SPLITS
+from tactile_diffusers.data.dataset import PreparedDataset
+from tactile_diffusers.data.folder.convert import REPORT_ATTRIBUTE
+from tactile_diffusers.data.ratings import LEAST_COMMON, axis_correlation, rating_reliability
+from tactile_diffusers.data.recordings import RecordingsFile
+from tactile_diffusers.data.segments import SegmentLimits
+from tactile_diffusers.data.splits import SPLITS
+from tactile_diffusers.signal import RATING_AXES, band_edges, band_levels_db
+from tactile_diffusers.signal.rating_scales import RATING_SCALE
+
 from .advice import KEPT, warnings_of
 
 CARD_FORMAT = "tactile-data-card"
@@ -99,10 +98,6 @@ def _check_same(source, data):
 
 def _source(source, limits, quiet):
     """What the file holds, and how long speed and normal force were what; reads one recording after the other."""
-    with reading(source.path, f"a store of recordings with the attribute {REPORT_ATTRIBUTE!r}", "Convert it again."):
-        conversion = json.loads(source.attributes.get(REPORT_ATTRIBUTE, "null"))
-        if conversion is not None:
-            notes_in_words(conversion)
     rows, samples = [], {"normal_force": [], "speed": []}
     for one in tqdm(source, total=len(source), desc="recordings", unit="recording", disable=quiet):
         channel = "lateral" if one.force is None else "force"
@@ -129,7 +124,7 @@ def _source(source, limits, quiet):
         "rates": table["rate"].value_counts().to_dict(),
         "velocity_rates": velocities,
         "attributes": {k: v for k, v in source.attributes.items() if k not in ("format", "version", REPORT_ATTRIBUTE)},
-        "conversion": conversion,
+        "conversion": source.attributes.get(REPORT_ATTRIBUTE),
     }
     return facts, {name: _over_time(found, getattr(limits, name)) for name, found in samples.items()}
 
@@ -169,7 +164,7 @@ def _selection(data):
 
 def _preparation(data):
     """Settings and notes of the preparation, and the surfaces and segments of each split."""
-    names = ("limits", "band", "filter_order", "filter_passes", "turnarounds", "split_seed", "hold_out")
+    names = ("limits", "band", "turnarounds", "split_seed", "hold_out")
     splits = np.array(data.splits)
     counts = {
         split: {"surfaces": np.sum(splits == split), "segments": np.sum(splits[data.surface_ids] == split)}

@@ -1,13 +1,13 @@
 """recordings.h5 as a folder: nothing lost, nothing half-written, nothing that a file cannot be named."""
 
+import export_folder as script
 import h5py
 import numpy as np
 import pytest
+from export_folder import export_folder, main
 
 from tactile_diffusers.data import RecordingsFile, RecordingsWriter, prepare_recordings
-from tactile_diffusers.data.folder import folder_export
 from tactile_diffusers.data.folder.convert import convert_folder
-from tactile_diffusers.data.folder.folder_export import export_folder
 
 
 def write(path, recordings, ratings=None, **attributes):
@@ -105,14 +105,14 @@ def test_only_what_can_be_read_back_is_written(tmp_path, recording_maker, monkey
 
 def test_nothing_is_left_after_a_failure(tmp_path, recording_maker, monkeypatch):
     path = write(tmp_path / "r.h5", {(surface, "e", "0"): recording_maker(seconds=2) for surface in "ab"})
-    real = folder_export._write_csv
+    real = script._write_csv
 
     def full(place, *arguments):
         if "b/" in str(place):
             raise OSError("No space left on device")
         real(place, *arguments)
 
-    monkeypatch.setattr(folder_export, "_write_csv", full)
+    monkeypatch.setattr(script, "_write_csv", full)
     with pytest.raises(OSError, match="No space left"):
         export_folder(path, tmp_path / "folder", quiet=True)
     assert [item.name for item in tmp_path.iterdir()] == ["r.h5"]
@@ -141,3 +141,10 @@ def test_what_no_folder_can_hold_is_refused(tmp_path, recording_maker, name):
     with pytest.raises(ValueError, match=message):
         export_folder(path, tmp_path / "folder", quiet=True)
     assert [item.name for item in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_as_a_command(tmp_path, recording_maker, capsys):
+    path = write(tmp_path / "r.h5", {("a", "e", "0"): recording_maker(seconds=2)})
+    assert main(["--recordings", str(path), "--output", str(tmp_path / "folder"), "--quiet"]) == 0
+    assert (tmp_path / "folder/layout.toml").is_file() and "wrote" in capsys.readouterr().out
+    assert main(["--recordings", str(path), "--output", str(tmp_path), "--quiet"]) == 2

@@ -2,16 +2,17 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from tactile_diffusers.data import RecordingsFile
-from tactile_diffusers.data.folder import load_layout
-from tactile_diffusers.data.sens3 import convert_sens3, sens3_layout
+from tactile_diffusers.data.folder import convert_folder, load_layout
 from tactile_diffusers.signal import DEVICE_RATE
 
+LAYOUT = Path(__file__).parents[3] / "examples/configs/sens3_layout.toml"
 #: What somebody would write in place of each TODO, in the order of the template.
 ANSWERS = (
     *("sliding/{surface}/P{explorer}_{trial}_force.csv", "csv", "Fx", "Fy", "Fz", "N", -1),
@@ -23,7 +24,7 @@ ANSWERS = (
 
 def filled(folder):
     answers = iter(ANSWERS)
-    text = re.sub('"TODO[^"]*"', lambda _: json.dumps(next(answers)), sens3_layout())
+    text = re.sub('"TODO[^"]*"', lambda _: json.dumps(next(answers)), LAYOUT.read_text())
     assert next(answers, None) is None
     (folder / "layout.toml").write_text(text)
     return folder / "layout.toml"
@@ -47,16 +48,15 @@ def folder(tmp_path):
 
 
 def test_the_template_names_what_is_to_be_filled_in(tmp_path):
-    (tmp_path / "layout.toml").write_text(sens3_layout())
+    (tmp_path / "layout.toml").write_text(LAYOUT.read_text())
     with pytest.raises(ValueError, match=r"`\[\[files\]\] 1, pattern` = 'TODO: .*' is still to be filled in"):
-        convert_sens3(tmp_path, tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
+        convert_folder(tmp_path, tmp_path / "layout.toml", tmp_path / "r.h5", quiet=True)
 
 
 def test_a_folder_of_its_kind(folder):
     layout = load_layout(filled(folder))
     assert layout.source == "SENS3 (www.sens3.net, arXiv 2401.01818)" and "SENS3" in layout.licence
-    report = convert_sens3(folder, folder / "layout.toml", folder / "r.h5", quiet=True)
-    assert report.remarks == ["2 surfaces, SENS3 has 50", "1 explorers, SENS3 has 2"]  # 12 raters and 10 kHz fit
+    convert_folder(folder, folder / "layout.toml", folder / "r.h5", quiet=True)
     table = pd.read_csv(folder / "ratings.csv", dtype={"texture": str})
     with RecordingsFile(folder / "r.h5") as file:
         recording = file.read("01/1/1")

@@ -77,7 +77,7 @@ def _of_recordings(card):
         yield "few_held_out", f"{text} Prepare with --test 2 --validation 2, and train on that."
     if (bands["turnaround_db"] or 0) > TURNAROUND_DB:
         text = f"{100 * bands['turnaround_share']:.0f} % of the segments hold a turnaround, which raises them by "
-        yield "turnarounds", f"{text}{bands['turnaround_db']:.1f} dB. Prepare with --turnarounds mask or exclude."
+        yield "turnarounds", f"{text}{bands['turnaround_db']:.1f} dB. Prepare with --turnarounds mask."
 
 
 def _of_surfaces(card):

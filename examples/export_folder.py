@@ -1,17 +1,22 @@
-"""A `recordings.h5` written out as a folder of csv files with its `layout.toml`: the way back of `convert_folder`."""
+"""A `recordings.h5` written out as a folder of csv files with its `layout.toml`: the way back of `convert_folder`.
 
+python examples/export_folder.py --recordings recordings.h5 --output my_folder
+"""
+
+import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from ...io.files import check_parent, whole_folder
-from ...signal.rating_scales import RATING_SCALE
-from ..recordings import VELOCITY_UNIT, RecordingsFile
-from .layout import AXIS_WORDS, FORMAT, VERSION
-from .layout_text import toml_table, toml_value
-from .sources import HIDDEN_PREFIXES
+from tactile_diffusers.cli.program import Parser, command, existing_file
+from tactile_diffusers.data.folder.layout import AXIS_WORDS, FORMAT, VERSION
+from tactile_diffusers.data.folder.layout_text import toml_table, toml_value
+from tactile_diffusers.data.folder.sources import HIDDEN_PREFIXES
+from tactile_diffusers.data.recordings import VELOCITY_UNIT, RecordingsFile
+from tactile_diffusers.io.files import check_parent, whole_folder
+from tactile_diffusers.signal.rating_scales import RATING_SCALE
 
 #: Text with so many digits gives back every float32.
 FLOAT32_TEXT = "%.9g"
@@ -125,3 +130,20 @@ def _layout_text(source, entries):
             axes[axis] = {"column": axis, "high": words[1], "words": list(words)}
         blocks += [toml_table("[ratings]", ratings), toml_table("[ratings.axes]", axes)]
     return "\n\n".join(blocks) + "\n"
+
+
+@command("export_folder.py")
+def main(argv=None):
+    """Runs the command."""
+    parser = Parser(prog="export_folder.py", description="Write recordings as a folder of csv files with its layout.")
+    add = parser.add_argument
+    add("--recordings", type=existing_file, required=True, metavar="RECORDINGS.h5", help="what to write")
+    add("--output", type=Path, required=True, metavar="FOLDER", help="new or empty")
+    add("--quiet", action="store_true", help="no progress bar")
+    arguments = parser.parse_args(argv)
+    export_folder(arguments.recordings, arguments.output, arguments.quiet)
+    print(f"wrote {arguments.output}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,8 +1,8 @@
 """`inspect_data.py`: what it prints and writes, and how it refuses."""
 
 import pytest
+from inspect_data import main
 
-from tactile_diffusers.cli.inspect_data import main
 from tactile_diffusers.data import prepare_recordings
 from tactile_diffusers.virtual import generate_recordings
 
@@ -25,7 +25,7 @@ def test_card(files, tmp_path, capsys):
 
 
 def test_without_prepared_the_default_limits_are_used_and_told(files, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("tactile_diffusers.data.card.writing._draw", lambda *_: [])  # slow, and tested elsewhere
+    monkeypatch.setattr("data_card.writing._draw", lambda *_: [])  # slow, and tested elsewhere
     assert main(f"--recordings {files}/r.h5 --output {tmp_path}/card --quiet".split()) == 0
     assert "default limits" in capsys.readouterr().out
     assert "default limits" in (tmp_path / "card/card.md").read_text()
