@@ -24,8 +24,6 @@ COMMANDS = {
     "prepare": ("prepare_data", "recordings as a data set for training"),
     "inspect": ("inspect_data", "a report on recordings, with warnings and remedies"),
     "adapt": ("adapt", "a pretrained pipeline to the few surfaces of a lab"),
-    "evaluate": ("evaluate", "metrics of a checkpoint on held-out surfaces"),
-    "compare": ("compare", "several evaluations side by side"),
     "study": ("make_study", "stimuli, trials and analysis of a study with people"),
     "publish": ("publish", "a trained pipeline as a small, documented folder"),
 }

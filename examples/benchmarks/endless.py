@@ -8,13 +8,12 @@ import sys
 import time
 
 import numpy as np
-from benchmarking import finish, make_parser, parse, resident_mib
+from benchmarking import finish, machine, make_parser, parse, resident_mib
 from stream import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion, play
 from tqdm.auto import tqdm
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli.program import load_pipeline, positive_number
-from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.playback import EndlessProfile, EndlessStream, GeneratingProcess, on_time
 from tactile_diffusers.playback.endless import HANDOVER

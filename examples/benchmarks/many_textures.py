@@ -10,10 +10,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from benchmarking import finish, make_parser, parse
+from benchmarking import finish, machine, make_parser, parse
 
 from tactile_diffusers.cli.program import count
-from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.export.generated import find_shards
 

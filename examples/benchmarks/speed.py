@@ -2,10 +2,9 @@
 
 import sys
 
-from benchmarking import finish, make_parser, parse, run_child, seconds_of
+from benchmarking import finish, machine, make_parser, parse, run_child, seconds_of
 
 from tactile_diffusers.cli.program import count, load_pipeline
-from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.signal import SEGMENT_SECONDS
 

@@ -13,12 +13,11 @@ from itertools import pairwise
 import numpy as np
 import stability_signals as signals
 import torch
-from benchmarking import finish, make_parser, parse, resident_mib
+from benchmarking import finish, machine, make_parser, parse, resident_mib
 from stability_bench import RATINGS, SAME, SAME_DB, Bench, Row, not_finite, relative
 from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import load_pipeline, positive_number
-from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import title
 from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.playback import TextureProfile, TextureStream

@@ -9,14 +9,13 @@ import time
 
 import numpy as np
 import torch
-from benchmarking import finish, make_parser, parse
+from benchmarking import finish, machine, make_parser, parse
 from scipy import signal
 from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import count, load_pipeline, positive_number
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, tactile_features
 from tactile_diffusers.evaluation.metrics.statistics import estimate, leaf
-from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.playback import FingerPath, TextureProfile, TextureStream, on_time
 from tactile_diffusers.playback.force_laws import SPEED_EXPONENT

@@ -1,8 +1,14 @@
 """The rows of an ablation side by side: tables and pictures."""
 
-from tactile_diffusers.evaluation.labels import BANDS
-from tactile_diffusers.evaluation.report_figures import figure_panels
+import sys
+from pathlib import Path
+
+from tactile_diffusers.evaluation.figures import figure_panels
 from tactile_diffusers.evaluation.tables import markdown_table
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.labels import BANDS
 
 #: Headings and digits of the main table.
 _MAIN = {

@@ -30,10 +30,13 @@ from tactile_diffusers.evaluation.envelopes import surface_means
 from tactile_diffusers.evaluation.held_out import open_held_out
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.evaluation.sampling import generate, noise_seeds
-from tactile_diffusers.evaluation.sections.generation import surface_correlation, unseen_errors
-from tactile_diffusers.evaluation.sections.regression import best_polynomial
 from tactile_diffusers.signal import band_levels_db
 from tactile_diffusers.training.adapting import adapt
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.sections.generation import surface_correlation, unseen_errors
+from report.sections.regression import best_polynomial
 
 COUNTS = (3, 5, 10, 20, 50, 100, 200)
 #: Of them also with the decoder trained, and by a DALE that is trained anew.

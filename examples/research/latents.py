@@ -13,8 +13,8 @@ import torch
 from study_context import run_study
 from tqdm.auto import tqdm
 
+from tactile_diffusers.evaluation.figures import figure_panels
 from tactile_diffusers.evaluation.metrics.statistics import jackknife, leaf, number
-from tactile_diffusers.evaluation.report_figures import figure_panels
 from tactile_diffusers.evaluation.sampling import encode, noise_seeds
 from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.evaluation.tables import text as shown

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from tactile_diffusers.cli.program import add_checkpoint_argument, load_pipeline
-from tactile_diffusers.evaluation.report_figures import figure_panels
+from tactile_diffusers.evaluation.figures import figure_panels
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.models import RatingStatistics
 from tactile_diffusers.search import PreferenceSearch

@@ -152,7 +152,7 @@ def _settings(arguments, pipe, folder, ratings, options):
     import diffusers
     import torch
 
-    from ..evaluation.result_files import folder_digest
+    from ..pipelines.folders import folder_digest
     from ..version import __version__
 
     return {

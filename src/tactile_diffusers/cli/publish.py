@@ -111,7 +111,6 @@ def _report(folder, digests, output, known):
 
     Warns on stderr, and in the results, of test surfaces that the checkpoint was trained on (`known`).
     """
-    from ..evaluation.report_tables import report_markdown
     from ..training.record import count_seen, warning
 
     path, text = folder / "report.json", ""
@@ -123,11 +122,13 @@ def _report(folder, digests, output, known):
                 "examples/evaluate.py."
             )
         if (judged := report.get("judged")) is not None:
-            report["seen_in_training"] = count_seen(judged, known)
-            text = warning(report["seen_in_training"], len(judged["surfaces"]))
-        markdown = report_markdown(report, REPORT, level=3, short=True)
+            text = warning(count_seen(judged, known), len(judged["surfaces"]))
+    markdown = (folder / "report.md").read_text(encoding="utf-8")
     if text:
         warn("publish.py", f"--report {folder}: {text}")
+        markdown = markdown if text in markdown else f"**Warning: {text}.**\n\n{markdown}"
+    markdown = re.sub(r"^#", "###", markdown, flags=re.M)  # headings within those of the card
+    markdown = re.sub(r"\]\(\./([\w.-]+)\)", rf"]({REPORT}/\1)", markdown)
     pictures = re.findall(rf"\]\({REPORT}/([^)]+)\)", markdown)
     if missing := [name for name in pictures if not (folder / name).is_file()]:
         raise ValueError(f"--report {folder} lacks {missing}: run examples/evaluate.py again, it goes on where it was.")
@@ -144,7 +145,7 @@ def _fill(arguments, temporary):
     from tactile_diffusers import TactileTexturePipeline
 
     from ..data import PreparedDataset
-    from ..evaluation.result_files import folder_digest
+    from ..pipelines.folders import folder_digest
     from ..pipelines.hub import forget_folders
     from ..training.card import write_card
     from ..training.record import surfaces_of, trained_on, write_surfaces

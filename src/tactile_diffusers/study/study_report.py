@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from ..evaluation.labels import NAMES
-from ..evaluation.report_figures import figure_panels
+from ..evaluation.baselines import NAMES
+from ..evaluation.figures import figure_panels
 from ..evaluation.tables import markdown_table, title
 from ..io.files import write_text
 from .analysis import LEAST_PARTICIPANTS, RESAMPLES, abx_proportion_correct, abx_scores, describe, similarity_scores
