@@ -13,7 +13,7 @@ from report.figures import band_centre, plot_axis_spectra
 from report.labels import default_guidance
 from report.rows import latent_shift
 
-from tactile_diffusers.cli.program import Parser, add_output_argument, command, program
+from tactile_diffusers.cli.program import Parser, add_output_argument, command
 from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.io.reading import read_json, reading
@@ -38,7 +38,7 @@ _LABELS = {
 def parse_arguments(argv=None):
     """Arguments of the command, with `report` as a dict: name -> path of report.json."""
     parser = Parser(
-        prog=program("compare.py"),
+        prog="compare.py",
         description="Compare reports of evaluate.py on the same held-out surfaces: the effect of ratings in each.",
     )
     parser.add_argument(

@@ -117,7 +117,7 @@ def _latent_validation(args, pipe, dale, step):
 def main(argv=None):
     with starting():
         args = parse_args(argv)
-        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
+        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
         teacher = getattr(pipe, args.model)
         if teacher is None or teacher.config.distilled_steps is not None:
             raise ValueError(

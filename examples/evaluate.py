@@ -21,7 +21,6 @@ from tactile_diffusers.cli.program import (
     count,
     existing_file,
     load_pipeline,
-    program,
     refuse,
     warn,
 )
@@ -33,7 +32,7 @@ from tactile_diffusers.training.record import warning
 def parse_arguments(argv=None):
     """Arguments of the command."""
     parser = Parser(
-        prog=program("evaluate.py"),
+        prog="evaluate.py",
         description="Evaluate a checkpoint on held-out surfaces. Finished sections are kept under OUTPUT/sections: the "
         "same command continues an interrupted run.",
     )

@@ -135,7 +135,7 @@ def main(argv=None):
     with starting():
         args = parse_args(argv)
         config = read_model_config(args.model_config_name_or_path, {"dale", "dale_scheduler", "kept_at_zero"})
-        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
+        pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
         accelerator = make_accelerator(args)
         if pipe.dale is not None:
             known = "this training begins anew. To keep what it knows: tactile-diffusers adapt"

@@ -109,7 +109,7 @@ def main(argv=None):
     with starting():
         args, pipe = parse_args(argv), None
         if args.pretrained_model_name_or_path:
-            pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
+            pipe = TactileTexturePipeline.from_pretrained(args.pretrained_model_name_or_path)
         accelerator = make_accelerator(args)
         pipe = pipe or build_components(args)
         extractor = pipe.feature_extractor

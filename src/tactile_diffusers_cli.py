@@ -20,12 +20,9 @@ COMMANDS = {
     "convert": ("convert", "a texture from one format to another, and what was lost"),
     "play": ("play", "the force that a finger meets along a trajectory"),
     "search": ("search", "the texture that you prefer, by comparisons of two"),
-    "dataset": ("generate_dataset", "many textures, by several processes"),
     "prepare": ("prepare_data", "recordings as a data set for training"),
     "inspect": ("inspect_data", "a report on recordings, with warnings and remedies"),
     "adapt": ("adapt", "a pretrained pipeline to the few surfaces of a lab"),
-    "study": ("make_study", "stimuli, trials and analysis of a study with people"),
-    "publish": ("publish", "a trained pipeline as a small, documented folder"),
 }
 
 

@@ -33,7 +33,6 @@ ROOMS = (
     "display",
     "export",
     "search",
-    "study",
     "cli",
 )
 #: The public names of the package are those of its rooms up to here.

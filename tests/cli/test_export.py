@@ -1,13 +1,11 @@
 """The export command: what it takes, what it writes and what it prints."""
 
-import json
-
 import numpy as np
 import pytest
+from dataset.shards import open_folder, write_shard
 
 from tactile_diffusers.cli.export import main
 from tactile_diffusers.export import FORMATS, read_npz, write_hdf5, write_npz, write_wav
-from tactile_diffusers.export.generated import open_folder, write_shard
 from tactile_diffusers.signal import RATING_AXES
 
 COMMON = {
@@ -95,20 +93,6 @@ def test_options_reach_the_writer(source, tmp_path, capsys):
     _, metadata = FORMATS["png"].read(tmp_path / "out" / "texture.friction.png")
     assert metadata["pixel_pitch"] == 0.036 and metadata["normal_force"] == 0.4
     assert capsys.readouterr().err == ""  # nothing is lost
-
-
-def test_json_is_json_alone(source, tmp_path, capsys):
-    assert _run(source, tmp_path / "out", "--formats", "npz", "hjif", "--round_trip", "--json") == 0
-
-    def refuse(constant):
-        raise AssertionError(f"{constant} is no JSON")
-
-    rows = json.loads(capsys.readouterr().out, parse_constant=refuse)
-    assert [row["format"] for row in rows] == ["npz", "hjif"]
-    assert rows[0]["snr_db"] is None and rows[0]["nine_band_error_db"] == 0  # exact
-    assert _run(source, tmp_path / "out", "--formats", "npz", "wav16", "--round_trip") == 0
-    assert capsys.readouterr().out.split("\n\n")[1].count("\n| `") == 2  # a table
-    assert rows[1]["snr_db"] > 70 and rows[1]["bytes"] == (tmp_path / "out" / "texture.hjif").stat().st_size
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,8 @@ from PIL import Image
 from tactile_diffusers.export import (
     FORMATS,
     read_npz,
-    read_wav,
     round_trip,
-    round_trip_markdown,
     write_npz,
-    write_wav,
 )
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES
 
@@ -82,20 +79,6 @@ def test_position_needs_a_speed(tmp_path, texture, name):
     assert not list(tmp_path.iterdir())
 
 
-def test_old_files_are_read(tmp_path, texture):
-    """Before checkpoints were stored, an npz lacked them, and a sidecar the speed too."""
-    write_npz(tmp_path / "a.npz", texture, **COMMON)
-    with np.load(tmp_path / "a.npz") as file:
-        np.savez(tmp_path / "old.npz", **{key: file[key] for key in file if key != "checkpoint"})
-    assert read_npz(tmp_path / "old.npz")[1]["checkpoint"] is None
-    write_wav(tmp_path / "a.wav", texture, **COMMON)
-    sidecar = json.loads((tmp_path / "a.wav.json").read_text())
-    del sidecar["checkpoint"], sidecar["reference_speed"]
-    (tmp_path / "a.wav.json").write_text(json.dumps(sidecar))
-    metadata = read_wav(tmp_path / "a.wav")[1]
-    assert metadata["checkpoint"] is None and math.isnan(metadata["reference_speed"])
-
-
 def test_npz_needs_no_pickle_and_nothing_may_be_missing(tmp_path, texture):
     write_npz(tmp_path / "a.npz", texture, **COMMON | {"ratings": [None, 0.5, None]})
     with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
@@ -105,7 +88,9 @@ def test_npz_needs_no_pickle_and_nothing_may_be_missing(tmp_path, texture):
         np.savez(tmp_path / "c.npz", texture=file["texture"])
     with pytest.raises(ValueError, match="lacks texture"):
         read_npz(tmp_path / "b.npz")
-    with pytest.raises(ValueError, match="lacks sampling_rate, friction_coefficient, ratings, seed"):
+    with pytest.raises(
+        ValueError, match="lacks sampling_rate, friction_coefficient, reference_speed, ratings, seed, checkpoint"
+    ):
         read_npz(tmp_path / "c.npz")
 
 
@@ -123,13 +108,6 @@ def test_files_explain_themselves(tmp_path, texture):
         assert units["reference_speed"].startswith("mm/s") and "0.5 N" in units["texture"]
 
 
-def test_table_has_a_line_for_each_format(tmp_path, texture):
-    rows = [
-        {"format": name, **round_trip(_write(tmp_path, name, texture), name, texture, DEVICE_RATE)} for name in FORMATS
-    ]
-    lines = round_trip_markdown(rows).splitlines()
-    assert [line.split("`")[1] for line in lines[2:]] == list(FORMATS)
-    assert lines[2].count("exact") == 2 and "nan" not in "".join(lines)
+def test_a_short_texture_has_no_bands(tmp_path, texture):
     short = texture[:300]  # no bands of 11 Hz
-    row = round_trip(_write(tmp_path, "npz", short), "npz", short, DEVICE_RATE)
-    assert "| – |" in round_trip_markdown([{"format": "npz", **row}])
+    assert np.isnan(round_trip(_write(tmp_path, "npz", short), "npz", short, DEVICE_RATE)["nine_band_error_db"])

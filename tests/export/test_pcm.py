@@ -49,7 +49,7 @@ def test_blocks_are_the_whole_and_end_in_zeros(texture):
 
 
 def test_a_peak_above_full_scale_is_refused(texture):
-    with pytest.raises(ValueError, match="`full_scale` of 0.001 N is below"):
+    with pytest.raises(ValueError, match="above `full_scale` of 0.001 N, and would be clipped"):
         PCM.of_texture(texture, DEVICE_RATE, 2000, full_scale=0.001)
     with pytest.raises(ValueError, match="`device_rate` must be a finite number above 40"):
         PCM.of_texture(texture, DEVICE_RATE, 10)

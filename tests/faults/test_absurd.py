@@ -16,13 +16,13 @@ import numpy as np
 import pandas as pd
 import pytest
 import soundfile
+from dataset.ratings import read_ratings_file
+from dataset.shards import plan_shards, write_shard
 from uploads import read_upload
 
-from tactile_diffusers.cli.dataset_ratings import read_ratings_file
 from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter
 from tactile_diffusers.data.folder.tables import list_tables
 from tactile_diffusers.export import FORMATS, read_generated
-from tactile_diffusers.export.generated import plan_shards, write_shard
 from tactile_diffusers.signal import RATING_AXES
 
 HUGE = 2**40

@@ -8,12 +8,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import ablate
+import publish
 import pytest
 from ablate_rows import read_rows
 from compare import read_report
 from report.running import _kept
 
-from tactile_diffusers.cli import publish
 from tactile_diffusers.data.card.writing import NUMBERS_FILE, check_card_folder
 from tactile_diffusers.pipelines.hub import forget_folders
 
@@ -76,7 +76,6 @@ def files(tmp_path_factory):
             found[kind].write_bytes((EXAMPLES / sources[kind]).read_bytes())
     for picture in (EXAMPLES / "results/judges").glob("*.png"):
         (root / "report to publish" / picture.name).write_bytes(b"png")
-    (root / "report to publish" / "report.md").write_bytes((EXAMPLES / "results/judges/report.md").read_bytes())
     row = next(iter(json.loads((EXAMPLES / "results/ablation/ablation.json").read_text())["rows"].values()))
     found["result"].write_text(json.dumps({**row, **CONDITIONS}))
     found["config"].write_text(json.dumps({"widths": [8, 16], "_name_or_path": "/somewhere/here"}))

@@ -3,10 +3,10 @@
 import h5py
 import numpy as np
 import pytest
+from dataset.shards import open_folder, plan_shards, write_shard
 
 from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter, prepare_recordings
 from tactile_diffusers.export import read_generated
-from tactile_diffusers.export.generated import open_folder, plan_shards, write_shard
 from tactile_diffusers.playback import TextureScene
 from tactile_diffusers.virtual import generate_recordings
 

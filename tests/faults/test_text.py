@@ -8,15 +8,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dataset.ratings import read_ratings_file
+from study.folder import FORMAT, KEY, KEY_COLUMNS, SETTINGS, VERSION, read_study
+from study.trials import read_tables
 
-from tactile_diffusers.cli.dataset_ratings import read_ratings_file
 from tactile_diffusers.data.folder import load_layout
 from tactile_diffusers.data.folder.rating_tables import read_ratings
 from tactile_diffusers.display import DriveProfile
 from tactile_diffusers.display.drive_files import read_drive_calibration
 from tactile_diffusers.signal import RATING_AXES
-from tactile_diffusers.study.folder import FORMAT, KEY, KEY_COLUMNS, SETTINGS, VERSION, read_study
-from tactile_diffusers.study.trials import read_tables
 from tactile_diffusers.training.launch import read_model_config
 
 CONFIG = SimpleNamespace(rating_axes=list(RATING_AXES))

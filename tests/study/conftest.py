@@ -3,10 +3,10 @@
 import numpy as np
 import pandas
 import pytest
+from study.folder import KEY_COLUMNS
+from study.stimuli import blind_ids
 
 from tactile_diffusers.signal import RATING_AXES
-from tactile_diffusers.study.folder import KEY_COLUMNS
-from tactile_diffusers.study.stimuli import blind_ids
 
 CONDITIONS = ("reference", "other_take", "generated", "reconstructed", "mean_spectrum")
 

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-
-from tactile_diffusers.signal import RATING_AXES
-from tactile_diffusers.study import (
+from study import (
     Population,
     abx_proportion_correct,
     analyse,
@@ -14,8 +12,10 @@ from tactile_diffusers.study import (
     report_markdown,
     write_report,
 )
-from tactile_diffusers.study.analysis import bootstrap
-from tactile_diffusers.study.simulated import SIMILARITY_PER_DPRIME, simulate, simulated_trials
+from study.analysis import bootstrap
+from study.simulated import SIMILARITY_PER_DPRIME, simulate, simulated_trials
+
+from tactile_diffusers.signal import RATING_AXES
 
 DPRIME = {"other_take": 0.8, "generated": 2.0, "reconstructed": 1.2, "mean_spectrum": 3.0}
 RATING_SHARE = {"generated": 0.7, "mean_spectrum": 0.0}

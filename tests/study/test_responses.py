@@ -1,8 +1,7 @@
 """Answers that cannot be right are refused by file, participant and trial."""
 
 import pytest
-
-from tactile_diffusers.study import check_responses, participant_trials, read_tables
+from study import check_responses, participant_trials, read_tables
 
 
 @pytest.fixture

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from tactile_diffusers.study import abx_dprime, abx_proportion_correct
+from study import abx_dprime, abx_proportion_correct
 
 #: Palamedes, PAL_SDT_2AFCmatchSample_DiffMod_PCtoDP (an independent implementation): proportion correct -> d'.
 TABLE = {0.6: 1.1152, 0.7: 1.7153, 0.8: 2.3549, 0.9: 3.2631}

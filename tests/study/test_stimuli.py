@@ -4,10 +4,7 @@ import json
 
 import numpy as np
 import pytest
-
-from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
-from tactile_diffusers.signal import RATING_AXES, rms
-from tactile_diffusers.study import (
+from study import (
     BASELINES,
     StimulusSettings,
     make_stimuli,
@@ -15,7 +12,10 @@ from tactile_diffusers.study import (
     participant_trials,
     read_study,
 )
-from tactile_diffusers.study.stimuli import choose_takes
+from study.stimuli import choose_takes
+
+from tactile_diffusers.data import PreparedDataset, SegmentLimits, prepare_recordings
+from tactile_diffusers.signal import RATING_AXES, rms
 from tactile_diffusers.virtual import generate_recordings
 
 SETTINGS = StimulusSettings(surfaces=3, baselines=("mean_spectrum",))
@@ -174,7 +174,7 @@ def test_the_key_tells_where_textures_come_from(stimuli):
 
 
 def test_a_failure_leaves_no_half_of_a_study(evaluable_pipe, prepared, tmp_path, monkeypatch):
-    monkeypatch.setattr("tactile_diffusers.study.folder.protocol_markdown", lambda facts: 1 / 0)
+    monkeypatch.setattr("study.folder.protocol_markdown", lambda facts: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         make_study(evaluable_pipe(), prepared, tmp_path / "study", SETTINGS, participants=1)
     assert not list(tmp_path.iterdir())

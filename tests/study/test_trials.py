@@ -4,10 +4,10 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from study import TASKS, participant_trials
+from study.trials import TRIAL_COLUMNS
 
 from tactile_diffusers.signal import RATING_AXES
-from tactile_diffusers.study import TASKS, participant_trials
-from tactile_diffusers.study.trials import TRIAL_COLUMNS
 
 
 def test_every_pair_comes_in_every_arrangement(key):

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -382,3 +383,13 @@ class TestRefusals:
         words += ["--pretrained_model_name_or_path", tmp_path / "p"]
         assert command.main([*map(str, words)]) == 2
         assert "error: The checkpoint has no DALE" in capsys.readouterr().err
+
+    def test_the_command_refuses_a_missing_tracker_in_a_line(
+        self, make_pipeline, prepared, tmp_path, monkeypatch, capsys
+    ):
+        monkeypatch.setitem(sys.modules, "tensorboard", None)
+        make_pipeline().save_pretrained(tmp_path / "p")
+        words = ["--train_data_dir", prepared, "--output_dir", tmp_path / "out", "--report_to", "tensorboard"]
+        words += ["--pretrained_model_name_or_path", tmp_path / "p"]
+        assert command.main([*map(str, words)]) == 2
+        assert "error: --report_to tensorboard needs: pip install" in capsys.readouterr().err

@@ -16,12 +16,10 @@ from tactile_diffusers.training.launch import training_parser
 #: are listed, with reasons, in `tactile_diffusers/training/launch.py`.
 UPSTREAM = """
     pretrained_model_name_or_path model_config_name_or_path train_data_dir max_train_samples output_dir
-    overwrite_output_dir cache_dir seed train_batch_size eval_batch_size num_train_epochs max_train_steps
-    gradient_accumulation_steps gradient_checkpointing learning_rate scale_lr lr_scheduler lr_warmup_steps adam_beta1
-    adam_beta2 adam_weight_decay adam_epsilon max_grad_norm use_ema ema_decay ema_max_decay ema_inv_gamma ema_power
-    foreach_ema mixed_precision allow_tf32 dataloader_num_workers checkpointing_steps checkpoints_total_limit
-    resume_from_checkpoint validation_steps report_to logging_dir tracker_project_name push_to_hub hub_token
-    hub_model_id hub_private_repo
+    overwrite_output_dir seed train_batch_size eval_batch_size num_train_epochs max_train_steps
+    gradient_accumulation_steps learning_rate lr_scheduler lr_warmup_steps adam_beta1 adam_beta2 adam_weight_decay
+    max_grad_norm use_ema ema_decay mixed_precision dataloader_num_workers checkpointing_steps checkpoints_total_limit
+    resume_from_checkpoint validation_steps report_to push_to_hub hub_model_id
 """.split()
 
 
@@ -36,8 +34,8 @@ def test_names_are_those_of_diffusers(script, name, capsys):
 def test_defaults_that_users_rely_on():
     parser = training_parser("a test")
     same = {"train_batch_size": 16, "num_train_epochs": 100, "gradient_accumulation_steps": 1, "max_grad_norm": 1.0}
-    same |= {"checkpointing_steps": 500, "dataloader_num_workers": 0, "logging_dir": "logs", "mixed_precision": "no"}
-    same |= {"ema_inv_gamma": 1.0, "ema_power": 0.75, "report_to": "tensorboard", "push_to_hub": False}
+    same |= {"checkpointing_steps": 500, "dataloader_num_workers": 0, "mixed_precision": "no"}
+    same |= {"report_to": "tensorboard", "push_to_hub": False}
     assert {name: parser.get_default(name) for name in same} == same
 
 
@@ -50,8 +48,6 @@ REFUSED = [
     ("validation_samples", "-1", COMMON),
     *(("learning_rate", value, COMMON) for value in ("0", "-1e-3", "nan")),
     *(("ema_decay", value, COMMON) for value in ("1", "-0.1", "nan")),
-    ("ema_inv_gamma", "0", COMMON),
-    *(("ema_power", value, COMMON) for value in ("-1", "nan")),
     ("mixed_precision", "int8", COMMON),
     ("report_to", "fax", COMMON),
     ("seed", "x", COMMON),
@@ -99,9 +95,8 @@ def test_mixed_precision_keeps_trained_weights_wide(make_trainer, tmp_path):
 
 def test_a_missing_tracker_names_the_extra(make_trainer, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "tensorboard", None)
-    for name in ("tensorboard", "all"):
-        with pytest.raises(ImportError, match=rf"--report_to {name} needs: pip install .tactile-diffusers\[training\]"):
-            make_trainer(tmp_path, report_to=name)
+    with pytest.raises(ValueError, match=r"--report_to tensorboard needs: pip install .tactile-diffusers\[training\]"):
+        make_trainer(tmp_path, report_to="tensorboard")
 
 
 class TestHub:
@@ -118,15 +113,11 @@ class TestHub:
         monkeypatch.setattr(huggingface_hub, "upload_folder", lambda **options: asked.append(options))
         return asked
 
-    def test_the_finished_pipeline_is_sent_and_the_token_written_nowhere(self, script, run_script, sent, tmp_path):
-        options = {"hub_model_id": "someone/textures", "hub_token": "hf_secret", "hub_private_repo": True}
-        short = {"max_train_steps": 1, "report_to": "tensorboard"}
-        folder = run_script(script("train_lctg"), "lctg", tmp_path / "lctg", push_to_hub=True, **short, **options)
-        (repo, created), upload = sent
+    def test_the_finished_pipeline_is_sent(self, script, run_script, sent, tmp_path):
+        options = {"max_train_steps": 1, "report_to": "tensorboard", "hub_model_id": "someone/textures"}
+        folder = run_script(script("train_lctg"), "lctg", tmp_path / "lctg", push_to_hub=True, **options)
+        (repo, _), upload = sent
         assert repo == upload["repo_id"] == "someone/textures" and upload["folder_path"] == str(folder)
-        assert created["private"] is True and created["token"] == upload["token"] == "hf_secret"
         assert "# someone/textures" in (folder / "README.md").read_text()
         assert "hub" not in (folder / "README.md").read_text().split("accelerate launch")[1].split("```")[0]
         assert json.loads((folder / "training.json").read_text())["arguments"]["push_to_hub"] is True
-        files = [path for path in folder.rglob("*") if path.is_file()]
-        assert len(files) > 10 and not [path for path in files if b"hf_secret" in path.read_bytes()]

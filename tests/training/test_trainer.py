@@ -105,13 +105,6 @@ def test_tensorboard_gets_scalars(make_trainer, tmp_path):
     assert score.step == 4 and score.value == 0.25
 
 
-def test_the_module_is_trained_as_given(make_trainer, tmp_path):
-    trainer = make_trainer(tmp_path, max_train_steps=1, gradient_checkpointing=True)
-    assert trainer.module.model.is_gradient_checkpointing
-    scaled = make_trainer(tmp_path / "scaled", scale_lr=True, gradient_accumulation_steps=2)
-    assert scaled.optimizer.param_groups[0]["initial_lr"] == pytest.approx(1e-2 * 2 * 3)
-
-
 def test_epochs_count_updates(make_trainer, tmp_path):
     options = {"max_train_steps": None, "rows": 13, "num_train_epochs": 5}
     assert make_trainer(tmp_path, **options).total_steps == 5 * 4

@@ -33,7 +33,7 @@ def main(argv=None):
     """Runs the command."""
     with starting():
         args = parse_args(argv)
-        pipe = load_pipeline(args.pretrained_model_name_or_path, cache_dir=args.cache_dir)
+        pipe = load_pipeline(args.pretrained_model_name_or_path)
         rate = pipe.feature_extractor.sampling_rate
         dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
     adapt(pipe, dataset, args.output_dir, args)

@@ -1,12 +1,11 @@
 """`tactile-diffusers convert`: a texture from one format to another, and what was lost."""
 
-import json
 from pathlib import Path
 
 from ..export.convert import convert, read_texture
 from ..export.device import DeviceProfile, what_is_lost
 from ..export.formats import FORMATS
-from .program import Parser, command, existing_file, finite, positive_number, program
+from .program import Parser, command, existing_file, positive_number, program
 
 
 def parse_arguments(argv=None):
@@ -23,7 +22,6 @@ def parse_arguments(argv=None):
     add("--normal_force", type=positive_number, metavar="N", help="at which it was recorded; for maps of friction")
     add("--device", type=existing_file, metavar="FILE.json", help="profile of a device: rate (Hz), band (Hz), "
         "one_signed, bits, amplitude (N); prints what is lost on it, band by band")  # fmt: skip
-    add("--json", action="store_true", help="print JSON; null = unknown or none")
     arguments = parser.parse_args(argv)
     if arguments.output is None and arguments.device is None:
         parser.error("give --output, --device, or both: there is nothing to do")
@@ -35,23 +33,11 @@ def main(argv=None):
     """Runs the command."""
     arguments = parse_arguments(argv)
     device = None if arguments.device is None else DeviceProfile.load(arguments.device)
-    found = {}
     if arguments.output is not None:
         options = {name: getattr(arguments, name) for name in ("pixel_pitch", "normal_force")}
         given = {name: value for name, value in options.items() if value is not None}
         found = convert(arguments.input, arguments.output, **given)
-        if not arguments.json:
-            print(
-                "\n".join([f"{arguments.output}: {found['bytes']} bytes", *(found["losses"] or ["Nothing was lost."])])
-            )
+        print(f"{arguments.output}: {found['bytes']} bytes", *(found["losses"] or ["Nothing was lost."]), sep="\n")
     if device is not None:
         texture, metadata = read_texture(arguments.input)
-        loss = what_is_lost(texture, metadata["sampling_rate"], device)
-        if not arguments.json:
-            print(loss)
-        bands = [
-            {**vars(band), "change_db": finite(band.change_db), "snr_db": finite(band.snr_db)} for band in loss.bands
-        ]
-        found["device"] = {"bands": bands, "clipped": loss.clipped, "fitting_scale": finite(loss.fitting_scale)}
-    if arguments.json:
-        print(json.dumps({key: finite(value) for key, value in found.items()}, indent=1))
+        print(what_is_lost(texture, metadata["sampling_rate"], device))

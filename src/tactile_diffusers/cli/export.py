@@ -1,17 +1,17 @@
 """`tactile-diffusers export`: textures that this package wrote, as files for devices and other programs."""
 
 import argparse
-import json
 import math
 import warnings
 from pathlib import Path
 
-from ..export.convert import ABOUT, format_of, read_texture
-from ..export.formats import FORMATS, round_trip, round_trip_markdown
+from ..export.convert import format_of, read_texture
+from ..export.formats import FORMATS
 from ..export.generated import find_shards, read_generated
+from ..export.metadata import ABOUT
 from ..export.png import HEIGHT, PIXEL_PITCH
 from ..signal import REFERENCE_FORCE
-from .program import Parser, add_output_argument, command, count, finite, positive_number, program, warn
+from .program import Parser, add_output_argument, command, count, positive_number, program, warn
 
 
 def parse_arguments(argv=None):
@@ -26,7 +26,7 @@ def parse_arguments(argv=None):
     )
     add = parser.add_argument
     add("--input", type=Path, required=True, metavar="PATH", help="a file of this package in any of the "
-        "formats, a folder of .npz files, or one of `tactile-diffusers dataset`")  # fmt: skip
+        "formats, a folder of .npz files, or one of examples/generate_dataset.py")  # fmt: skip
     add_output_argument(parser, "folder of the files")
     add("--formats", nargs="+", choices=FORMATS, default=list(FORMATS), metavar="FORMAT", help="default: all")
     add("--pixel_pitch", type=positive_number, default=PIXEL_PITCH, metavar="MM", help="distance of two pixels on the "
@@ -34,8 +34,6 @@ def parse_arguments(argv=None):
     add("--height", type=count, default=HEIGHT, metavar="ROWS", help=f"of the picture; for png; default: {HEIGHT}")
     add("--normal_force", type=positive_number, default=REFERENCE_FORCE, metavar="N", help="at which the texture was "
         f"recorded, N; for png and hjif-friction; default: {REFERENCE_FORCE}")  # fmt: skip
-    add("--round_trip", action="store_true", help="read every file back and print what was lost")
-    add("--json", action="store_true", help="print JSON; null = unknown, or no loss in `snr_db`")
     arguments = parser.parse_args(argv)
     if not arguments.input.exists():
         parser.error(f"argument --input: {arguments.input} does not exist")
@@ -49,13 +47,8 @@ def parse_arguments(argv=None):
 def main(argv=None):
     """Runs the command."""
     arguments = parse_arguments(argv)
-    rows = []
     for name, texture, metadata in read_textures(arguments.input):
-        rows += _write(name, texture, metadata, arguments)
-    if arguments.json:
-        print(json.dumps([{key: finite(value) for key, value in row.items()} for row in rows], indent=1))
-    elif arguments.round_trip:
-        print(f"\n{round_trip_markdown(rows)}")
+        _write(name, texture, metadata, arguments)
 
 
 def read_textures(path):
@@ -94,7 +87,7 @@ def _stem(path):
 
 
 def _write(name, texture, metadata, arguments):
-    """Writes one texture in every format: a row for each file."""
+    """Writes one texture in every format."""
     spatial = [chosen for chosen in arguments.formats if FORMATS[chosen].spatial]
     if spatial and math.isnan(metadata["reference_speed"]):  # before any file of this texture is written
         raise ValueError(
@@ -103,7 +96,6 @@ def _write(name, texture, metadata, arguments):
         )
     common = {key: metadata[key] for key in ABOUT}
     arguments.output.mkdir(parents=True, exist_ok=True)
-    rows = []
     for chosen in arguments.formats:
         form = FORMATS[chosen]
         path = arguments.output / f"{name}{form.suffix}"
@@ -112,9 +104,4 @@ def _write(name, texture, metadata, arguments):
             form.write(path, texture, **common, **{option: getattr(arguments, option) for option in form.options})
         for warning in caught:
             warn("export.py", f"{path.name}: {warning.message}")
-        row = {"texture": name, "seconds": len(texture) / common["sampling_rate"], "format": chosen, "file": str(path)}
-        row |= round_trip(path, chosen, texture, common["sampling_rate"]) if arguments.round_trip else {}
-        rows.append({**row, "kind": form.kind})
-        if not arguments.json:
-            print(f"{path}: {form.kind}, {form.description}")
-    return rows
+        print(f"{path}: {form.kind}, {form.description}")

@@ -68,11 +68,6 @@ def warn(script, text):
     print(f"{program(script)}: warning: {text}", file=sys.stderr)
 
 
-def finite(value):
-    """A value for JSON: None in place of NaN and infinity."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 # Types of arguments: argparse adds the name of the argument to their messages and exits with code 2.
 
 

@@ -3,7 +3,7 @@
 from .convert import convert, format_of, read_texture
 from .device import BandLoss, DeviceLoss, DeviceProfile, what_is_lost
 from .figure import write_figure
-from .formats import FORMATS, Format, round_trip, round_trip_markdown
+from .formats import FORMATS, Format, round_trip
 from .generated import read_generated
 from .hjif import read_hjif, write_hjif
 from .lossless import read_hdf5, read_npz, write_hdf5, write_npz
@@ -14,6 +14,6 @@ from .wav import read_wav, write_wav
 
 __all__ = ["BandLoss", "DeviceLoss", "DeviceProfile", "PCM", "PCMStream", "what_is_lost"]
 __all__ += ["convert", "format_of", "read_texture"]
-__all__ += ["FORMATS", "Format", "read_generated", "round_trip", "round_trip_markdown", "write_figure"]
+__all__ += ["FORMATS", "Format", "read_generated", "round_trip", "write_figure"]
 __all__ += ["read_ahap", "read_haptic", "read_hdf5", "read_hjif", "read_npz", "read_png", "read_wav"]
 __all__ += ["write_ahap", "write_haptic", "write_hdf5", "write_hjif", "write_npz", "write_png", "write_wav"]

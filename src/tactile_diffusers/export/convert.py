@@ -4,9 +4,8 @@ import warnings
 from pathlib import Path
 
 from .formats import FORMATS, round_trip
+from .metadata import ABOUT
 
-#: What is stored with a texture in every format.
-ABOUT = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
 #: An error so far below the texture, dB, is the rounding of float32.
 EXACT_DB = 120.0
 

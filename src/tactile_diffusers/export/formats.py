@@ -102,22 +102,3 @@ def round_trip(path, name, texture, sampling_rate, highest_frequency=BAND_HZ[1])
         snr = 10 * np.log10(np.square(texture).sum() / error) if error > 0 else np.inf
     size = sum(file.stat().st_size for file in (path, sidecar_path(path)) if file.is_file())
     return {"bytes": size, "bands": bands, "nine_band_error_db": band_error, "snr_db": float(snr)}
-
-
-def round_trip_markdown(rows):
-    """A Markdown table of formats from rows of `round_trip`, each with `format`; of several textures the mean."""
-    lines = ["| `--formats` | file | | nine-band error | SNR | kB | |", "|---|---|---|---:|---:|---:|---|"]
-    for name, form in FORMATS.items():
-        chosen = [row for row in rows if row["format"] == name]
-        if not chosen:
-            continue
-        band, snr, size = (np.mean([row[key] for row in chosen]) for key in ("nine_band_error_db", "snr_db", "bytes"))
-        bands = min(row["bands"] for row in chosen)
-        held = "" if bands == 9 else f" ({bands} of 9 bands)"
-        band_text = "–" if np.isnan(band) else "exact" if band == 0 else f"{band:.3f} dB{held}"
-        snr_text = "exact" if np.isposinf(snr) else f"{snr:.1f} dB"
-        lines.append(
-            f"| `{name}` | `{form.suffix}` | {form.kind} | {band_text} | {snr_text} | {size / 1000:.1f} | "
-            f"{form.description} |"
-        )
-    return "\n".join(lines)

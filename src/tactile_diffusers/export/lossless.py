@@ -52,7 +52,7 @@ def write_npz(path, texture, **about):
 
 
 def read_npz(path):
-    """Reads what `write_npz` wrote, now or before it stored checkpoints.
+    """Reads what `write_npz` wrote.
 
     Args:
         path (`str` or `Path`): the file.
@@ -73,7 +73,6 @@ def read_npz(path):
             raise ValueError(f"{path} lacks texture. Write the texture again.")
         texture = arrays.pop("texture")
         metadata = from_json({name: value.tolist() for name, value in arrays.items()}, path)
-        metadata["checkpoint"] = metadata["checkpoint"] or None
         return check_read(texture, metadata)
 
 
@@ -82,14 +81,14 @@ def write_hdf5(path, texture, **about):
 
     The file holds the dataset `texture` (samples,) float32 with the attributes `rate` (Hz) and `unit` ("N"). Attributes
     of the file: `format`, `version`, `friction_coefficient`, `reference_speed` (mm/s), `ratings` (3,), `rating_axes`,
-    `seed`, `units`, which says what these mean, as JSON, and, if known, `checkpoint`.
+    `seed`, `checkpoint`, empty if unknown, and `units`, which says what these mean, as JSON.
     """
     texture, metadata = describe_texture(texture, **about)
     rate = metadata.pop("sampling_rate")
     with whole_file(path) as file:
         file.attrs.update({"format": HDF5_FORMAT, "version": HDF5_VERSION, "rating_axes": ", ".join(RATING_AXES)})
         file.attrs["units"] = json.dumps(UNITS)
-        file.attrs.update({name: value for name, value in metadata.items() if value is not None})
+        file.attrs.update(metadata | {"checkpoint": metadata["checkpoint"] or ""})
         file.create_dataset("texture", data=texture.astype(np.float32), compression="gzip", shuffle=True)
         file["texture"].attrs.update({"rate": rate, "unit": "N"})
 

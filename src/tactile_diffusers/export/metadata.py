@@ -22,7 +22,10 @@ UNITS = {
     "ratings": f"z-scores in the order {', '.join(RATING_AXES)}; larger = rougher, bumpier, more slippery; then "
     "those of the checkpoint's further axes",
 }
-_NAMES = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
+# of float64: a texture that was scaled to full scale may be above it by this much, far less than half a count
+_ROUNDING = 1e-9
+#: What is stored with a texture in every format.
+ABOUT = ("sampling_rate", "friction_coefficient", "reference_speed", "ratings", "seed", "checkpoint")
 
 
 def describe_texture(
@@ -84,9 +87,22 @@ def check_positive_or_unknown(name, value):
     return number
 
 
+def full_scale_of(peak, full_scale):
+    """N of full scale: what was given, or the peak; refuses one below the peak."""
+    if full_scale is None:
+        return float(peak) or 1.0  # silence: any scale will do
+    scale = check_number("full_scale", full_scale, "N", above=0)
+    if not peak <= scale * (1 + _ROUNDING):
+        raise ValueError(
+            f"`texture` peaks at {peak:g} N, above `full_scale` of {scale:g} N, and would be clipped. Attenuate all "
+            "textures that belong together, or give a larger full scale."
+        )
+    return scale
+
+
 def check_read(texture, metadata):
     """The same checks of what a file holds: the texture as float32, and `metadata` with plain numbers."""
-    texture, checked = describe_texture(texture, **{name: metadata[name] for name in _NAMES})
+    texture, checked = describe_texture(texture, **{name: metadata[name] for name in ABOUT})
     with np.errstate(over="ignore"):
         texture = texture.astype(np.float32)
     if not np.isfinite(texture).all():
@@ -123,18 +139,13 @@ def to_json(metadata):
 
 
 def from_json(stored, path, *needed):
-    """The inverse of `to_json`; refuses a file that lacks keys of every texture, or `needed` ones.
-
-    Files of old versions may lack the reference speed and the checkpoint.
-    """
+    """The inverse of `to_json`; refuses a file that lacks keys of every texture, or `needed` ones."""
     if not isinstance(stored, dict):
         raise ValueError(f"{path} holds no description of a texture. Only files that this package wrote can be read.")
-    always = ("sampling_rate", "friction_coefficient", "ratings", "seed", *needed)
-    missing = [name for name in always if name not in stored]
+    missing = [name for name in (*ABOUT, *needed) if name not in stored]
     if missing:
         raise ValueError(f"{path} lacks {', '.join(missing)}. Write the texture again.")
-    metadata = {"reference_speed": None, "checkpoint": None, **stored}
-    metadata.pop("units", None)
+    metadata = {name: value for name, value in stored.items() if name != "units"}
     for name in ("friction_coefficient", "reference_speed"):
         metadata[name] = _nan_if_null(metadata[name])
     metadata["ratings"] = [_nan_if_null(value) for value in metadata["ratings"]]

@@ -14,7 +14,7 @@ from scipy import signal
 from ..signal import BAND_HZ, REFERENCE_FORCE, resample
 from ..signal.checks import check_number, check_whole_number
 from ..signal.fourier import low_pass_for
-from .metadata import check_texture
+from .metadata import check_texture, full_scale_of
 
 #: Share of the device's Nyquist frequency that the low-pass of a stream keeps: an elliptic filter of this order, ripple
 #: and attenuation, dB. Its delay is a few samples of the device.
@@ -56,13 +56,7 @@ class PCM:
         if device_rate < sampling_rate:
             texture = low_pass_for(texture, sampling_rate, device_rate)
         samples = resample(texture, sampling_rate, device_rate, method="fourier")
-        peak = float(np.abs(samples).max())
-        scale = (peak or 1.0) if full_scale is None else check_number("full_scale", full_scale, "N", above=0)
-        if peak > scale * (1 + 1e-9):
-            raise ValueError(
-                f"`full_scale` of {scale:g} N is below the {peak:g} N at which the texture peaks at {device_rate:g} "
-                "Hz. Give a larger one, the same for all textures that belong together, or attenuate them all."
-            )
+        scale = full_scale_of(np.abs(samples).max(), full_scale)
         return cls(np.clip(samples / scale, -1, 1).astype(np.float32), device_rate, scale)
 
     def blocks(self, samples):

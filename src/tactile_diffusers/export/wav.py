@@ -9,12 +9,10 @@ from ..io.files import atomic_path
 from ..io.reading import read_json, reading
 from ..io.wav_header import check_wav
 from ..signal.checks import check_number
-from .metadata import check_read, describe_texture, from_json, to_json
+from .metadata import check_read, describe_texture, from_json, full_scale_of, to_json
 
 #: Counts of full scale in a 16-bit file; the largest positive count is one less.
 FULL_SCALE_COUNTS = 2**15
-# of float64: a texture that was scaled to full scale may be above it by this much, far less than half a count
-_ROUNDING = 1e-9
 
 
 def sidecar_path(path):
@@ -44,16 +42,7 @@ def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, **about):
     texture, metadata = describe_texture(texture, **about)
     if subtype not in ("PCM_16", "FLOAT"):
         raise ValueError(f'`subtype` must be "PCM_16" or "FLOAT", got {subtype!r}.')
-    peak = np.abs(texture).max()
-    if full_scale is None:
-        full_scale = peak or 1.0  # silence: any scale will do
-    check_number("full_scale", full_scale, "N", above=0)
-    if not peak <= full_scale * (1 + _ROUNDING):
-        raise ValueError(
-            f"`texture` peaks at {peak:g} N, above `full_scale` of {full_scale:g} N, and would be clipped. Attenuate "
-            "all textures that belong together, or give a larger full scale."
-        )
-    scale = float(full_scale * FULL_SCALE_COUNTS / (FULL_SCALE_COUNTS - 1))
+    scale = full_scale_of(np.abs(texture).max(), full_scale) * FULL_SCALE_COUNTS / (FULL_SCALE_COUNTS - 1)
     sidecar = {"newtons_per_full_scale": scale, "unit": "N", **to_json(metadata)}
     if subtype == "PCM_16":
         # quantised here: libsndfile multiplies by 32767 when writing and divides by 32768 when reading

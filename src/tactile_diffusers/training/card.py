@@ -32,8 +32,7 @@ _NOT_LISTED = {"format", "version", "report", "hold_out", "split_seed", "segment
 #: Arguments of a training that do not change its result.
 _WITHOUT_EFFECT = {
     *("quiet", "resume_from_checkpoint", "overwrite_output_dir", "checkpoints_total_limit"),
-    *("logging_dir", "tracker_project_name"),
-    *("cache_dir", "push_to_hub", "hub_model_id", "hub_private_repo"),
+    *("push_to_hub", "hub_model_id"),
 }
 
 
@@ -60,7 +59,7 @@ def finish(args, save, pipe, dataset, note="", base=None):
         write_card(output, pipe, dataset, runs, place=name, note=note, base=base)
     if getattr(args, "push_to_hub", False):
         forget_folders(output)
-        upload_checkpoint(output, name or output.resolve().name, args.hub_token, args.hub_private_repo or None)
+        upload_checkpoint(output, name or output.resolve().name)
     unlock_folder(output)
 
 

@@ -3,14 +3,16 @@
 Arguments have the names of diffusers' own examples. Defaults are those that the bundled checkpoint was trained with.
 Some of diffusers' arguments have no meaning here: `--dataset_name` (recordings are files), `--prediction_type` and
 `--snr_gamma` (the loss is on the velocity), `--validation_epochs` (everything is counted in updates),
-`--validation_ratings` (every axis is swept), `--offload_ema` (the models are small) and `--local_rank` (launchers set
-the environment).
+`--validation_ratings` (every axis is swept), `--gradient_checkpointing` and `--offload_ema` (the models are small) and
+`--local_rank` (launchers set the environment). `--cache_dir` and `--hub_token` are environment variables of the Hub's
+own package.
 """
 
 import argparse
 import logging
 import sys
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 import torch
@@ -22,7 +24,11 @@ from ..io.locks import lock_folder
 from ..io.reading import read_json
 from .checkpoints import step_of
 
-_REFUSALS = (ImportError, OSError, ValueError)
+_REFUSALS = (OSError, ValueError)
+#: Trackers, and what has to be installed for them.
+TRACKERS = {"tensorboard": '"tactile-diffusers[training]"', "wandb": "wandb"}
+#: Folder of the tracker, in the output folder.
+LOGS = "logs"
 _RESUME_HELP = (
     "a checkpoint folder, or 'latest'. Only resume trainings of your own: optimiser and random state are pickles, "
     "which may run any code when they are read"
@@ -78,9 +84,7 @@ def _add_folders(add):
     add("--train_data_dir", required=True, help="prepared data set (.h5) written by examples/prepare_data.py")
     add("--output_dir", required=True, help="folder of the trained pipeline, checkpoints, logs and figures")
     add("--overwrite_output_dir", action="store_true", help="start again in a folder that already holds a training")
-    add("--cache_dir", help="where --pretrained_model_name_or_path keeps downloads from the Hub")
     add("--max_train_samples", type=at_least_one, help="use only this many training segments")
-    add("--logging_dir", default="logs", help="inside --output_dir")
 
 
 def _add_optimisation(add):
@@ -88,29 +92,21 @@ def _add_optimisation(add):
     add("--num_train_epochs", type=at_least_one, default=100)
     add("--max_train_steps", type=at_least_one, help="optimiser updates; overrides --num_train_epochs")
     add("--gradient_accumulation_steps", type=at_least_one, default=1)
-    add("--gradient_checkpointing", action="store_true")
     add("--learning_rate", type=positive, default=1e-3)
-    add("--scale_lr", action="store_true", help="multiply the learning rate by processes x accumulation x batch size")
     add("--lr_scheduler", default="cosine")
     add("--lr_warmup_steps", type=int, default=200)
     add("--adam_beta1", type=float, default=0.9)
     add("--adam_beta2", type=float, default=0.99)
     add("--adam_weight_decay", type=float, default=1e-2)
-    add("--adam_epsilon", type=float, default=1e-8)
     add("--max_grad_norm", type=float, default=1.0)
     add("--use_ema", action=argparse.BooleanOptionalAction, default=True, help="average the weights (validated, saved)")
     decay = _checked(float, lambda value: 0 <= value < 1, "in [0, 1)")
-    add("--ema_decay", "--ema_max_decay", type=decay, default=0.999)
-    warm_up = "of the warm-up: decay = 1 - (1 + step / inv_gamma) ** -power"
-    add("--ema_inv_gamma", type=positive, default=1.0, help=warm_up)
-    add("--ema_power", type=positive, default=0.75, help=warm_up)
-    add("--foreach_ema", action="store_true", help="average all weights in one call: faster on a GPU")
+    add("--ema_decay", type=decay, default=0.999)
 
 
 def _add_run(add):
     add("--seed", type=int, default=0, help="of weights, batches and noise; the same seed gives the same training")
     add("--mixed_precision", choices=["no", "fp16", "bf16"], default="no")
-    add("--allow_tf32", action="store_true", help="faster, less exact float32 products on Ampere GPUs and later")
     add("--dataloader_num_workers", type=int, default=0)
     add("--checkpointing_steps", type=at_least_one, default=500)
     add("--checkpoints_total_limit", type=at_least_one, default=2)
@@ -119,16 +115,13 @@ def _add_run(add):
     number = _checked(int, lambda value: value >= 0, "at least 0")
     add("--validation_samples", type=number, default=64, help="held-out segments per validation; 0 = none")
     add("--eval_batch_size", type=at_least_one, default=32)
-    add("--report_to", choices=["tensorboard", "wandb", "all", "none"], default="tensorboard")
-    add("--tracker_project_name", default="tactile_diffusers")
+    add("--report_to", choices=[*TRACKERS, "none"], default="tensorboard")
     add("--quiet", action="store_true", help="no progress bar")
 
 
 def _add_hub(add):
     add("--push_to_hub", action="store_true", help="send the finished pipeline and its card to the Hub")
     add("--hub_model_id", metavar="USER/NAME", help="default: the name of --output_dir, in your namespace")
-    add("--hub_token", help="default: that of `hf auth login`")
-    add("--hub_private_repo", action="store_true", help="if the repository is new, make it private")
 
 
 def parse_training_arguments(parser, argv=None):
@@ -193,8 +186,8 @@ def make_accelerator(args):
     The output folder is locked for this process until `checkpoints.finish`, or until the process ends.
 
     Raises:
-        ValueError: if the output folder holds another training, or another process trains there.
-        ImportError: if the tracker is not installed, naming the extra.
+        ValueError: if the output folder holds another training, if another process trains there, or if the tracker is
+            not installed, naming the extra.
     """
     output = Path(args.output_dir)
     used = output.is_dir() and any(step_of(p) is not None or p.name == "log.jsonl" for p in output.iterdir())
@@ -203,22 +196,16 @@ def make_accelerator(args):
             f"--output_dir {output} already holds a training. Set --resume_from_checkpoint latest to continue it, or "
             "--overwrite_output_dir to start again."
         )
-    if args.report_to in ("tensorboard", "all"):
-        try:
-            import tensorboard  # noqa: F401
-        except ImportError as error:
-            raise ImportError(
-                f'--report_to {args.report_to} needs: pip install "tactile-diffusers[training]"; or set '
-                "--report_to none."
-            ) from error
-    if args.allow_tf32:
-        torch.backends.cuda.matmul.allow_tf32 = True
+    if args.report_to != "none" and find_spec(args.report_to) is None:
+        raise ValueError(
+            f"--report_to {args.report_to} needs: pip install {TRACKERS[args.report_to]}; or set --report_to none."
+        )
     accelerator = Accelerator(
         cpu=on_cpu(),
         gradient_accumulation_steps=args.gradient_accumulation_steps,
         mixed_precision=args.mixed_precision,
         log_with=None if args.report_to == "none" else args.report_to,
-        project_config=ProjectConfiguration(project_dir=args.output_dir, logging_dir=str(output / args.logging_dir)),
+        project_config=ProjectConfiguration(project_dir=args.output_dir, logging_dir=str(output / LOGS)),
         # each process takes its own batches of the endless sampler; nothing is gathered at an epoch's end
         dataloader_config=DataLoaderConfiguration(even_batches=False),
     )

@@ -27,6 +27,7 @@ from .checkpoints import (
     unfinished_checkpoint,
     writing,
 )
+from .launch import LOGS
 from .record import trim_log, write_record
 from .steps import BatchNoise
 
@@ -58,20 +59,14 @@ class Trainer:
         self.accelerator, self.args, self.name, self.validate = accelerator, args, name, validate
         self.dataset, self.collate, self.module, self.surfaces = dataset, collate, step_module, surfaces
         self.output, processes = Path(args.output_dir), accelerator.num_processes
-        if args.gradient_checkpointing:
-            step_module.model.enable_gradient_checkpointing()
         batches = max(1, len(dataset) // args.train_batch_size // processes)
         updates_per_epoch = math.ceil(batches / args.gradient_accumulation_steps)
         self.total_steps = args.max_train_steps or args.num_train_epochs * updates_per_epoch
-        rate = args.learning_rate
-        if args.scale_lr:
-            rate *= args.gradient_accumulation_steps * args.train_batch_size * processes
         self.optimizer = torch.optim.AdamW(
             [p for p in step_module.parameters() if p.requires_grad],
-            lr=rate,
+            lr=args.learning_rate,
             betas=(args.adam_beta1, args.adam_beta2),
             weight_decay=args.adam_weight_decay,
-            eps=args.adam_epsilon,
         )
         # the prepared scheduler advances once per process and update: count both warm-up and total so
         self.lr_scheduler = get_scheduler(
@@ -126,8 +121,8 @@ class Trainer:
     def _make_ema(self):
         args, model = self.args, self.module.model
         ema = EMAModel(
-            model.parameters(), decay=args.ema_decay, use_ema_warmup=True, inv_gamma=args.ema_inv_gamma,
-            power=args.ema_power, foreach=args.foreach_ema, model_cls=type(model), model_config=model.config,
+            model.parameters(), decay=args.ema_decay, use_ema_warmup=True, power=0.75, model_cls=type(model),
+            model_config=model.config,
         )  # fmt: skip
         ema.to(self.accelerator.device)
         return ema
@@ -146,10 +141,9 @@ class Trainer:
 
     def _start_tracker(self):
         if self.args.report_to != "none":
-            shown = {name: value for name, value in vars(self.args).items() if name != "hub_token"}
-            plain = {name: value for name, value in shown.items() if isinstance(value, int | float | str)}
+            plain = {name: value for name, value in vars(self.args).items() if isinstance(value, int | float | str)}
             with writing("The log of the tracker", self.output):
-                self.accelerator.init_trackers(self.args.tracker_project_name, plain)
+                self.accelerator.init_trackers("tactile_diffusers", plain)
 
     # --- the loop
 
@@ -305,7 +299,7 @@ class Trainer:
             if main:  # only now, when nothing is left that could refuse to start
                 for path in checkpoints(self.output):
                     remove_checkpoint(path)
-                shutil.rmtree(self.output / self.args.logging_dir, ignore_errors=True)
+                shutil.rmtree(self.output / LOGS, ignore_errors=True)
                 (self.output / "log.jsonl").unlink(missing_ok=True)
             return
         folder = latest_checkpoint(self.output) if wanted == "latest" else Path(wanted)

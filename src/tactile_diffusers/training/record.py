@@ -24,8 +24,7 @@ _LARGEST = 2**53  # steps and sizes beyond it are damage
 def write_record(args, accelerator, segments, steps, surfaces):
     """Writes `training.json` into the output folder, for the model card and for whoever evaluates the result."""
     script, defaults = Path(sys.argv[0]), getattr(args, "defaults", {})
-    kept_out = ("defaults", "hub_token")  # a secret is written nowhere
-    arguments = {name: value for name, value in vars(args).items() if value is not None and name not in kept_out}
+    arguments = {name: value for name, value in vars(args).items() if value is not None and name != "defaults"}
     record = {
         "script": f"{script.parent.name}/{script.name}",
         "arguments": arguments,

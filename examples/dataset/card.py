@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
-from ..io.files import write_text
-from ..io.parquet import open_parquet
-from ..io.reading import reading
-from .generated import CARD, find_shards
+from tactile_diffusers.export.generated import find_shards
+from tactile_diffusers.io.files import write_text
+from tactile_diffusers.io.parquet import open_parquet
+from tactile_diffusers.io.reading import reading
+
+from .shards import CARD
 
 TAGS = ["tactile", "haptics", "texture", "friction", "synthetic"]
 _LICENCE = ("license", "license_name", "license_link")

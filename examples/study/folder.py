@@ -10,11 +10,12 @@ from pathlib import Path
 import jinja2
 import pandas
 
-from ..data import PreparedDataset
-from ..io.files import atomic_path, write_text
-from ..io.reading import read_json, reading
-from ..signal.checks import check_whole_number
-from ..version import __version__
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.io.files import atomic_path, write_text
+from tactile_diffusers.io.reading import read_json, reading
+from tactile_diffusers.signal.checks import check_whole_number
+from tactile_diffusers.version import __version__
+
 from .stimuli import KEY_COLUMNS, axes_of, make_stimuli, write_stimuli
 from .study_report import label
 from .trials import SIMULATED, TASKS, TRIAL_COLUMNS, check_responses, ends_of, participant_trials, read_tables

@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import torch
+from generate_dataset import main, texture_seeds
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.cli.generate_dataset import main, texture_seeds
 from tactile_diffusers.export import read_generated
 from tactile_diffusers.export.generated import find_shards
 from tactile_diffusers.io.locks import fcntl, is_locked
@@ -116,7 +116,7 @@ def test_datasets_loads_the_folder(finished, tmp_path):
 def test_without_pyarrow_nothing_is_begun(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-    monkeypatch.setattr("tactile_diffusers.cli.generate_dataset.load_pipeline", None)  # would raise if it were called
+    monkeypatch.setattr("generate_dataset.load_pipeline", None)  # would raise if it were called
     assert main(_words("bundled", tmp_path / "out")) == 2
     error = capsys.readouterr().err
     assert 'Parquet files need pyarrow: pip install "tactile-diffusers[parquet]"' in error and error.count("\n") == 1

@@ -4,10 +4,11 @@ import json
 
 import numpy as np
 
-from ..evaluation.baselines import NAMES
-from ..evaluation.figures import figure_panels
-from ..evaluation.tables import markdown_table, title
-from ..io.files import write_text
+from tactile_diffusers.evaluation.baselines import NAMES
+from tactile_diffusers.evaluation.figures import figure_panels
+from tactile_diffusers.evaluation.tables import markdown_table, title
+from tactile_diffusers.io.files import write_text
+
 from .analysis import LEAST_PARTICIPANTS, RESAMPLES, abx_proportion_correct, abx_scores, describe, similarity_scores
 from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE
 from .trials import OTHER_SURFACE, RATING, SCALES, ends_of

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas
 
-from ..data import PreparedDataset
-from ..data.checkpoint_fit import check_fit
-from ..evaluation import SLUGS, BaselineRequest, TrainingTextures, default_baselines
-from ..evaluation.held_out import check_unseen
-from ..evaluation.sampling import generate, noise_seeds, reconstruct
-from ..export import write_npz, write_wav
-from ..signal import RATING_AXES, rms
-from ..signal.checks import check_number, check_seed
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.data.checkpoint_fit import check_fit
+from tactile_diffusers.evaluation import SLUGS, BaselineRequest, TrainingTextures, default_baselines
+from tactile_diffusers.evaluation.held_out import check_unseen
+from tactile_diffusers.evaluation.sampling import generate, noise_seeds, reconstruct
+from tactile_diffusers.export import write_npz, write_wav
+from tactile_diffusers.signal import RATING_AXES, rms
+from tactile_diffusers.signal.checks import check_number, check_seed
 
 REFERENCE, OTHER_TAKE, GENERATED, RECONSTRUCTED = "reference", "other_take", "generated", "reconstructed"
 #: Baselines that can be felt and need no more than the data: silence has no level to match, and `decimated` belongs to

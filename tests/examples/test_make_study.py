@@ -3,10 +3,9 @@
 import json
 import shutil
 
+import make_study
 import pandas
 import pytest
-
-from tactile_diffusers.cli import make_study
 
 
 @pytest.fixture

@@ -17,8 +17,9 @@ from scipy import stats
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from ..data import RaterScores, rating_reliability
-from ..evaluation.metrics.statistics import number
+from tactile_diffusers.data import RaterScores, rating_reliability
+from tactile_diffusers.evaluation.metrics.statistics import number
+
 from .stimuli import OTHER_TAKE, REFERENCE, asked, axes_of
 from .trials import ABX, OTHER_SURFACE, RATING, SIMILARITY, SIMULATED
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr
 
-from ..io.reading import reading
-from ..models import RatingStatistics
-from ..pipelines.inputs import parse_ratings
-from ..signal import coverage_distance
-from ..signal.rating_scales import from_percentile
+from tactile_diffusers.io.reading import reading
+from tactile_diffusers.models import RatingStatistics
+from tactile_diffusers.pipelines.inputs import parse_ratings
+from tactile_diffusers.signal import coverage_distance
+from tactile_diffusers.signal.rating_scales import from_percentile
 
 #: ratings drawn at once; a constant, so that the first ratings are the same for any number of textures
 BLOCK = 1024

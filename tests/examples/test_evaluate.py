@@ -1,4 +1,4 @@
-"""The command evaluate, on a tiny pipeline."""
+"""`examples/evaluate.py` on a tiny pipeline."""
 
 import json
 

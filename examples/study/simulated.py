@@ -9,9 +9,10 @@ import numpy as np
 import pandas
 from tqdm.auto import tqdm
 
-from ..signal import RATING_AXES
-from ..signal.checks import check_number, check_whole_number
-from ..virtual.raters import DISAGREEMENT, GAIN_SPREAD, OFFSET_SPREAD, TYPICAL_GAIN
+from tactile_diffusers.signal import RATING_AXES
+from tactile_diffusers.signal.checks import check_number, check_whole_number
+from tactile_diffusers.virtual.raters import DISAGREEMENT, GAIN_SPREAD, OFFSET_SPREAD, TYPICAL_GAIN
+
 from .analysis import abx_scores, bootstrap, describe, rating_scores, similarity_scores
 from .stimuli import GENERATED, OTHER_TAKE, RECONSTRUCTED, REFERENCE, axes_of
 from .trials import (

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pandas
 
-from ..io.reading import reading
-from ..signal.rating_scales import RATING_SCALE
+from tactile_diffusers.io.reading import reading
+from tactile_diffusers.signal.rating_scales import RATING_SCALE
+
 from .stimuli import REFERENCE, axes_of
 
 ABX, SIMILARITY, RATING = TASKS = ("abx", "similarity", "rating")

@@ -5,10 +5,10 @@ import sys
 
 import numpy as np
 import pytest
+from dataset.card import licence_of, write_card
+from dataset.shards import open_folder, write_shard
 
 from tactile_diffusers.export import read_generated
-from tactile_diffusers.export.dataset_card import licence_of, write_card
-from tactile_diffusers.export.generated import open_folder, write_shard
 
 SETTINGS = {"num_textures": 7, "textures_per_shard": 3, "seed": 0, "sampling_rate": 10_000, "duration_s": None}
 ABOUT = {"checkpoint": "a", "rating_axes": ["roughness", "bumpiness"], "license": "cc-by-4.0"}

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dataset.ratings import STATISTICS, draw_ratings, read_ratings_file
 
 from tactile_diffusers import DALEModel, bundled_checkpoint
-from tactile_diffusers.cli.dataset_ratings import STATISTICS, draw_ratings, read_ratings_file
 from tactile_diffusers.signal import coverage_distance
 
 CONFIG = SimpleNamespace(rating_axes=["roughness", "bumpiness", "slipperiness"])

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 
 import evaluate
 import huggingface_hub
+import publish
 import pytest
 import torch
 from huggingface_hub import ModelCard
 from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.cli import publish
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.card import write_card
 from tactile_diffusers.pipelines.folders import folder_digest
@@ -21,7 +21,7 @@ from tactile_diffusers.training.record import surfaces_of, trained_on
 
 RECORD = {
     "script": "examples/train_dale.py",
-    "arguments": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5", "quiet": True, "scale_lr": False},
+    "arguments": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5", "quiet": True, "overwrite_output_dir": False},
     "segments": 7,
     "steps": 9,
     "changed": {"seed": 3, "train_data_dir": "/somewhere/prepared.h5"},
