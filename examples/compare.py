@@ -12,9 +12,9 @@ from report.control_tables import matrix_difference, share_right
 from report.figures import band_centre, plot_axis_spectra
 from report.labels import default_guidance
 from report.rows import latent_shift
+from report.tables import markdown_table
 
 from tactile_diffusers.cli.program import Parser, add_output_argument, command
-from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.io.reading import read_json, reading
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from tactile_diffusers.evaluation.tables import text
-
 from .changes import QUANTITIES, comparisons, counted
 from .labels import default_guidance
+from .tables import text
 
 #: Rows of the table of changes.
 _CANDIDATES = {

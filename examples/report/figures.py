@@ -1,12 +1,34 @@
-"""Pictures of a report."""
+"""Pictures of a report, and the one helper that writes pictures of results."""
+
+from contextlib import contextmanager
 
 import numpy as np
 
-from tactile_diffusers.evaluation.figures import figure_panels
+from tactile_diffusers.io.files import atomic_path
 from tactile_diffusers.signal import nine_band_error_db, power_spectral_density
 
+_DPI = 90
 _TICKS_HZ = (30, 100, 300, 1000)
 _DOTS = {"marker": "o", "markersize": 3}
+
+
+@contextmanager
+def figure_panels(output_path, rows, columns, size):
+    """Yields an array of panels (rows, columns), then gives each a grid and writes the PNG; `size` in inches."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, panels = plt.subplots(rows, columns, figsize=size, constrained_layout=True, squeeze=False)
+    try:
+        for panel in panels.flat:
+            panel.grid(alpha=0.3)
+        yield panels
+        with atomic_path(output_path) as temporary:
+            figure.savefig(temporary, dpi=_DPI, format="png")
+    finally:
+        plt.close(figure)
 
 
 def leaf_mean(leaf):

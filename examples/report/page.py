@@ -5,10 +5,10 @@ from pathlib import Path
 
 import jinja2
 
-from tactile_diffusers.evaluation.tables import markdown_table, text
 from tactile_diffusers.training.record import warning
 
 from . import control_tables, labels, rows
+from .tables import markdown_table, text
 
 TEMPLATE = Path(__file__).parent / "report.jinja"
 #: Fewer held-out surfaces than this are too few for distances between distributions.

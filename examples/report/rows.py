@@ -1,9 +1,8 @@
 """Rows of the tables of a report: name -> {column: text, number or leaf}."""
 
-from tactile_diffusers.evaluation.tables import markdown_table, text
-
 from . import labels
 from .labels import DECODERS, NAMES, compared_steps, default_guidance, default_steps
+from .tables import markdown_table, text
 
 #: What the paper reports (sections 3.1 to 3.4), on SENS3.
 PAPER = {

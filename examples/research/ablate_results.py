@@ -3,12 +3,11 @@
 import sys
 from pathlib import Path
 
-from tactile_diffusers.evaluation.figures import figure_panels
-from tactile_diffusers.evaluation.tables import markdown_table
-
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
+from report.figures import figure_panels
 from report.labels import BANDS
+from report.tables import markdown_table
 
 #: Headings and digits of the main table.
 _MAIN = {

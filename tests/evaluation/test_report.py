@@ -14,12 +14,12 @@ from report.running import run_sections
 from report.sections import QUICK, SECTIONS, make_context, speed
 from report.sections.generation import matching_rows
 from report.sections.reconstruction import fewest_steps, power_percent
+from report.tables import markdown_table, text
 
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation import virtual_truth
 from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.metrics.statistics import is_leaf
-from tactile_diffusers.evaluation.tables import markdown_table, text
 from tactile_diffusers.pipelines.folders import folder_digest
 from tactile_diffusers.virtual import generate_recordings
 
