@@ -152,7 +152,7 @@ def _settings(arguments, pipe, folder, ratings, options):
     import diffusers
     import torch
 
-    from tactile_diffusers.evaluation.result_files import folder_digest
+    from tactile_diffusers.pipelines.folders import folder_digest
     from tactile_diffusers.version import __version__
 
     return {

@@ -110,7 +110,8 @@ def _report(folder, digests, output, known):
 
     Warns on stderr, and in the results, of test surfaces that the checkpoint was trained on (`known`).
     """
-    from tactile_diffusers.evaluation.report_tables import report_markdown
+    from report.page import report_markdown
+
     from tactile_diffusers.training.record import count_seen, warning
 
     path, text = folder / "report.json", ""
@@ -124,7 +125,8 @@ def _report(folder, digests, output, known):
         if (judged := report.get("judged")) is not None:
             report["seen_in_training"] = count_seen(judged, known)
             text = warning(report["seen_in_training"], len(judged["surfaces"]))
-        markdown = report_markdown(report, REPORT, level=3, short=True)
+        markdown = re.sub(r"^#", "###", report_markdown(report), flags=re.M)  # below the headings of the card
+        markdown = markdown.replace("](./", f"]({REPORT}/")
     if text:
         warn("publish.py", f"--report {folder}: {text}")
     pictures = re.findall(rf"\]\({REPORT}/([^)]+)\)", markdown)
@@ -142,7 +144,7 @@ def _fill(arguments, temporary):
 
     from tactile_diffusers import TactileTexturePipeline
     from tactile_diffusers.data import PreparedDataset
-    from tactile_diffusers.evaluation.result_files import folder_digest
+    from tactile_diffusers.pipelines.folders import folder_digest
     from tactile_diffusers.pipelines.hub import forget_folders
     from tactile_diffusers.training.card import write_card
     from tactile_diffusers.training.record import surfaces_of, trained_on, write_surfaces

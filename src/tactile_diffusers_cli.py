@@ -22,8 +22,6 @@ COMMANDS = {
     "search": ("search", "the texture that you prefer, by comparisons of two"),
     "prepare": ("prepare_data", "recordings as a data set for training"),
     "adapt": ("adapt", "a pretrained pipeline to the few surfaces of a lab"),
-    "evaluate": ("evaluate", "metrics of a checkpoint on held-out surfaces"),
-    "compare": ("compare", "several evaluations side by side"),
 }
 
 

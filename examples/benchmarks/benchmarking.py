@@ -18,7 +18,10 @@ from tactile_diffusers.cli.program import (
     count,
 )
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.result_files import conditions, stamp, write_results
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.result_files import conditions, machine_facts, stamp, write_results
 
 #: A run that takes longer than this is not repeated, s.
 LONG_RUN = 10.0
@@ -54,6 +57,12 @@ def finish(arguments, name, report, text):
     write_results(arguments.output, name, {"conditions": arguments.conditions} | report, text)
     print(text)
     return 0
+
+
+def machine(computing=None):
+    """The machine in words: processor, what computes (by default torch's threads), version of torch."""
+    computing = computing or f"{torch.get_num_threads()} threads"
+    return f"{machine_facts()['processor']}, {computing}, torch {torch.__version__}"
 
 
 def seconds_of(runs, repeats, long_run=LONG_RUN):

@@ -11,14 +11,16 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from benchmarking import finish, make_parser, parse, run_child
+from benchmarking import finish, machine, make_parser, parse, run_child
 
 from tactile_diffusers.cli.program import existing_file, load_pipeline
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.training.batches import EndlessBatches
 from tactile_diffusers.virtual import generate_recordings
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table
 
 #: Segments of the paper's collection, which preparation is extrapolated to.
 PAPER_SEGMENTS = 22_000

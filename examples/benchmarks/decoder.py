@@ -4,20 +4,23 @@
 """
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import torch
-from benchmarking import finish, make_parser, parse
+from benchmarking import finish, machine, make_parser, parse
 from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import existing_file, load_pipeline, refuse
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.evaluation.metrics.reference import Reference
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.signal import nine_band_error_db, resample
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table, title
 
 #: Steps of the checkpoint's own LCTG.
 STEPS = (1, 2, 3, 5, 10)

@@ -6,21 +6,24 @@
 import multiprocessing
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
-from benchmarking import finish, make_parser, parse, resident_mib
+from benchmarking import finish, machine, make_parser, parse, resident_mib
 from stream import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion, play
 from tqdm.auto import tqdm
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli.program import load_pipeline, positive_number
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.playback import EndlessProfile, EndlessStream, GeneratingProcess, on_time
 from tactile_diffusers.playback.endless import HANDOVER
 from tactile_diffusers.playback.stream import FADE_SECONDS
 from tactile_diffusers.playback.window_generator import OVERLAP
 from tactile_diffusers.signal import DEVICE_RATE, band_levels_db
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table, title
 
 #: Surfaces that follow each other, and how often ratings change, s.
 RATINGS = ([1.5, 0.0, -1.0], [-1.0, 1.0, 0.0], [0.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.5, 0.0, 0.5])

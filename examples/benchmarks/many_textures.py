@@ -10,12 +10,14 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from benchmarking import finish, make_parser, parse
+from benchmarking import finish, machine, make_parser, parse
 
 from tactile_diffusers.cli.program import count
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.export.generated import find_shards
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table, title
 
 #: Textures of a shard here: enough shards to see whether time grows in proportion.
 SHARD = 64

@@ -3,17 +3,20 @@
 import statistics
 import sys
 from functools import partial
+from pathlib import Path
 
 import torch
-from benchmarking import LONG_RUN, finish, make_parser, parse, seconds_of, spread, timings
+from benchmarking import LONG_RUN, finish, machine, make_parser, parse, seconds_of, spread, timings
 from peer_models import INSTALL, SIZE_TOLERANCE, audio_diffusion, size, unet_1d
 from speed import RATINGS
 from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
 
 from tactile_diffusers.cli.program import count, existing_folder, load_pipeline
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.signal import SEGMENT_SECONDS
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table, title
 
 #: Steps of both stages at which all are compared.
 STEPS = 10

@@ -13,12 +13,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import torch
-from benchmarking import finish, make_parser, parse, run_child
+from benchmarking import finish, machine, make_parser, parse, run_child
 
 from tactile_diffusers.cli.program import count, load_pipeline
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.playback import TextureProfile, TextureScene
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table, title
 
 TOUCHED = 3
 #: Surfaces that go through both stages at once where all are decoded: larger batches are no faster on a CPU.

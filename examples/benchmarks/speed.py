@@ -1,13 +1,16 @@
 """How long does generating take, and how much memory? `python examples/benchmarks/speed.py --output report`"""
 
 import sys
+from pathlib import Path
 
-from benchmarking import finish, make_parser, parse, run_child, seconds_of
+from benchmarking import finish, machine, make_parser, parse, run_child, seconds_of
 
 from tactile_diffusers.cli.program import count, load_pipeline
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.signal import SEGMENT_SECONDS
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table
 
 RATINGS = [1.5, 0.0, -1.0]
 BATCHES = (1, 2, 4, 8, 16, 64)

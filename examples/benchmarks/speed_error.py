@@ -6,22 +6,25 @@
 import sys
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
-from benchmarking import finish, make_parser, parse, seconds_of
+from benchmarking import finish, machine, make_parser, parse, seconds_of
 from peers import ANCHOR
 from speed import RATINGS
 from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import existing_file, existing_folder, load_pipeline, refuse
 from tactile_diffusers.evaluation.baselines import BaselineRequest
-from tactile_diffusers.evaluation.report_figures import figure_panels, leaf_mean
-from tactile_diffusers.evaluation.result_files import machine
 from tactile_diffusers.evaluation.sampling import generate
-from tactile_diffusers.evaluation.sections.context import FULL, make_context
-from tactile_diffusers.evaluation.sections.second_judge import Takes
-from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.pipelines import TactileTexturePipeline
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.figures import figure_panels, leaf_mean
+from report.sections.context import FULL, make_context
+from report.sections.second_judge import Takes
+from report.tables import markdown_table, title
 
 #: Steps of a model that is not distilled.
 STEPS, ANCHOR_STEPS = (1, 2, 3, 5, 10), (1, 2, 3, 5, 10, 25, 50)

@@ -9,22 +9,25 @@ import multiprocessing
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import stability_signals as signals
 import torch
-from benchmarking import finish, make_parser, parse, resident_mib
+from benchmarking import finish, machine, make_parser, parse, resident_mib
 from stability_bench import RATINGS, SAME, SAME_DB, Bench, Row, not_finite, relative
 from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import load_pipeline, positive_number
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import title
 from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.playback import TextureProfile, TextureStream
 from tactile_diffusers.playback.finger import FASTEST, FingerPath
 from tactile_diffusers.playback.force_laws import SLOWEST_SLIDING, SPEED_EXPONENT
 from tactile_diffusers.signal import DEVICE_RATE
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import title
 
 SENSOR_HZ, BLOCK = 125.0, 80
 #: Speeds of random motion, mm/s: at rest, creeping, usual, and just not lifted.

@@ -6,24 +6,27 @@
 import itertools
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import torch
-from benchmarking import finish, make_parser, parse
+from benchmarking import finish, machine, make_parser, parse
 from scipy import signal
 from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import count, load_pipeline, positive_number
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, tactile_features
 from tactile_diffusers.evaluation.metrics.statistics import estimate, leaf
-from tactile_diffusers.evaluation.result_files import machine
-from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.playback import FingerPath, TextureProfile, TextureStream, on_time
 from tactile_diffusers.playback.force_laws import SPEED_EXPONENT
 from tactile_diffusers.signal import DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES, band_levels_db, band_pass
 from tactile_diffusers.virtual import friction, laws
 from tactile_diffusers.virtual.exploration import VELOCITY_RATE, Exploration, steady_exploration, wandering
 from tactile_diffusers.virtual.surface import VirtualSurface
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table, title
 
 SPEEDS = (20.0, 40.0, 80.0, 160.0, 320.0)
 #: Speed at which the profiles are recorded, mm/s: that of the virtual explorers.

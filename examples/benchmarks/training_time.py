@@ -10,13 +10,16 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarking import finish, resident_mib
+from benchmarking import finish, machine, resident_mib
 
 from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.cli.program import Parser, add_output_argument, count
-from tactile_diffusers.evaluation.result_files import conditions, machine
-from tactile_diffusers.evaluation.tables import markdown_table, title
 from tactile_diffusers.training.record import read_losses
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.result_files import conditions
+from report.tables import markdown_table, title
 
 SCRIPTS = Path(__file__).resolve().parents[1]
 LAUNCHER = [sys.executable, "-m", "accelerate.commands.launch", "--cpu", "--num_processes", "1", "--num_machines", "1"]

@@ -20,6 +20,8 @@ from tactile_diffusers.data.splits import SPLITS
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.io.reading import read_json, reading
 
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
 #: Folder of the row files, beside the training scripts.
 ROWS = Path("configs") / "ablation"
 
@@ -167,8 +169,8 @@ def _stored(name, plan, arguments):
 def _run(row, plan, scripts, arguments, bench):
     """Trains and measures a row, unless that is done."""
     from ablate_training import train, training_facts
+    from report.result_files import machine_facts
 
-    from tactile_diffusers.evaluation.result_files import machine_facts
     from tactile_diffusers.io.locks import locked_folder
 
     folder = arguments.output / row.name

@@ -1,5 +1,8 @@
 """What the pipeline of an ablation row does on held-out surfaces: reconstruction, rate and distortion, generation."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import torch
 
@@ -9,12 +12,15 @@ from tactile_diffusers.evaluation.envelopes import Grid
 from tactile_diffusers.evaluation.held_out import open_held_out
 from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key, snr_db
 from tactile_diffusers.evaluation.sampling import noise_seeds, reconstruct
-from tactile_diffusers.evaluation.sections import Context, Settings
-from tactile_diffusers.evaluation.sections.context import HALF_PRECISION
-from tactile_diffusers.evaluation.sections.generation import matching_rows, unseen_metrics
-from tactile_diffusers.evaluation.sections.reconstruction import pair_metrics
-from tactile_diffusers.evaluation.sections.speed import decoding_seconds
 from tactile_diffusers.signal import nine_band_error_db, resample
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.sections import Context, Settings
+from report.sections.context import HALF_PRECISION
+from report.sections.generation import matching_rows, unseen_metrics
+from report.sections.reconstruction import pair_metrics
+from report.sections.speed import decoding_seconds
 
 #: Steps at which reconstructions are measured; the last also decodes the noisy latents.
 STEPS = (5, 10)

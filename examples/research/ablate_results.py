@@ -1,8 +1,13 @@
 """The rows of an ablation side by side: tables and pictures."""
 
-from tactile_diffusers.evaluation.labels import BANDS
-from tactile_diffusers.evaluation.report_figures import figure_panels
-from tactile_diffusers.evaluation.tables import markdown_table
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.figures import figure_panels
+from report.labels import BANDS
+from report.tables import markdown_table
 
 #: Headings and digits of the main table.
 _MAIN = {

@@ -8,6 +8,7 @@ distances cannot be compared with those of VGGish.
 
 import sys
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from scipy import signal
@@ -15,9 +16,12 @@ from study_context import open_study
 
 from tactile_diffusers.evaluation.metrics.distances import frechet_tactile_distance
 from tactile_diffusers.evaluation.metrics.texture_checks import check_textures
-from tactile_diffusers.evaluation.result_files import write_results
-from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.signal import BAND_HZ
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.result_files import write_results
+from report.tables import markdown_table
 
 MEL_BANDS = 32
 #: Length of the windows and their distance, s: 5 Hz resolve the lowest bands, which are 40 Hz wide.

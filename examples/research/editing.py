@@ -2,6 +2,7 @@
 
 import sys
 import time
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -17,10 +18,13 @@ from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.evaluation.sampling import noise_seeds
 from tactile_diffusers.evaluation.second_judge import tell_apart
-from tactile_diffusers.evaluation.tables import markdown_table, text
 from tactile_diffusers.evaluation.truth import LEAST_EFFECTIVE_SIZE, recorded_truth
 from tactile_diffusers.pipelines.pipeline_tactile_texture_edit import VARIATION
 from tactile_diffusers.signal import RATING_AXES, level, resample
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table, text
 
 #: What is asked for, z-scores.
 CHANGES = (-0.7, 0.7)

@@ -7,6 +7,7 @@ All measures are recipes of ours; the participation ratio is (sum of eigenvalues
 
 import sys
 from itertools import combinations, pairwise
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -14,11 +15,14 @@ from study_context import run_study
 from tqdm.auto import tqdm
 
 from tactile_diffusers.evaluation.metrics.statistics import jackknife, leaf, number
-from tactile_diffusers.evaluation.report_figures import figure_panels
 from tactile_diffusers.evaluation.sampling import encode, noise_seeds
-from tactile_diffusers.evaluation.tables import markdown_table
-from tactile_diffusers.evaluation.tables import text as shown
 from tactile_diffusers.signal import band_levels_db, rms
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.figures import figure_panels
+from report.tables import markdown_table
+from report.tables import text as shown
 
 #: Learned latents are bounded by 1 (tanh): beyond this they count as driven into the bound. Others have no bound.
 NEAR_BOUND = 0.95

@@ -1,15 +1,19 @@
 """`python long_textures.py`: is a texture that is longer than a segment even, and does it repeat?"""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import torch
 from scipy.signal import fftconvolve
 
 from tactile_diffusers.cli.program import Parser, add_checkpoint_argument, add_seed_argument, count, load_pipeline
-from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.pipelines.windows import Windows
 from tactile_diffusers.signal import band_edges, band_levels_db
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table
 
 
 def main(argv=None):

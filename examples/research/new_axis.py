@@ -11,6 +11,7 @@ a surface is. Prints the section of a page and writes figures.json.
 """
 
 import argparse
+import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,12 +20,15 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.result_files import conditions, stamp, write_results
 from tactile_diffusers.evaluation.sampling import generate, noise_seeds
-from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.evaluation.virtual_truth import virtual_truth
 from tactile_diffusers.signal import band_levels_db
 from tactile_diffusers.training.adapting import adapt
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.result_files import conditions, stamp, write_results
+from report.tables import markdown_table
 
 VALUES = (-1.0, 1.0)
 INTRO = """# Does an axis that only your raters know work after fifty surfaces?

@@ -16,12 +16,15 @@ from pathlib import Path
 import numpy as np
 
 from tactile_diffusers.cli.program import add_checkpoint_argument, load_pipeline
-from tactile_diffusers.evaluation.report_figures import figure_panels
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.models import RatingStatistics
 from tactile_diffusers.search import PreferenceSearch
 from tactile_diffusers.signal import DEVICE_RATE, nine_band_error_db
 from tactile_diffusers.virtual.raters import TRIAL_NOISE
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.figures import figure_panels
 
 #: Where the search is asked for its best, comparisons.
 ASKED = (1, 2, 3, 5, 7, 10, 12, 15, 18, 21, 25, 30)

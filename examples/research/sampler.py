@@ -3,6 +3,7 @@
 import statistics
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import solver_study as study
@@ -20,11 +21,14 @@ from tactile_diffusers.cli.program import (
 )
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.metrics.reference import Reference
-from tactile_diffusers.evaluation.report_figures import figure_panels
-from tactile_diffusers.evaluation.result_files import write_results
-from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.schedulers import VDDIMScheduler
 from tactile_diffusers.virtual import Collection, fresh_textures
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.figures import figure_panels
+from report.result_files import write_results
+from report.tables import markdown_table
 
 #: Rules and spacings that the tables show; the JSON has all.
 _SHOWN = ("ddim", "rotation_2", "rotation_2_lowered", "rotation_3", "adams_bashforth_2", "adams_bashforth_3", "data_2m")

@@ -18,13 +18,16 @@ from tqdm.auto import tqdm
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.cli.program import Parser, add_output_argument, count, program
 from tactile_diffusers.data import PreparedDataset, prepare_recordings
-from tactile_diffusers.evaluation.tables import markdown_table
 from tactile_diffusers.io.files import atomic_path, write_text
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE
 from tactile_diffusers.training.dale_data import build_dale, encode_dataset, training_states
 from tactile_diffusers.training.steps import BatchNoise, DALETrainingStep
 from tactile_diffusers.virtual import RATING_CORRELATION, RECIPE_VERSION, generate_recordings
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.tables import markdown_table
 
 #: The assumptions: settings of `generate_recordings`, and the value that stands on the page.
 CORRELATIONS = {0.0: (0.4, 0.0, 0.0), -0.5: RATING_CORRELATION, -0.9: (0.4, -0.9, -0.36)}

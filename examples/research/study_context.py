@@ -1,5 +1,6 @@
 """Shared by the studies of a checkpoint: their arguments, and the held-out data that they are measured on."""
 
+import sys
 from pathlib import Path
 
 from tactile_diffusers.cli.program import (
@@ -11,8 +12,11 @@ from tactile_diffusers.cli.program import (
     load_pipeline,
 )
 from tactile_diffusers.data.splits import SPLITS
-from tactile_diffusers.evaluation.result_files import write_results
-from tactile_diffusers.evaluation.sections import QUICK, make_context
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.result_files import write_results
+from report.sections import QUICK, make_context
 
 
 def run_study(name, description, study, markdown, argv=None):

@@ -9,8 +9,11 @@ from laws import LAWS, hands, measured, page
 from tqdm import tqdm
 
 from tactile_diffusers.cli.program import Parser, program
-from tactile_diffusers.evaluation.result_files import write_results
 from tactile_diffusers.virtual import RECIPE_VERSION
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.result_files import write_results
 
 #: Where the project keeps the measured data, beside the repository.
 HUMAN = Path(__file__).parents[3] / "shared" / "data" / "human"

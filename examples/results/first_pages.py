@@ -15,7 +15,7 @@ from functools import reduce
 from pathlib import Path
 
 from tactile_diffusers import bundled_checkpoint
-from tactile_diffusers.evaluation.result_files import folder_digest
+from tactile_diffusers.pipelines.folders import folder_digest
 
 HERE = Path(__file__).parent
 REPORT = HERE / "judges" / "report.json"

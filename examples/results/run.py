@@ -20,8 +20,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactile_diffusers import bundled_checkpoint
-from tactile_diffusers.evaluation.result_files import IDLE, conditions, folder_digest
 from tactile_diffusers.io.files import write_text
+from tactile_diffusers.pipelines.folders import folder_digest
+
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.result_files import IDLE, conditions
 
 HERE = Path(__file__).parent
 EXAMPLES, RECORD = HERE.parent, HERE / "run.json"

@@ -11,9 +11,10 @@ import speed
 import speed_error
 import torch
 from benchmarking import finish, make_parser, parse, seconds_of
+from report.result_files import stamp
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.evaluation.result_files import folder_digest, stamp
+from tactile_diffusers.pipelines.folders import folder_digest
 
 
 @pytest.fixture

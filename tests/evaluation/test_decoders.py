@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from report.sections import QUICK, make_context
+from report.sections.decoders import measure_decoders
+from report.sections.reconstruction import pair_metrics
+from report.stand_ins import NoNetwork, NothingImposed, used_channels, with_stand_in
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.evaluation.metrics.distances import kernel_tactile_distance
-from tactile_diffusers.evaluation.sections import QUICK, make_context
-from tactile_diffusers.evaluation.sections.decoders import measure_decoders
-from tactile_diffusers.evaluation.sections.reconstruction import pair_metrics
-from tactile_diffusers.evaluation.stand_ins import NoNetwork, NothingImposed, used_channels, with_stand_in
 from tactile_diffusers.features.low_band import sample_low_band, synthesize
 from tactile_diffusers.signal import rms
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from tactile_diffusers.evaluation.changes import (
+from report.changes import (
     QUANTITIES,
     TOLERANCE,
     against_real,
@@ -13,7 +12,8 @@ from tactile_diffusers.evaluation.changes import (
     null_counts,
     paired,
 )
-from tactile_diffusers.evaluation.control_tables import change_rows, effect_rows, matrix_difference
+from report.control_tables import change_rows, effect_rows, matrix_difference
+
 from tactile_diffusers.evaluation.metrics.statistics import number
 from tactile_diffusers.evaluation.truth import RatedTextures
 from tactile_diffusers.signal import RATING_AXES

@@ -4,8 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from tactile_diffusers.evaluation.sections import regression
+from report.sections import regression
 
 
 def _planted(surfaces, curve, seed, noise=0.5):

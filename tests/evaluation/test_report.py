@@ -4,24 +4,23 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import evaluate
 import numpy as np
 import pytest
 import torch
 from matplotlib.figure import Figure
+from report.page import report_markdown
+from report.running import run_sections
+from report.sections import QUICK, SECTIONS, make_context, speed
+from report.sections.generation import matching_rows
+from report.sections.reconstruction import fewest_steps, power_percent
+from report.tables import markdown_table, text
 
-from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.cli import evaluate
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation import virtual_truth
 from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.metrics.statistics import is_leaf
-from tactile_diffusers.evaluation.report import run_sections
-from tactile_diffusers.evaluation.report_tables import report_markdown
-from tactile_diffusers.evaluation.result_files import folder_digest
-from tactile_diffusers.evaluation.sections import QUICK, SECTIONS, Anchor, make_context, speed
-from tactile_diffusers.evaluation.sections.generation import matching_rows
-from tactile_diffusers.evaluation.sections.reconstruction import fewest_steps, power_percent
-from tactile_diffusers.evaluation.tables import markdown_table, text
+from tactile_diffusers.pipelines.folders import folder_digest
 from tactile_diffusers.virtual import generate_recordings
 
 SECONDS = 2048 / 2500  # the shortest segment that an embedding and the tiny networks share
@@ -43,7 +42,6 @@ TINY = replace(
     protocol_segments=2,
     protocol_repeats=2,
     repeats=1,
-    anchor_steps=(2, 10),
 )
 FEW = replace(TINY, control_values=(-1.0, 1.0), response_takes=1)
 METRICS = (
@@ -99,7 +97,7 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
     assert judged["other_take"]["signal"]["alone"]["over_chance"]["mean"] == 0
     for key in "checkpoint data seed machine versions reconstruction generation control unseen_surfaces speed".split():
         assert report[key] is not None, key
-    assert report["anchors"] is None and report["training"]["optimiser_steps"] is None
+    assert report["training"]["optimiser_steps"] is None
     reconstruction, step = report["reconstruction"], report["reconstruction"]["steps"]["10"]
     for entry in (step, *reconstruction["baselines"].values()):
         assert all(is_leaf(entry[metric]) for metric in METRICS)
@@ -156,7 +154,7 @@ def test_report_keeps_its_contract(evaluable_pipe, prepared, tmp_path, monkeypat
         assert leaf["interval"] is None or leaf["interval"][0] <= leaf["mean"] <= leaf["interval"][1], path
     for name in "overlays second_judge control curves latent_shift spectra".split():
         assert (tmp_path / "out" / f"{name}.png").stat().st_size > 5000
-    written = report_markdown(report) + report_markdown(report, "figures", level=3, short=True)
+    written = report_markdown(report)
     assert "KTD over real" in written and "another take" in written and "nan" not in written.lower()
 
 
@@ -291,51 +289,6 @@ def test_a_seed_gives_the_same_report_and_order_changes_nothing(evaluable_pipe, 
     assert first == pytest.approx(second, rel=1e-9)
 
 
-def _finer_anchor(make_lctg, make_extractor, folder):
-    """A pipeline at twice the working rate, without waveform features and DALE, as the paper's is at four times it."""
-    lctg = make_lctg(3, feature_channels=16, feature_hop=16, latent_hop=32, segment_samples=4096, latent_channels=6)
-    extractor = make_extractor(sampling_rate=5000, hop_length=16, num_filters=16, window_lengths=[256])
-    pipe = TactileTexturePipeline(lctg=lctg, feature_extractor=extractor, scheduler=VDDIMScheduler())
-    pipe.set_progress_bar_config(disable=True)
-    pipe.save_pretrained(folder)
-    return Anchor(pipe, folder)
-
-
-def test_anchors_stand_beside_on_the_same_segments(
-    evaluable_pipe, make_lctg, make_extractor, prepared, tmp_path, monkeypatch
-):
-    """The checkpoint itself as an anchor has its own figures; what is measured of one anchor is kept for the next."""
-    pipe, out = evaluable_pipe(dale=False), tmp_path / "out"
-    pipe.save_pretrained(tmp_path / "same")
-    anchors = {"same": Anchor(pipe, tmp_path / "same")}
-    anchors["finer"] = _finer_anchor(make_lctg, make_extractor, tmp_path / "finer")
-    training = {"steps": 100, "arguments": {}, "machine": "a test"}
-    (tmp_path / "same" / "training.json").write_text(json.dumps(training))
-    log = [{"step": step, "train/loss": 2.0 - step / 100, "seconds": 3.0 * step} for step in range(10, 101, 10)]
-    (tmp_path / "same" / "log.jsonl").write_text("".join(json.dumps(entry) + "\n" for entry in log))
-
-    def report_with(names):
-        context = make_context(pipe, prepared, "test", TINY, 0, out, anchors={name: anchors[name] for name in names})
-        return run_sections(context, ["reconstruction"], tmp_path / "same")
-
-    report = report_with(["same", "finer"])
-    ours, same, finer = report["reconstruction"], report["anchors"]["same"], report["anchors"]["finer"]
-    assert list(same["steps"]) == ["2", "10"]
-    for metric in METRICS:
-        assert same["steps"]["10"][metric] == ours["steps"]["10"][metric], metric
-        assert is_leaf(finer["steps"]["10"][metric]), metric
-    assert finer["steps"]["10"]["nine_band_db"]["mean"] != ours["steps"]["10"]["nine_band_db"]["mean"]
-    assert same["kilobits_per_second"] == ours["kilobits_per_second"] != finer["kilobits_per_second"]
-    assert same["training"] == report["training"] and same["training"]["seconds"] == 300
-    assert finer["training"]["optimiser_steps"] is None and finer["training"]["parameters"] > 1000
-    for written in (report_markdown(report), report_markdown(report, "figures", short=True)):
-        assert "| finer, 10 steps" in written and "| same, 10 steps | 100 | 5 |" in written
-        assert "nan" not in written.lower()
-
-    monkeypatch.setattr("tactile_diffusers.evaluation.report.measure_anchor", lambda *_: pytest.fail("ran again"))
-    assert report_with(["finer"])["anchors"]["finer"] == finer
-
-
 def test_fewest_steps_are_those_within_5_percent_of_the_best():
     sweep = {count: {"nine_band_db": {"mean": mean}} for count, mean in (("1", 2.0), ("5", 1.04), ("25", 1.0))}
     assert fewest_steps(sweep) == 5
@@ -361,34 +314,18 @@ def test_pipeline_without_dale_reports_reconstruction_only(evaluable_pipe, prepa
     assert "Reconstruction" in report_markdown(report)
 
 
-@pytest.mark.parametrize("what", ["band", "rate", "length", "anchor"])
-def test_checkpoint_anchors_and_data_must_fit(evaluable_pipe, pipe, make_extractor, prepared, tmp_path, what):
-    checkpoint, other, anchors = evaluable_pipe(), evaluable_pipe(dale=False), {}
+@pytest.mark.parametrize("what", ["band", "rate", "length"])
+def test_checkpoint_and_data_must_fit(evaluable_pipe, pipe, make_extractor, prepared, tmp_path, what):
+    other = evaluable_pipe(dale=False)
     narrow = make_extractor(band=(30.0, 900.0), preemphasis_frequencies=None, preemphasis_db=None)
     other.register_modules(feature_extractor=make_extractor(delivery_rate=5000) if what == "rate" else narrow)
-    if what == "anchor":
-        anchors = {"narrow": Anchor(other, tmp_path)}
-    else:
-        checkpoint = pipe if what == "length" else other
     message = {
         "band": "band is .30.0, 900.0. Hz",
         "rate": "sampling rate of 10000 Hz",
         "length": "segments of 0.2048 s",
-        "anchor": "The anchor narrow's band is .30.0, 900.0. Hz",
     }[what]
     with pytest.raises(ValueError, match=message):
-        make_context(checkpoint, prepared, "test", TINY, 0, tmp_path, anchors=anchors)
-
-
-def test_baselines_may_know_fewer_surfaces(evaluable_pipe, prepared, tmp_path):
-    whole, few = (
-        make_context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path, baseline_surfaces=count)
-        for count in (None, 5)
-    )
-    count = len(np.unique(whole.data.training.ratings, axis=0))
-    known = [len(context.baselines["knn_blend"]._ratings) for context in (few, whole)]
-    assert known == [5, count] and count > 5
-    assert len(few.data.training.textures) == len(whole.data.training.textures)  # of the judge and the reference
+        make_context(pipe if what == "length" else other, prepared, "test", TINY, 0, tmp_path)
 
 
 def test_halves_of_the_held_out_segments_share_no_sample(evaluable_pipe, prepared, tmp_path):
@@ -410,10 +347,6 @@ def test_halves_of_the_held_out_segments_share_no_sample(evaluable_pipe, prepare
         (["--data", "nowhere.h5"], "not a file"),
         (["--split", "train"], "invalid choice"),
         (["--steps", "0"], "at least 1"),
-        (["--anchor", "nowhere"], "nowhere is not a folder"),
-        (["--anchor", ".", "--sections", "speed"], "needs the section reconstruction"),
-        (["--training", "."], "has no training.json"),
-        (["--guidance-scale", "-1"], "0 or more"),
     ],
 )
 def test_command_refuses_bad_arguments(prepared, tmp_path, capsys, changes, message):

@@ -4,8 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from tactile_diffusers.evaluation.sections.variation import MEASURES, measure_variation
+from report.sections.variation import MEASURES, measure_variation
 
 SURFACES, TAKES, SAMPLES = 12, 2, 8192
 

@@ -14,10 +14,10 @@ import torch
 from generate_dataset import main, texture_seeds
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.evaluation.result_files import folder_digest
 from tactile_diffusers.export import read_generated
 from tactile_diffusers.export.generated import find_shards
 from tactile_diffusers.io.locks import fcntl, is_locked
+from tactile_diffusers.pipelines.folders import folder_digest
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "generate_dataset.py"
 FILES = [f"train-0000{number}-of-00003.parquet" for number in range(3)]

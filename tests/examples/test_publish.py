@@ -5,6 +5,7 @@ import json
 import re
 from types import SimpleNamespace
 
+import evaluate
 import huggingface_hub
 import publish
 import pytest
@@ -14,9 +15,8 @@ from huggingface_hub import ModelCard
 from safetensors.torch import load_file
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.cli import evaluate
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.result_files import folder_digest
+from tactile_diffusers.pipelines.folders import folder_digest
 from tactile_diffusers.training.record import surfaces_of, trained_on
 
 RECORD = {
@@ -124,7 +124,7 @@ class TestReport:
         publish.main([*words, "--report", str(report)])
         out = tmp_path / "small"
         card = card_of(out)
-        assert "#### Overview" in card and "### Measured" in card and "another take" in card
+        assert "#### Overview" in card and "### Report" in card and "another take" in card
         assert "None yet" not in card
         pictures = re.findall(r"!\[.*?\]\((report/.*?)\)", card)
         assert pictures and {path.name for path in (out / "report").iterdir()} == {p.split("/")[1] for p in pictures}

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 from ablate_training import training_facts as facts_of_a_row
+from report.running import training_facts
 
-from tactile_diffusers.evaluation.report import training_facts
 from tactile_diffusers.training.card import describe_run
 from tactile_diffusers.training.record import (
     count_seen,
@@ -54,7 +54,7 @@ def run(tmp_path):
 def _read_all(run):
     """Every reader in turn; returns whether a card could be written."""
     assert phases(run)[-1][0] == run
-    assert set(training_facts([run])) >= {"phases", "optimiser_steps"}
+    assert set(training_facts(run)) >= {"phases", "optimiser_steps"}
     found, _ = trained_on([run])
     assert count_seen(JUDGED, found) in (0, 1)
     record = read_record(run)

@@ -11,10 +11,10 @@ import ablate
 import publish
 import pytest
 from ablate_rows import read_rows
+from compare import read_report
 from data_card.writing import NUMBERS_FILE, check_card_folder
+from report.running import _kept
 
-from tactile_diffusers.cli.compare import read_report
-from tactile_diffusers.evaluation.report import _kept
 from tactile_diffusers.pipelines.hub import forget_folders
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

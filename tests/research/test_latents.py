@@ -7,10 +7,10 @@ import latents
 import numpy as np
 import pytest
 from latents import layer_statistics, monotony, time_shift
+from report.sections import QUICK, make_context
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data import SegmentLimits, prepare_recordings
-from tactile_diffusers.evaluation.sections import QUICK, make_context
 from tactile_diffusers.virtual import generate_recordings
 
 SURFACES = np.repeat(np.arange(20), 2)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import robustness
+from report.sections import QUICK, make_context
 
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
-from tactile_diffusers.evaluation.sections import QUICK, make_context
 from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, band_edges, band_levels_db, band_pass, rms
 from tactile_diffusers.virtual import generate_recordings
 

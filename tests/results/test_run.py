@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "results"))
 import run
 
 from tactile_diffusers import bundled_checkpoint
-from tactile_diffusers.evaluation.result_files import folder_digest
+from tactile_diffusers.pipelines.folders import folder_digest
 
 
 @pytest.fixture

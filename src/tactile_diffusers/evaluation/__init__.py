@@ -1,4 +1,4 @@
-"""Evaluation: metrics of single textures and of sets, baselines, a judge of ratings, and the report of a checkpoint."""
+"""Evaluation: metrics of single textures and of sets, baselines, judges, and the truth of ratings."""
 
 from importlib import import_module
 

@@ -300,8 +300,19 @@ def default_baselines(numbers_per_second, bits_per_number):
     return {baseline.slug: baseline for baseline in baselines}
 
 
-#: Slugs of all baselines, in the order of every table.
-SLUGS = tuple(default_baselines(1, 1))
+#: Names of all baselines by slug, in the order of every table.
+NAMES = {
+    "silence": "silence",
+    "other_take": "another take of the surface",
+    "phase_randomised": "phase-randomised copy",
+    "mean_spectrum": "noise of the mean spectrum",
+    "lpc20": "autoregressive model (LPC 20)",
+    "nine_band_noise": "nine-band noise",
+    "decimated": "low-passed to the latent's bits",
+    "knn_blend": "blend of 5 nearest surfaces (from ratings)",
+    "ridge": "ridge regression and noise (from ratings)",
+}
+SLUGS = tuple(NAMES)
 
 
 def _rated(training):

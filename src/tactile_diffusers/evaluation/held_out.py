@@ -23,7 +23,7 @@ class HeldOutData:
 
     `dataset` and `train` are the held-out and the training split; `rows`, `other_rows` (n,) held-out segments, and for
     each another take of its surface; `per_surface` the non-overlapping segments of each training surface in the
-    reference; the baselines learn from `baseline_surfaces` training surfaces, all by default.
+    reference.
     """
 
     dataset: PreparedDataset
@@ -32,7 +32,6 @@ class HeldOutData:
     other_rows: np.ndarray
     per_surface: int
     seed: int
-    baseline_surfaces: int | None = None
 
     def unseen_rows(self, per_surface):
         """Up to so many segments of each held-out surface that share no sample, and none with training."""
@@ -90,7 +89,7 @@ class HeldOutData:
 
     @cached_property
     def training(self):
-        """`TrainingTextures`: non-overlapping segments of the training surfaces, for the reference and the judge."""
+        """`TrainingTextures`: non-overlapping segments of the training surfaces, for reference, judge and baselines."""
         train = self.train
         rows = train.non_overlapping(self.per_surface, self.seed)
         surfaces = train.surface_ids[rows]
@@ -98,14 +97,6 @@ class HeldOutData:
         return TrainingTextures(
             train.textures(rows), train.ratings.mean[surfaces], frictions, surfaces, self.rate, train.band
         )
-
-    @cached_property
-    def baseline_training(self):
-        """`TrainingTextures` that the baselines learn from: `training`, or `baseline_surfaces` surfaces of it."""
-        if self.baseline_surfaces is None:
-            return self.training
-        kept = PreparedDataset(self.train.path, "train", max_surfaces=self.baseline_surfaces).surface_ids
-        return self.training.keep(np.isin(self.training.surface_ids, kept))
 
     @cached_property
     def reference(self):
@@ -125,7 +116,7 @@ class HeldOutData:
         return dataset.friction_coefficients[rows]
 
 
-def open_held_out(data, split, per_surface, seed=0, baseline_surfaces=None):
+def open_held_out(data, split, per_surface, seed=0):
     """`HeldOutData` of a prepared data set; `split` is "validation", "test" or, where the data have it, "hard".
 
     Where "hard" holds out explorers or raters alone, training has the surfaces too, but not the recordings. A
@@ -144,7 +135,7 @@ def open_held_out(data, split, per_surface, seed=0, baseline_surfaces=None):
             f"{split!r}, to compare with another take and another surface. Record longer, or hold more out: `--test 2` "
             "or more of examples/prepare_data.py; then train again, since what is held out now was trained on."
         )
-    return HeldOutData(dataset, train, rows, other_rows, per_surface, seed, baseline_surfaces)
+    return HeldOutData(dataset, train, rows, other_rows, per_surface, seed)
 
 
 def _unseen_rows(dataset, train, per_surface, seed):

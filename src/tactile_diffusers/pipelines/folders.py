@@ -1,5 +1,6 @@
-"""Local checkpoint folders: checked before they are loaded."""
+"""Local checkpoint folders: checked before they are loaded, and told apart by a digest."""
 
+import hashlib
 from pathlib import Path
 
 import diffusers
@@ -71,3 +72,17 @@ def _component_class(name, library, class_name):
     if cls is None:
         raise ValueError(f"its component {name!r} is {library}.{class_name}, which is none of this package")
     return cls
+
+
+def folder_digest(folder):
+    """SHA-256 over the configs and weights of a checkpoint folder; reports and training checkpoints do not count."""
+    folder, digest = Path(folder), hashlib.sha256()
+    index = folder / "model_index.json"
+    components = read_json(index, "the index of a checkpoint") if index.is_file() else ()
+    parts = {index.name, "training.json", *components}
+    for path in sorted(folder.rglob("*")):
+        place = path.relative_to(folder)
+        if place.parts[0] in parts and path.suffix in (".json", ".safetensors"):
+            digest.update(str(place).encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import torch
 
-from ..metrics.statistics import leaf, number
+from tactile_diffusers.evaluation.metrics.statistics import leaf, number
 
 #: The paper's display works in blocks of about this length.
 BLOCK_SECONDS = 0.1

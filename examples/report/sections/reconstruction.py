@@ -1,18 +1,20 @@
 """Section "reconstruction": LCTG on held-out segments beside the baselines, at every number of steps."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
 import numpy as np
 
-from ...signal import nine_band_error_db, rms
-from ..baselines import SLUGS
-from ..metrics import errors
-from ..metrics.errors import SIGNED_BANDS_HZ, power_difference, signed_band_error_db, signed_band_key
-from ..metrics.statistics import estimate, leaf, number
-from ..report_figures import plot_overlays
-from ..sampling import reconstruct
-from .context import pipeline_latent_rate
+from tactile_diffusers.evaluation.baselines import SLUGS
+from tactile_diffusers.evaluation.metrics import errors
+from tactile_diffusers.evaluation.metrics.errors import (
+    SIGNED_BANDS_HZ,
+    power_difference,
+    signed_band_error_db,
+    signed_band_key,
+)
+from tactile_diffusers.evaluation.metrics.statistics import estimate, leaf, number
+from tactile_diffusers.evaluation.sampling import reconstruct
+from tactile_diffusers.signal import nine_band_error_db, rms
+
+from ..figures import plot_overlays
 from .decoders import measure_decoders
 from .speed import decoding_seconds
 
@@ -25,14 +27,6 @@ METRICS = (
 )
 #: A number of steps suffices if its nine-band error is at most this many times the best of the sweep.
 NEAR_BEST = 1.05
-
-
-@dataclass(frozen=True)
-class Anchor:
-    """Another checkpoint whose LCTG is measured on the same segments; its folder has the record of its training."""
-
-    pipe: object
-    folder: Path
 
 
 def run(context):
@@ -59,12 +53,6 @@ def run(context):
         "real": {**data.distances, "rms_n": leaf(rms(data.real), data.surfaces)},
     }
     return {"reconstruction": result}
-
-
-def measure_anchor(context, pipe):
-    """Leaves of an anchor's pipeline: `{"steps": {steps: metrics}, "kilobits_per_second": leaf}`."""
-    steps = {str(count): step_leaves(context, pipe, count)[0] for count in context.settings.anchor_steps}
-    return {"steps": steps, "kilobits_per_second": number(np.prod(pipeline_latent_rate(pipe, context.data)) / 1000)}
 
 
 def step_leaves(context, pipe, count):

@@ -1,15 +1,15 @@
 """What the sections of a report share: one checkpoint on one data set, and how much is measured."""
 
 import inspect
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ...data.checkpoint_fit import check_fit
-from ..baselines import default_baselines, latent_rate
-from ..held_out import HeldOutData, open_held_out, random_generator
-from ..sampling import encode, generate, noise_seeds
+from tactile_diffusers.data.checkpoint_fit import check_fit
+from tactile_diffusers.evaluation.baselines import default_baselines, latent_rate
+from tactile_diffusers.evaluation.held_out import HeldOutData, open_held_out, random_generator
+from tactile_diffusers.evaluation.sampling import encode, generate, noise_seeds
 
 #: Limits the rate of latents that were trained without noise: half precision, as they are stored.
 HALF_PRECISION = 2.0**-11
@@ -37,7 +37,6 @@ class Settings:
     protocol_segments: int = 20  # of the paper's full-pipeline RMSE
     protocol_repeats: int = 5
     repeats: int = 7  # of each timing
-    anchor_steps: tuple = (5, 10, 25)  # LCTG steps at which anchors are measured
 
 
 FULL = Settings()
@@ -64,7 +63,7 @@ QUICK = Settings(
 class Context:
     """One checkpoint on one data set, and how much is measured; make it with `make_context`.
 
-    `output` is for pictures; `anchors`, name -> `Anchor`, are checkpoints to compare reconstructions with.
+    `output` is for pictures.
     """
 
     pipe: object
@@ -74,7 +73,6 @@ class Context:
     output: object
     guidance_scales: list
     quiet: bool = True
-    anchors: dict = field(default_factory=dict)
 
     @property
     def steps(self):
@@ -99,13 +97,15 @@ class Context:
 
     @cached_property
     def latent_rate(self):
-        """`pipeline_latent_rate` of the checkpoint."""
-        return pipeline_latent_rate(self.pipe, self.data)
+        """Numbers per second of the pipeline's latents, and the bits that each carries, on training segments."""
+        config, latents = self.pipe.lctg.config, encode(self.pipe, spaced_training(self.data), self.data.rate)
+        frames_per_second = self.pipe.feature_extractor.sampling_rate / config.latent_hop
+        return config.latent_channels * frames_per_second, latent_rate(latents, config.latent_noise or HALF_PRECISION)
 
     @cached_property
     def baselines(self):
         """Fitted baselines by slug; those that work from ratings only where there are ratings."""
-        training = self.data.baseline_training
+        training = self.data.training
         rated = np.isfinite(training.ratings).all(-1).any()
         made = default_baselines(*self.latent_rate)
         return {slug: b.fit(training) for slug, b in made.items() if rated or b.knows != "ratings"}
@@ -140,24 +140,18 @@ class Context:
         return generate(self.pipe, ratings, seeds, *grid, guidance_scale, decode, quiet=self.quiet)
 
 
-def make_context(
-    pipe, data, split, settings, seed, output, guidance_scales=(), quiet=True, anchors=None, baseline_surfaces=None
-):
+def make_context(pipe, data, split, settings, seed, output, quiet=True):
     """A checkpoint and a prepared data set, checked against each other: a `Context`.
 
-    `guidance_scales` come besides 1.0 (off) and the pipeline's default; the baselines learn from `baseline_surfaces`
-    training surfaces, all by default. A ValueError if checkpoint or anchor do not fit the data, or as of
-    `open_held_out`.
+    A ValueError if the checkpoint does not fit the data, or as of `open_held_out`.
     """
-    held_out = open_held_out(data, split, settings.per_surface, seed, baseline_surfaces)
+    held_out = open_held_out(data, split, settings.per_surface, seed)
     check_fit(pipe, held_out.dataset)
     if pipe.dale is not None:  # which may know more axes than three, or other ones
         held_out.dataset.set_axes(pipe.dale.config.rating_axes)
         held_out.train.set_axes(pipe.dale.config.rating_axes)
-    for name, anchor in (anchors or {}).items():
-        check_fit(anchor.pipe, held_out.dataset, f"anchor {name}")
-    scales = sorted({1.0, _default_guidance(pipe), *map(float, guidance_scales)})
-    return Context(pipe, held_out, settings, seed, output, scales, quiet, dict(anchors or {}))
+    scales = sorted({1.0, _default_guidance(pipe)})
+    return Context(pipe, held_out, settings, seed, output, scales, quiet)
 
 
 def _default_guidance(pipe):
@@ -168,10 +162,3 @@ def spaced_training(data):
     """(n, samples) up to 200 training segments, evenly spaced, on which rates of latents are counted."""
     textures = data.training.textures
     return textures[np.unique(np.linspace(0, len(textures) - 1, _RATE_SEGMENTS).astype(int))]
-
-
-def pipeline_latent_rate(pipe, data):
-    """Numbers per second of a pipeline's latents, and the bits that each carries, on training segments."""
-    config, latents = pipe.lctg.config, encode(pipe, spaced_training(data), data.rate)
-    frames_per_second = pipe.feature_extractor.sampling_rate / config.latent_hop
-    return config.latent_channels * frames_per_second, latent_rate(latents, config.latent_noise or HALF_PRECISION)

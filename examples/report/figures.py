@@ -1,11 +1,11 @@
-"""Pictures of a report, and the one helper that writes pictures."""
+"""Pictures of a report, and the one helper that writes pictures of results."""
 
 from contextlib import contextmanager
 
 import numpy as np
 
-from ..io.files import atomic_path
-from ..signal import nine_band_error_db, power_spectral_density
+from tactile_diffusers.io.files import atomic_path
+from tactile_diffusers.signal import nine_band_error_db, power_spectral_density
 
 _DPI = 90
 _TICKS_HZ = (30, 100, 300, 1000)

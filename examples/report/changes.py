@@ -5,7 +5,7 @@ Latent displacement is not counted: it is measured with the model's own encoder.
 
 import numpy as np
 
-from .metrics.statistics import estimate, number
+from tactile_diffusers.evaluation.metrics.statistics import estimate, number
 
 #: Ratings at which changes are compared.
 VALUES = ("-2.0", "-1.0", "1.0", "2.0")

@@ -8,17 +8,18 @@ from functools import partial
 
 import numpy as np
 
-from ...data import PreparedDataset
-from ...signal import level
-from ..baselines import BaselineRequest
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.evaluation.baselines import BaselineRequest
+from tactile_diffusers.evaluation.envelopes import surface_means
+from tactile_diffusers.evaluation.judge import FEWEST_SURFACES, Judge, explained, response_matrix
+from tactile_diffusers.evaluation.metrics.rating_effects import shape_change_db, texture_measures
+from tactile_diffusers.evaluation.metrics.statistics import estimate, jackknife, leaf, number
+from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
+from tactile_diffusers.evaluation.virtual_truth import truth_of
+from tactile_diffusers.signal import level
+
 from ..changes import against_real, comparisons, counted, no_change, null_counts, paired
-from ..envelopes import surface_means
-from ..judge import FEWEST_SURFACES, Judge, explained, response_matrix
-from ..metrics.rating_effects import shape_change_db, texture_measures
-from ..metrics.statistics import estimate, jackknife, leaf, number
-from ..report_figures import plot_control, plot_curves
-from ..truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
-from ..virtual_truth import truth_of
+from ..figures import plot_control, plot_curves
 from .regression import best_polynomial
 from .response import response_curves
 
@@ -64,7 +65,7 @@ def _counts(context, result, truth):
 
 def _regression(context, truth):
     """Conditions as the best polynomials of one rating predict them, fitted to the training surfaces."""
-    data, training = context.data, context.data.baseline_training
+    data, training = context.data, context.data.training
     training = training.keep(np.isfinite(training.ratings).all(-1))
     measures = _measures(context, training.textures, level(training.textures), training.friction_coefficients)
     targets = np.column_stack([measures[name] for name in ("level_db", "log_friction", "shape_db")])

@@ -2,7 +2,7 @@
 
 import math
 
-from .metrics.statistics import is_leaf
+from tactile_diffusers.evaluation.metrics.statistics import is_leaf
 
 
 def text(value, digits=2, interval=False):

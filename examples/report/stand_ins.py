@@ -5,8 +5,8 @@ A stand-in is decoded by the pipeline as LCTG is: the same latents, noise, resto
 
 import torch
 
-from ..features.low_band import sample_low_band, synthesize
-from ..models.lctg import LCTGModel, LCTGOutput
+from tactile_diffusers.features.low_band import sample_low_band, synthesize
+from tactile_diffusers.models.lctg import LCTGModel, LCTGOutput
 
 
 class NoNetwork(LCTGModel):

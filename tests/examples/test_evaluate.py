@@ -1,17 +1,15 @@
-"""The command evaluate, on a tiny pipeline."""
+"""`examples/evaluate.py` on a tiny pipeline."""
 
 import json
 
+import evaluate
 import pytest
-
-from tactile_diffusers.cli import evaluate
 
 
 def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, capsys):
     """Two training surfaces too few for a judge, too few textures for a covariance: empty numbers, not a crash."""
     out = tmp_path / "report"
     arguments = f"--checkpoint {checkpoint} --data {prepared} --output {out} --steps 1 2 --quick --quiet".split()
-    arguments += ["--anchor", str(checkpoint)]
     assert evaluate.main(arguments + ["--sections", "reconstruction"]) == 0
     report = json.loads((out / "report.json").read_text())
     assert list(report["reconstruction"]["steps"]) == ["1", "2"] and report["generation"] is None
@@ -20,13 +18,12 @@ def test_evaluate_writes_report_and_pictures(checkpoint, prepared, tmp_path, cap
     assert report["reconstruction"]["steps"]["1"]["ftd"]["mean"] is None
     assert (out / "overlays.png").stat().st_size > 5000
     assert (out / "report.md").read_text() in capsys.readouterr().out + "\n"
-    assert list(report["anchors"]) == ["pipeline"] and list(report["anchors"]["pipeline"]["steps"]) == ["5", "10", "25"]
 
 
 @pytest.mark.parametrize(
     "extra",
     [
-        *("--steps 0", "--per-surface 0", "--baseline-surfaces 1"),
+        *("--steps 0", "--per-surface 0"),
         *("--data nowhere.h5", "--checkpoint nowhere"),
     ],
 )

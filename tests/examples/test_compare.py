@@ -3,10 +3,10 @@
 import copy
 import json
 
+import compare
 import pytest
+from report.changes import QUANTITIES
 
-from tactile_diffusers.cli import compare
-from tactile_diffusers.evaluation.changes import QUANTITIES
 from tactile_diffusers.evaluation.metrics.statistics import number
 from tactile_diffusers.signal import RATING_AXES
 

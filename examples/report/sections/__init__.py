@@ -2,7 +2,6 @@
 
 from . import control, generation, paper, reconstruction, regression, second_judge, speed
 from .context import FULL, QUICK, Context, Settings, make_context
-from .reconstruction import Anchor
 
 #: name -> function of a context that returns `{top-level key: ...}`
 SECTIONS = {
@@ -17,4 +16,4 @@ SECTIONS = {
 #: sections that need neither DALE nor ratings
 WITHOUT_RATINGS = ("reconstruction", "second_judge", "speed")
 
-__all__ = ["Anchor", "FULL", "QUICK", "SECTIONS", "WITHOUT_RATINGS", "Context", "Settings", "make_context"]
+__all__ = ["FULL", "QUICK", "SECTIONS", "WITHOUT_RATINGS", "Context", "Settings", "make_context"]

@@ -1,4 +1,4 @@
-"""The report: runs sections, keeps each that is done, and puts them together."""
+"""Runs the sections of a report, keeps each that is done, and puts them together."""
 
 import json
 import os
@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 from tqdm.auto import tqdm
 
-from ..io.files import write_text
-from ..io.reading import read_json
-from ..training.record import count_seen, phases, read_losses, read_record, surfaces_of, trained_on
-from .metrics.embedding import EMBEDDING_VERSION
-from .result_files import folder_digest, machine_facts
-from .sampling import one_thread
+from tactile_diffusers.evaluation.metrics.embedding import EMBEDDING_VERSION
+from tactile_diffusers.evaluation.sampling import one_thread
+from tactile_diffusers.evaluation.virtual_truth import can_be_continued
+from tactile_diffusers.io.files import write_text
+from tactile_diffusers.io.reading import read_json
+from tactile_diffusers.pipelines.folders import folder_digest
+from tactile_diffusers.training.record import count_seen, phases, read_losses, surfaces_of, trained_on
+
+from .result_files import machine_facts
 from .sections import SECTIONS, WITHOUT_RATINGS
-from .sections.reconstruction import measure_anchor
-from .virtual_truth import can_be_continued
 
 #: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
 METRICS_VERSION = 4
@@ -30,28 +31,27 @@ _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy",
 _DALE_ARGUMENT = "condition_dropout"
 
 
-def run_sections(context, names, checkpoint, training=()):
+def run_sections(context, names, checkpoint):
     """Runs sections (`names` of `SECTIONS`) one after the other; those done under the same conditions are read instead.
 
-    Each result is a file `sections/<name>.json` in the output folder, so that an interrupted run continues. `training`
-    are folders of the phases of the checkpoint's LCTG, by default the checkpoint's own. Returns the report, a dict:
-    sections that are not in `names`, or have nothing to measure, are None; "anchors" holds the leaves and training
-    facts of each anchor, or is None; "seconds" how long each section took.
+    Each result is a file `sections/<name>.json` in the output folder, so that an interrupted run continues. Returns the
+    report, a dict: sections that are not in `names`, or have nothing to measure, are None; "seconds" is how long each
+    section took.
     """
     conditions, folder = _conditions(context, checkpoint), context.output / "sections"
     folder.mkdir(parents=True, exist_ok=True)
     report = {
         "checkpoint": {"name": Path(checkpoint).name, "sha256": conditions["checkpoint"]},
-        "training": _training(context.pipe, training or [checkpoint]),
+        "training": training_facts(checkpoint) | {"parameters": context.pipe.lctg.num_parameters()},
         "data": _data_facts(context.data),
         "judged": surfaces_of(context.data.dataset, context.data.rows),
-        "seen_in_training": seen_in_training(context, [checkpoint, *training]),
+        "seen_in_training": seen_in_training(context, checkpoint),
         "seed": context.seed,
         "settings": {**asdict(context.settings), "guidance_scales": context.guidance_scales},
         "pipeline": {"num_inference_steps": context.steps, "guidance_scale": context.default_guidance},
         "machine": machine_facts(),
         "versions": _versions(),
-        **dict.fromkeys((*MEASURED, "anchors")),
+        **dict.fromkeys(MEASURED),
         "seconds": {},
     }
     for name in tqdm(names, desc="sections", disable=context.quiet):
@@ -59,9 +59,6 @@ def run_sections(context, names, checkpoint, training=()):
             result, seconds = _kept(folder / f"{name}.json", conditions, lambda name=name: _run(name, context))
             report |= result
             report["seconds"][name] = seconds
-    if context.anchors:
-        with one_thread(context.pipe.device):
-            report["anchors"] = _anchors(context, conditions, folder)
     return report
 
 
@@ -73,36 +70,20 @@ def _run(name, context):
         return SECTIONS[name](context)
 
 
-def seen_in_training(context, folders):
-    """How many of the context's held-out surfaces the trainings in some folders used; `None` if not recorded."""
-    found, _ = trained_on(folders)
+def seen_in_training(context, checkpoint):
+    """How many of the context's held-out surfaces the training of a checkpoint used; `None` if not recorded."""
+    found, _ = trained_on([checkpoint])
     return count_seen(surfaces_of(context.data.dataset, context.data.rows), found) if found else None
 
 
-def _anchors(context, conditions, folder):
-    """Leaves and training facts of each anchor."""
-    found = {}
-    for name, anchor in tqdm(context.anchors.items(), desc="anchors", disable=context.quiet):
-        own = conditions | {"checkpoint": folder_digest(anchor.folder)}
-        leaves, _ = _kept(folder / f"anchor_{name}.json", own, lambda pipe=anchor.pipe: measure_anchor(context, pipe))
-        found[name] = leaves | {"training": _training(anchor.pipe, [anchor.folder])}
-    return found
-
-
-def _training(pipe, folders):
-    return training_facts(folders) | {"parameters": pipe.lctg.num_parameters()}
-
-
-def training_facts(folders):
+def training_facts(folder):
     """Cost of one training of LCTG, summed over its phases: "phases" (names of folders), "optimiser_steps" and
     "seconds".
 
-    A single folder is followed back through what it was trained from; phases that trained DALE are left out. None where
-    a phase is not known.
+    The folder is followed back through what it was trained from; phases that trained DALE are left out. None where a
+    phase is not known.
     """
-    folders = [Path(folder) for folder in folders]
-    of_training = phases(folders[0]) if len(folders) == 1 else [(folder, read_record(folder)) for folder in folders]
-    known = [(folder, record) for folder, record in of_training if _DALE_ARGUMENT not in record.get("arguments", {})]
+    known = [(place, record) for place, record in phases(folder) if _DALE_ARGUMENT not in record.get("arguments", {})]
     logs = [read_losses(folder) for folder, _ in known]
     steps = [log[-1]["step"] if log else record.get("steps") for log, (_, record) in zip(logs, known, strict=True)]
     seconds = [log[-1].get("seconds") if log else None for log in logs]
@@ -142,7 +123,6 @@ def _conditions(context, checkpoint):
         "checkpoint": folder_digest(checkpoint),
         "data": [facts.st_size, facts.st_mtime_ns],
         "split": data.dataset.split,
-        "baseline_surfaces": data.baseline_surfaces,
         "seed": context.seed,
         "settings": asdict(context.settings),
         "guidance_scales": context.guidance_scales,
@@ -168,7 +148,7 @@ def _data_facts(data):
         "surfaces": len(set(data.surfaces.tolist())),
         "segments": len(data.surfaces),
         "rater_alpha": _alpha(dataset.ratings.reliability),
-        "training_surfaces": data.baseline_surfaces or len(set(train.surface_ids.tolist())),
+        "training_surfaces": len(set(train.surface_ids.tolist())),
         "reference_surfaces": len(set(train.surface_ids.tolist())),
         "reference_segments": len(data.training.textures),
         "embedding_version": EMBEDDING_VERSION,

@@ -9,11 +9,12 @@ from sklearn.model_selection import PredefinedSplit, cross_val_predict
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
 
-from ...data import PreparedDataset
-from ...signal import band_levels_db
-from ..envelopes import surface_means
-from ..metrics.statistics import leaf, number
-from ..virtual_truth import can_be_continued, virtual_truth
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.evaluation.envelopes import surface_means
+from tactile_diffusers.evaluation.metrics.statistics import leaf, number
+from tactile_diffusers.evaluation.virtual_truth import can_be_continued, virtual_truth
+from tactile_diffusers.signal import band_levels_db
+
 from .generation import unseen_errors
 
 DEGREES = (1, 2, 3)
@@ -24,7 +25,7 @@ FOLDS = 5
 
 def run(context):
     """The section: `{"regression": {"same_data": ..., "many_surfaces": ...}}`; the latter of fresh surfaces."""
-    data, training = context.data, context.data.baseline_training
+    data, training = context.data, context.data.training
     bands = band_levels_db(training.textures, data.rate, data.edges)
     generated, surfaces = context.generated[context.default_guidance], context.requests[1]
     ours = unseen_errors(data, generated.textures, surfaces)

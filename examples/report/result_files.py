@@ -1,6 +1,5 @@
 """How results are written: under which conditions they were measured, and files of one name."""
 
-import hashlib
 import json
 import os
 import platform
@@ -12,25 +11,11 @@ from pathlib import Path
 
 import torch
 
-from ..io.files import write_text
-from ..io.reading import read_json
+from tactile_diffusers.io.files import write_text
+from tactile_diffusers.pipelines.folders import folder_digest
 
 #: A load of the machine over this, before a measurement begins, is other work beside it; starting one takes the rest.
 IDLE = 0.8
-
-
-def folder_digest(folder):
-    """SHA-256 over the configs and weights of a checkpoint folder; reports and training checkpoints do not count."""
-    folder, digest = Path(folder), hashlib.sha256()
-    index = folder / "model_index.json"
-    components = read_json(index, "the index of a checkpoint") if index.is_file() else ()
-    parts = {index.name, "training.json", *components}
-    for path in sorted(folder.rglob("*")):
-        place = path.relative_to(folder)
-        if place.parts[0] in parts and path.suffix in (".json", ".safetensors"):
-            digest.update(str(place).encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
 
 
 def machine_facts():
@@ -42,12 +27,6 @@ def machine_facts():
     except (OSError, IndexError):
         pass
     return {"processor": name, "cores": os.cpu_count(), "threads": torch.get_num_threads(), "system": platform.system()}
-
-
-def machine(computing=None):
-    """The machine in words: processor, what computes (by default torch's threads), version of torch."""
-    computing = computing or f"{torch.get_num_threads()} threads"
-    return f"{machine_facts()['processor']}, {computing}, torch {torch.__version__}"
 
 
 def conditions(checkpoint, data=None):

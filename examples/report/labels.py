@@ -1,19 +1,8 @@
 """Columns of the tables of a report: key of a metric -> heading, or (heading, digits after the point)."""
 
-from .metrics.errors import SIGNED_BANDS_HZ, signed_band_key
+from tactile_diffusers.evaluation.baselines import NAMES
+from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key
 
-#: Names of the baselines.
-NAMES = {
-    "silence": "silence",
-    "other_take": "another take of the surface",
-    "phase_randomised": "phase-randomised copy",
-    "mean_spectrum": "noise of the mean spectrum",
-    "lpc20": "autoregressive model (LPC 20)",
-    "nine_band_noise": "nine-band noise",
-    "decimated": "low-passed to the latent's bits",
-    "knn_blend": "blend of 5 nearest surfaces (from ratings)",
-    "ridge": "ridge regression and noise (from ratings)",
-}
 #: Names of LCTG and of what stands in for it.
 DECODERS = {
     "lctg": "**LCTG, all layers**",
@@ -36,10 +25,6 @@ HEADINGS = {
     "ktd_excess": "KTD over real",
     "seconds_per_segment": ("s per segment, one thread", 4),
     "efficiency_score": ("efficiency score (RMSE × s), N·s", 6),
-    "optimiser_steps": "optimiser steps",
-    "minutes": ("training, minutes", 0),
-    "parameters": "parameters, million",
-    "kilobits_per_second": "latents, kbit/s",
     "precision": "precision",
     "recall": "recall",
     "diversity": "diversity over takes of one surface",
@@ -66,9 +51,6 @@ DECODING = {
 DIFFERENCES = {"ktd": "KTD", "nine_band_db": ("nine-band error, dB", 3), "snr_db": "SNR, dB"}
 BANDS = {signed_band_key((low, high)): f"{low}–{high} Hz" for low, high in SIGNED_BANDS_HZ}
 STEPS = _columns("nine_band_db ktd_excess snr_db seconds_per_segment efficiency_score")
-ANCHORS = _columns(
-    "optimiser_steps minutes parameters kilobits_per_second nine_band_db ktd_excess snr_db seconds_per_segment"
-)
 SETS = _columns("ftd_excess ktd_excess precision recall diversity diversity_of_rating copied_share out_of_band_db")
 UNSEEN = {
     "nine_band_db": "error of the mean spectrum, dB",

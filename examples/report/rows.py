@@ -60,14 +60,11 @@ def latent_shift(report):
 
 
 def reconstruction_rows(report):
-    """LCTG beside itself without its network, anchors and baselines."""
+    """LCTG beside itself without its network and baselines."""
     section = report["reconstruction"]
     shown = dict.fromkeys([default_steps(report), compared_steps(section["steps"])])
     rows = {f"**LCTG, {count} steps**": section["steps"][count] for count in shown}
     rows[DECODERS["no_network"]] = section["decoders"]["no_network"]
-    for name, anchor in (report.get("anchors") or {}).items():
-        count = compared_steps(anchor["steps"])
-        rows[f"{name}, {count} steps"] = anchor["steps"][count]
     return rows | baseline_rows(section) | {"a different surface": section["different_surface"]}
 
 
@@ -92,21 +89,6 @@ def step_rows(report):
     section = report["reconstruction"]
     rows = {f"{count} steps": entry for count, entry in section["steps"].items()}
     return rows | {DECODERS["no_network"]: section["decoders"]["no_network"]}
-
-
-def anchor_rows(report):
-    """The checkpoint and the anchors at one number of steps, with the cost of their trainings."""
-    section, rows = report["reconstruction"], {}
-    ours = {key: section[key] for key in ("steps", "kilobits_per_second")} | {"training": report["training"]}
-    for name, entry in {"**this checkpoint**": ours, **report["anchors"]}.items():
-        count, facts = compared_steps(entry["steps"]), entry["training"]
-        rows[f"{name}, {count} steps"] = entry["steps"][count] | {
-            "optimiser_steps": facts["optimiser_steps"],
-            "minutes": None if facts["seconds"] is None else facts["seconds"] / 60,
-            "parameters": facts["parameters"] / 1e6,
-            "kilobits_per_second": entry["kilobits_per_second"],
-        }
-    return rows
 
 
 def generation_rows(report):

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import jinja2
 
-from ..training.record import warning
-from . import control_tables, labels, report_rows
+from tactile_diffusers.training.record import warning
+
+from . import control_tables, labels, rows
 from .tables import markdown_table, text
 
 TEMPLATE = Path(__file__).parent / "report.jinja"
@@ -14,15 +15,11 @@ TEMPLATE = Path(__file__).parent / "report.jinja"
 ENOUGH_SURFACES = 5
 
 
-def report_markdown(report, pictures=".", level=1, short=False):
-    """The tables of a report as Markdown, with pictures in a folder; `level` is that of the first heading.
-
-    `short` leaves out bands, steps and speed, for a model card.
-    """
+def report_markdown(report):
+    """The tables of a report as Markdown, with its pictures beside it."""
     template = jinja2.Template(TEMPLATE.read_text(encoding="utf-8"), trim_blocks=True, lstrip_blocks=True)
-    rooms = {"rows": report_rows, "control": control_tables, "columns": labels, "table": markdown_table, "text": text}
-    arguments = {"report": report, "pictures": pictures, "level": level, "short": short}
-    shown = template.render(rooms | arguments, h="#" * (level + 1), warnings=list(_warnings(report)))
+    rooms = {"rows": rows, "control": control_tables, "columns": labels, "table": markdown_table, "text": text}
+    shown = template.render(rooms, report=report, warnings=list(_warnings(report)))
     return re.sub(r"\n{3,}", "\n\n", shown).strip() + "\n"
 
 
