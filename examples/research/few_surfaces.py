@@ -10,7 +10,7 @@
     python examples/research/few_surfaces.py "another world"=other_prepared.h5 \
         "recipe 3, other settings"=settings_prepared.h5 --output examples/results/adaptation
 
-Writes `figures.json` and `curve.png` into the output folder, and the page beside it, `<output>.md`.
+Writes `figures.json`, `figures.md` and `curve.png` into the output folder, and the page beside it, `<output>.md`.
 """
 
 import argparse
@@ -44,8 +44,8 @@ from report.sections.generation import surface_correlation, unseen_errors
 from report.sections.regression import best_polynomial
 
 COUNTS = (3, 5, 10, 20, 50, 100, 200)
-#: Of them also with the decoder trained, and by a DALE that is trained anew.
-TRAINED, ANEW = (50, 200), (50,)
+#: Of them also with the decoder trained, and by a DALE that is trained anew; and the one whose rows the page shows.
+TRAINED, ANEW, SHOWN = (50, 200), (50,), 50
 #: Updates of a DALE that is trained anew, behind the bundled LCTG.
 ANEW_STEPS = 1000
 TRAIN_DALE = Path(__file__).parents[1] / "train_dale.py"
@@ -240,10 +240,11 @@ def plot(worlds, path):
     """Error of unseen surfaces, and KTD, against the number of surfaces: a column of panels for each world."""
     from matplotlib.figure import Figure
 
-    figure = Figure((5 * len(worlds) + 1.5, 6.4), layout="constrained")
+    figure = Figure((5 * len(worlds) + 1.5, 9), layout="constrained")
     keys = {"nine_band_db": "error of mean spectra, dB", "ktd_over_real": "KTD over real"}
+    keys["changes_right"] = "changes right"
     methods = dict.fromkeys(row["method"] for rows in worlds.values() for row in rows)
-    for axes, (key, label) in zip(figure.subplots(2, len(worlds), squeeze=False), keys.items(), strict=True):
+    for axes, (key, label) in zip(figure.subplots(3, len(worlds), squeeze=False), keys.items(), strict=True):
         for axis, (name, rows) in zip(axes, worlds.items(), strict=True):
             for number, method in enumerate(methods):
                 own = [row for row in rows if row["method"] == method and row[key] is not None]
@@ -289,7 +290,11 @@ def write(found, worlds, args):
         few=" and ".join(map(str, ANEW)),
     )
     page += f"\n![errors over the number of surfaces]({args.output.name}/curve.png)\n"
-    page += "".join(f"\n## {name}\n\n{table(rows)}\n" for name, rows in found.items())
+    whole = "".join(f"\n## {name}\n\n{table(rows)}\n" for name, rows in found.items())
+    (args.output / "figures.md").write_text(f"# All figures of [How many surfaces?](../{args.output.name}.md)\n{whole}")
+    for name, rows in found.items():
+        page += f"\n## {name}\n\n{table([row for row in rows if row['surfaces'] == SHOWN] or rows)}\n"
+    page += f"\nThe other numbers of surfaces: [all figures]({args.output.name}/figures.md).\n"
     args.output.with_suffix(".md").write_text(page)
 
 
