@@ -136,8 +136,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         network_axes: int | None = None,
     ):
         super().__init__()
-        if distilled_steps is not None:
-            check_whole_number("distilled_steps", distilled_steps)
+        check_whole_number("distilled_steps", 1 if distilled_steps is None else distilled_steps)
         scalars = self.num_scalars
         learned = in_channels - scalars - level_channels - envelope_channels
         if in_channels <= scalars or learned < 0:

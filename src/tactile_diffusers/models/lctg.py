@@ -167,8 +167,7 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         distilled_steps: int | None = None,
     ):
         super().__init__()
-        if distilled_steps is not None:
-            check_whole_number("distilled_steps", distilled_steps)
+        check_whole_number("distilled_steps", 1 if distilled_steps is None else distilled_steps)
         for name, value in (("level_bands", level_bands), ("envelope_channels", envelope_channels)):
             check_whole_number(name, value, at_least=0)
         levels, passed = self.level_channels, self.passed_channels
