@@ -32,11 +32,13 @@ def test_the_suite_writes_its_tables(command, tmp_path, monkeypatch, capsys):
     assert benchmark_scene.main(command) == 0
     report = json.loads((tmp_path / "out" / "scene.json").read_text())
     assert (report["surfaces"], report["touched"]) == (5, 3) and set(report["cases"]) == set(benchmark_scene.CASES)
-    row = report["cases"]["scene"]
-    assert 0 < row["latents s"] < row["first profile s"] < row["all wanted s"]
+    for case in ("scene", "scene from a file"):
+        row = report["cases"][case]
+        assert 0 < row["latents s"] < row["first profile s"] < row["all wanted s"]
     assert "latents s" not in report["cases"]["all decoded"] and report["cases"]["all decoded"]["all wanted s"] > 0
+    assert report["file"]["kB per surface"] == pytest.approx(report["file"]["kB"] / 5)
     text = (tmp_path / "out" / "scene.md").read_text()
-    assert "scene, 3 touched" in text and text.strip() == capsys.readouterr().out.strip()
+    assert "scene from a file, 3 touched" in text and text.strip() == capsys.readouterr().out.strip()
 
 
 def test_what_fails_in_a_child_is_told():

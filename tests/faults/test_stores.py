@@ -1,4 +1,4 @@
-"""Recordings, prepared data and generated textures: the files that this package makes for itself."""
+"""Recordings, prepared data, generated textures and scenes: the files that this package makes for itself."""
 
 import h5py
 import numpy as np
@@ -7,6 +7,7 @@ import pytest
 from tactile_diffusers.data import PreparedDataset, RecordingsFile, RecordingsWriter, prepare_recordings
 from tactile_diffusers.export import read_generated
 from tactile_diffusers.export.generated import open_folder, plan_shards, write_shard
+from tactile_diffusers.playback import TextureScene
 from tactile_diffusers.virtual import generate_recordings
 
 SETTINGS = {"num_textures": 5, "textures_per_shard": 3, "seed": 0, "sampling_rate": 10_000, "duration_s": None}
@@ -137,3 +138,22 @@ def test_shards_of_another_form_are_refused(generated, damaged):
     _write_generated(case.fresh().parents[1], {**shard, "count": 1})
     with pytest.raises(ValueError, match="holds 1 textures, not 2"):
         _generated(case.path)
+
+
+@pytest.fixture
+def scene(pipe, tmp_path):
+    scene = TextureScene({"table": [0.5, -0.5, 0.0], "film": None}, pipe)
+    (tmp_path / "scene").mkdir()
+    scene.save(tmp_path / "scene" / "scene.safetensors")
+    return tmp_path / "scene" / "scene.safetensors"
+
+
+def test_a_scene(scene, pipe, damaged, foreign, flips):
+    """Latents are half-precision numbers: a flipped bit of one is noticed only where it is no number any more."""
+
+    def read(path):
+        state = TextureScene.load(path, pipe)._state
+        return [*state.latents, state.level, state.friction_coefficient]
+
+    case = damaged(scene, read)
+    case.damage(flips, foreign.values())

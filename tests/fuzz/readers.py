@@ -8,6 +8,7 @@ data: libFuzzer finds inputs that keep the HDF5 library busy for ever.
 
 import io
 import json
+import struct
 import textwrap
 import zipfile
 from collections.abc import Callable
@@ -22,7 +23,9 @@ from tactile_diffusers.data.folder import load_layout
 from tactile_diffusers.data.folder.tables import list_tables
 from tactile_diffusers.display import DriveProfile
 from tactile_diffusers.export import FORMATS
+from tactile_diffusers.playback import TextureScene
 
+TINY_PIPELINE = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
 COMMON = {
     "sampling_rate": 10_000,
     "friction_coefficient": 0.6,
@@ -146,6 +149,40 @@ def _png_of(data):
     return made.getvalue()
 
 
+@cache
+def _pipe():
+    from tactile_diffusers import TactileTexturePipeline
+
+    return TactileTexturePipeline.from_pretrained(TINY_PIPELINE)
+
+
+@cache
+def _scene():
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.safetensors"
+        TextureScene({"a": [1, 0, 0], "b": None}, _pipe(), {"a": (0, 0, 5, 5)}).save(path)
+        return path.read_bytes()
+
+
+def _read_scene(path):
+    scene = TextureScene.load(path, _pipe())
+    scene.friction_coefficient(scene.names[0])
+
+
+def _scene_parts():
+    data = _scene()
+    size = struct.unpack("<Q", data[:8])[0]
+    return json.loads(data[8 : 8 + size]), data[8 + size :]
+
+
+def _scene_with(data):
+    """The good scene with another description of its surfaces in its header."""
+    header, tensors = _scene_parts()
+    header["__metadata__"]["scene"] = data.decode("latin-1")
+    text = json.dumps(header).encode()
+    return struct.pack("<Q", len(text)) + text + tensors
+
+
 CSV = [
     b"t,Fx,Fy\n0.0,1,2\n0.1,1.5,2e-3\n0.2,,nan\n",
     b"\xef\xbb\xbft;Fx\n0,0;1,25\n0,1;1,5\n",
@@ -218,6 +255,14 @@ TARGETS = {
     "hjif-friction": _format("hjif-friction", structured=True),
     "haptic": _format("haptic", structured=True),
     "ahap": _format("ahap", structured=True),
+    "scene": Target(".safetensors", _read_scene, lambda: [_scene()]),
+    "scene-json": Target(
+        ".safetensors",
+        _read_scene,
+        lambda: [_scene_parts()[0]["__metadata__"]["scene"].encode()],
+        _scene_with,
+        structured=True,
+    ),
     "tables-hdf5": Target(".h5", _read_tables, lambda: [_written("hdf5")]),
     "tables": Target(".csv", _read_tables, lambda: CSV),
     "layout": Target(".toml", load_layout, _layouts),

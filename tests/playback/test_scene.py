@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 import pytest
+import torch
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.playback import TextureProfile, TextureScene
@@ -156,15 +157,17 @@ def test_what_is_decoded_does_not_wait_for_what_is_not(scene, monkeypatch):
     assert set(scene.decoded) == {"film", "denim"}
 
 
-def test_ratings_of_any_scale_are_the_same_scene(make_pipeline):
+def test_ratings_of_any_scale_are_the_same_scene(make_pipeline, tmp_path):
     statistics = {"mean": [3.0, 4.0, 5.0], "std": [1.5, 2.0, 1.0]}
     pipe = make_pipeline(dale_config={"rating_statistics": statistics})
     given = {"denim": [6.0, 4.0, None], "film": {"slipperiness": 4.0}}
     raw = TextureScene(given, pipe, rating_scale="raw")
     np.testing.assert_allclose(raw.ratings, [[2, 0, np.nan], [np.nan, np.nan, -1]], rtol=1e-6)
     z = TextureScene({"denim": [2.0, 0.0, None], "film": {"slipperiness": -1.0}}, pipe)
-    np.testing.assert_array_equal(raw.ratings, z.ratings)
-    np.testing.assert_array_equal(_samples(raw.profile("denim")), _samples(z.profile("denim")))
+    raw.save(tmp_path / "s.safetensors")
+    loaded = TextureScene.load(tmp_path / "s.safetensors", pipe)
+    np.testing.assert_array_equal(loaded.ratings, z.ratings)
+    np.testing.assert_array_equal(_samples(loaded.profile("denim")), _samples(z.profile("denim")))
 
 
 def test_the_later_surface_lies_above(scene):
@@ -196,12 +199,35 @@ def test_near_equals_a_search_along_the_way():
         assert (np.diff(first) >= -1).all()
 
 
-def test_latents_in_half_precision_are_as_good():
+def test_a_scene_from_a_file_is_the_same_and_needs_no_dale(counted, make_pipeline, tmp_path):
+    settings = {"seed": np.int32(3), "num_inference_steps": np.int64(4), "guidance_scale": {"bumpiness": np.float32(2)}}
+    scene = TextureScene(SURFACES, counted, PATCHES, **settings)
+    scene.save(tmp_path / "s.safetensors")
+    assert sorted(counted.calls["dale"]) == [1, 4] and not counted.calls["lctg"]
+    counted.calls["dale"].clear()
+    for pipe in (counted, make_pipeline(dale=False)):
+        loaded = TextureScene.load(tmp_path / "s.safetensors", pipe)
+        assert loaded.names == scene.names and loaded.patches == scene.patches and loaded.at((6, 6)) == "denim"
+        assert loaded.reference_speed == scene.reference_speed == 80.0
+        np.testing.assert_array_equal(loaded.ratings, scene.ratings)
+        for name in scene.names:
+            np.testing.assert_array_equal(_samples(loaded.profile(name)), _samples(scene.profile(name)))
+            assert loaded.friction_coefficient(name) == scene.friction_coefficient(name)
+    assert not counted.calls["dale"]
+    loaded.save(tmp_path / "again.safetensors")
+    again = TextureScene.load(tmp_path / "again.safetensors", counted)
+    np.testing.assert_array_equal(_samples(again.profile("table")), _samples(scene.profile("table")))
+
+
+def test_a_scene_costs_kilobytes(tmp_path):
     pipe = TactileTexturePipeline.from_pretrained(bundled_checkpoint())
     pipe.set_progress_bar_config(disable=True)
     ratings = np.random.default_rng(0).uniform(-1, 1, (20, 3))
     scene = TextureScene({f"surface {number}": row for number, row in enumerate(ratings)}, pipe)
-    # the texture that the pipeline makes of the unrounded ones
+    scene.save(tmp_path / "s.safetensors")
+    assert (tmp_path / "s.safetensors").stat().st_size < 20 * 3600 + 8000
+    assert [path.name for path in tmp_path.iterdir()] == ["s.safetensors"]
+    # latents in half precision: the texture that the pipeline makes of the unrounded ones
     generators = [scene._generator(name, "dale") for name in scene.names]
     made = pipe(ratings, generator=generators, output_type="latent")
     plain = pipe.decode(
@@ -214,3 +240,12 @@ def test_latents_in_half_precision_are_as_good():
         a, b = (profile.read(position, np.full(12_500, 80.0)) for profile in (scene.profile(name), wanted))
         assert np.std(a - b) < 3e-3 * np.std(b)  # -50 dB; measured: -55 at worst of 3
         assert nine_band_error_db(a[None], b[None], 10_000)[0] < 0.01
+
+
+def test_another_checkpoint_is_refused_and_another_precision_is_not(scene, make_pipeline, tmp_path):
+    scene.save(tmp_path / "s.safetensors")
+    with pytest.raises(ValueError, match="s.safetensors was made with another checkpoint: .*weights"):
+        TextureScene.load(tmp_path / "s.safetensors", make_pipeline(seed=5))
+    coarse = make_pipeline()
+    coarse.to(torch.bfloat16)
+    assert TextureScene.load(tmp_path / "s.safetensors", coarse).names == scene.names

@@ -1,7 +1,11 @@
-"""What a scene refuses: impossible requests, before any work."""
+"""What a scene refuses: impossible requests before any work, and files that are none."""
+
+import json
 
 import numpy as np
 import pytest
+import safetensors
+from safetensors.numpy import save_file
 
 from tactile_diffusers.playback import TextureScene
 
@@ -53,3 +57,67 @@ def test_impossible_questions_are_refused(pipe):
         scene.near((0, 0), velocity=3.0)
     with pytest.raises(ValueError, match="has no `patches`"):
         bare.at((0, 0))
+
+
+@pytest.fixture
+def path(pipe, tmp_path):
+    TextureScene(GOOD, pipe, {"denim": (0, 0, 5, 5)}).save(tmp_path / "s.safetensors")
+    return tmp_path / "s.safetensors"
+
+
+def _rewrite(path, change):
+    """The file again, after `change(tensors, content, metadata)`."""
+    with safetensors.safe_open(path, framework="numpy") as file:
+        metadata, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}
+    content = json.loads(metadata["scene"])
+    change(tensors, content, metadata)
+    if "scene" in metadata:
+        metadata["scene"] = json.dumps(content)
+    save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, path, metadata)
+
+
+def _set(part, name, value):
+    return lambda *parts: parts[("tensors", "content", "metadata").index(part)].__setitem__(name, value)
+
+
+def _drop(part, name):
+    return lambda *parts: parts[("tensors", "content", "metadata").index(part)].pop(name)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_set("metadata", "version", "2"), "tactile-scene 2, not tactile-scene 1"),
+        (_drop("content", "patches"), "patches.*required"),
+        *((_drop("tensors", name), f"'{name}' is missing") for name in ("latents", "frames", "weights")),
+        (_set("content", "names", ["denim", "denim"]), "names are"),
+        (_set("content", "names", ["denim"]), "ratings is float32"),
+        (_set("content", "num_inference_steps", 10**9), "at most 100000"),
+        (_set("content", "reference_speed", None), "reference_speed"),
+        (_set("content", "reference_speed", 1e9), "more than any patch needs"),
+        (_set("tensors", "frames", np.array([0, 64], np.int32)), "have 0 to 64 frames"),
+        (_set("tensors", "frames", np.array([2**30, 2**30], np.int32)), "latents is float16"),
+        (_set("tensors", "latents", np.zeros((4, 64), np.float32)), "latents is float32"),
+        (_set("tensors", "latents", np.full((4, 64), np.inf, np.float16)), "not finite"),
+        (_set("tensors", "friction_coefficient", np.full(2, -1.0, np.float32)), "negative"),
+    ],
+)
+def test_files_that_do_not_fit_themselves_are_refused(path, pipe, change, message):
+    _rewrite(path, change)
+    with pytest.raises(ValueError, match=rf"(?s)s\.safetensors cannot be read as a scene.*{message}.*Scene.save"):
+        TextureScene.load(path, pipe)
+
+
+def test_the_other_number_of_channels_is_another_checkpoint(path, pipe):
+    _rewrite(path, _set("tensors", "latents", np.zeros((5, 64), np.float16)))
+    with pytest.raises(ValueError, match="another checkpoint: its latents have 5 channels, here they have 4"):
+        TextureScene.load(path, pipe)
+
+
+def test_a_missing_file_and_another_pipe_are_named(path, pipe):
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        TextureScene.load(path.with_name("nowhere"), pipe)
+    with pytest.raises(ValueError, match="`pipe` must be"):
+        TextureScene.load(path, None)
+    with pytest.raises(ValueError, match="`cache_size`"):
+        TextureScene.load(path, pipe, cache_size=0)

@@ -13,6 +13,7 @@ from ..pipelines.inputs import parse_ratings
 from ..signal.checks import check_seed, check_whole_number
 from .patches import Patches
 from .profile import LOOP_SHARE, TextureProfile
+from .scene_files import SceneState, read_scene, write_scene
 
 #: Distance from a patch, mm, and time before it is reached, s, from which on `prepare` decodes it: a finger moves up to
 #: 0.2 m/s, mostly, and a segment takes 0.1 s to decode on one slow core.
@@ -25,9 +26,9 @@ class TextureScene:
 
     DALE generates the latents of all surfaces at the first need, in one batch for each length. LCTG decodes a surface
     when its profile is first asked for, as long as the longest stroke within its patch and at least one segment; the
-    `cache_size` profiles asked for last are kept. A surface depends on `seed`, its name, ratings and patch alone: bit
-    for bit within a process; among other surfaces, or in another process, sums are rounded differently, 100 dB below
-    the texture.
+    `cache_size` profiles asked for last are kept. A surface depends on `seed`, its name, ratings and patch alone, also
+    from a file: bit for bit within a process; among other surfaces, or in another process, sums are rounded
+    differently, 100 dB below the texture.
 
     All calls may come from different threads. A profile in the cache does not wait for one that is being decoded, so
     that `prepare` can run in a thread of its own. The pipeline must not be used otherwise meanwhile.
@@ -35,7 +36,7 @@ class TextureScene:
     Args:
         surfaces (`Mapping[str, Any]`): name -> ratings of one texture in any form that the pipeline takes:
             `[r, b, s]`, `{"roughness": 1.2}`; `None` or NaN = not specified.
-        pipe (`TactileTexturePipeline`): with `dale`.
+        pipe (`TactileTexturePipeline`): with `dale`, which a scene from a file (`load`) can do without.
         patches (`Mapping[str, Sequence[float]]`, *optional*): name -> (x, y, width, height), or (start, length) on a
             line, mm. Of patches that overlap the later surface lies above. Without one a surface is one segment.
         seed (`int`, *optional*, defaults to 0): another one gives other takes of the same surfaces.
@@ -59,20 +60,46 @@ class TextureScene:
         self, surfaces, pipe, patches=None, seed=0, num_inference_steps=None, guidance_scale=1.0, cache_size=8,
         rating_scale="z",
     ):  # fmt: skip
-        if not isinstance(pipe, TactileTexturePipeline):
-            raise ValueError(f"`pipe` must be a TactileTexturePipeline, got {type(pipe).__name__}.")
+        _check_pipe(pipe)
         pipe.check_inputs(guidance_scale=guidance_scale)
+        decoding_steps, self._latent_steps = pipe.resolve_steps(num_inference_steps)
         config = pipe.dale.config
         if config.reference_speed is None:
             raise ValueError("The `dale` of `pipe` has no `reference_speed` in its config, which a scene needs.")
-        self._decoding_steps, self._latent_steps = pipe.resolve_steps(num_inference_steps)
-        self.names, self.ratings = _parse_surfaces(surfaces, config, rating_scale)
-        self._patches = Patches({} if patches is None else patches, self.names)
-        self.patches, self.dimensions = dict(self._patches.boxes), self._patches.dimensions
-        self._pipe, self._seed, self._guidance_scale = pipe, check_seed(seed), guidance_scale
-        self.cache_size = check_whole_number("cache_size", cache_size)
-        self.reference_speed = float(config.reference_speed)
-        self._latents = None  # of each surface, (base channels, frames); until DALE has run
+        names, ratings = _parse_surfaces(surfaces, config, rating_scale)
+        state = SceneState(
+            names=names,
+            ratings=ratings,
+            rating_axes=tuple(config.rating_axes),
+            patches=Patches({} if patches is None else patches, names),
+            seed=check_seed(seed),
+            num_inference_steps=int(decoding_steps),  # JSON knows no other
+            guidance_scale=guidance_scale,
+            reference_speed=float(config.reference_speed),
+        )
+        self._begin(state, pipe, cache_size)
+
+    @classmethod
+    def load(cls, path, pipe, cache_size=8):
+        """A scene from a file that `save` wrote; DALE is not run, nor needed.
+
+        `pipe` is of the checkpoint that the scene was made with, in any precision, with `dale` or without.
+
+        Raises:
+            FileNotFoundError: if there is no file.
+            ValueError: if the file is damaged or no scene, or belongs to another checkpoint.
+        """
+        _check_pipe(pipe)
+        scene = cls.__new__(cls)
+        scene._begin(read_scene(path, pipe), pipe, cache_size)
+        return scene
+
+    def _begin(self, state, pipe, cache_size):
+        check_whole_number("cache_size", cache_size)
+        self._state, self._pipe, self.cache_size = state, pipe, cache_size
+        self.names, self.ratings = state.names, state.ratings
+        self.patches, self.dimensions = dict(state.patches.boxes), state.patches.dimensions
+        self.reference_speed = state.reference_speed
         self._profiles = OrderedDict()
         # held while models run, and while the cache is looked at
         self._working, self._looking = threading.Lock(), threading.Lock()
@@ -83,12 +110,20 @@ class TextureScene:
         with self._looking:
             return tuple(self._profiles)
 
+    def save(self, path):
+        """Writes one `.safetensors` file, 3 kB for each surface of one segment; the folder must exist.
+
+        DALE runs first if it has not run, so that a scene from a file never needs it.
+        """
+        self._ensure_latents()
+        write_scene(path, self._state, self._pipe)
+
     def at(self, position):
         """Name of the surface under a position, (dimensions,) in mm, or `None` outside all patches.
 
         There a stream goes on with the last surface: read it with `normal_force=0` for no force. Errors as of `near`.
         """
-        return self._patches.at(position)
+        return self._state.patches.at(position)
 
     def near(self, position, velocity=None):
         """Surfaces within 10 mm, or 0.3 s straight ahead, of a finger, first to be reached first: a list of names.
@@ -100,7 +135,7 @@ class TextureScene:
         Raises:
             ValueError: if an argument is not finite or of other dimensions, or the scene has no patches.
         """
-        return self._patches.near(position, velocity, MARGIN_MM, AHEAD_SECONDS)
+        return self._state.patches.near(position, velocity, MARGIN_MM, AHEAD_SECONDS)
 
     def prepare(self, position, velocity=None):
         """Decodes what a finger touches or is about to touch, at most `cache_size` surfaces, in the caller's thread.
@@ -135,7 +170,7 @@ class TextureScene:
         """Friction coefficient (`float`) of a surface, for `TextureStream`; NaN if the checkpoint does not know it."""
         index = self._index(name)
         self._ensure_latents()
-        return float(self._friction_coefficient[index])
+        return float(self._state.friction_coefficient[index])
 
     def _index(self, name):
         if name not in self.names:
@@ -150,51 +185,57 @@ class TextureScene:
 
     def _ensure_latents(self):
         """Runs DALE for all surfaces, unless it has run: those of one length in one batch, each with its own noise."""
-        if self._latents is not None:
+        state = self._state
+        if state.friction_coefficient is not None:  # set last
             return
         with self._working:
-            if self._latents is not None:  # by another thread
+            if state.friction_coefficient is not None:  # by another thread
                 return
-            durations = [self._duration(name) for name in self.names]
+            durations = [self._duration(name) for name in state.names]
             latents, level, friction = [None] * len(durations), *np.empty((2, len(durations)), dtype=np.float32)
             for duration in dict.fromkeys(durations):
                 rows = [row for row, other in enumerate(durations) if other == duration]
                 out = self._pipe(
-                    self.ratings[rows],
-                    num_inference_steps=self._decoding_steps,
+                    state.ratings[rows],
+                    num_inference_steps=state.num_inference_steps,
                     num_latent_inference_steps=self._latent_steps,
-                    guidance_scale=self._guidance_scale,
+                    guidance_scale=state.guidance_scale,
                     duration_s=duration,
-                    generator=[self._generator(self.names[row], "dale") for row in rows],
+                    generator=[self._generator(state.names[row], "dale") for row in rows],
                     output_type="latent",
                 )
-                # kept in half precision: its rounding lies 70 dB below
+                # half precision, as in a file, so that a scene from there is the same: its rounding lies 70 dB below
                 base = out.latents[:, : self._pipe.lctg.base_channels].half().cpu().numpy()
                 level[rows], friction[rows] = out.level.cpu().numpy(), out.friction_coefficient.cpu().numpy()
                 for row, values in zip(rows, base, strict=True):
                     latents[row] = values
-            self._level, self._friction_coefficient, self._latents = level, friction, latents  # the last one tells
+            state.latents, state.level, state.friction_coefficient = latents, level, friction
 
     def _duration(self, name):
         """Seconds of texture that a patch needs at the reference speed; `None` = one segment is enough."""
         lctg, rate = self._pipe.lctg.config, self._pipe.feature_extractor.sampling_rate
-        seconds = self._patches.extent(name) / (1 - LOOP_SHARE) / self.reference_speed
+        seconds = self._state.patches.extent(name) / (1 - LOOP_SHARE) / self._state.reference_speed
         return seconds if seconds > self._pipe.dale.config.latent_frames * lctg.latent_hop / rate else None
 
     def _decode(self, index):
         """Profile of one surface, decoded alone, so that no other surface changes its rounding."""
-        name = self.names[index]
+        state, name = self._state, self._state.names[index]
         out = self._pipe.decode(
-            self._pipe.lctg.pad_detail(torch.from_numpy(self._latents[index][None]).float()),
-            torch.from_numpy(self._level[index : index + 1]),
-            num_inference_steps=self._decoding_steps,
+            self._pipe.lctg.pad_detail(torch.from_numpy(state.latents[index][None]).float()),
+            torch.from_numpy(state.level[index : index + 1]),
+            num_inference_steps=state.num_inference_steps,
             generator=self._generator(name, "lctg"),
         )
-        seed = _noise_seed(self._seed, name, "filling")
-        return TextureProfile(out.textures[0], out.sampling_rate, self.reference_speed, seed=seed)
+        seed = _noise_seed(state.seed, name, "filling")
+        return TextureProfile(out.textures[0], out.sampling_rate, state.reference_speed, seed=seed)
 
     def _generator(self, name, use):
-        return torch.Generator("cpu").manual_seed(_noise_seed(self._seed, name, use))
+        return torch.Generator("cpu").manual_seed(_noise_seed(self._state.seed, name, use))
+
+
+def _check_pipe(pipe):
+    if not isinstance(pipe, TactileTexturePipeline):
+        raise ValueError(f"`pipe` must be a TactileTexturePipeline, got {type(pipe).__name__}.")
 
 
 def _noise_seed(seed, name, use):
