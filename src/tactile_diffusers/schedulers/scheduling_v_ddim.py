@@ -209,14 +209,13 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
             )
         self._step_index = index
 
-    def step(self, model_output, timestep, sample, generator=None, return_dict=True):
+    def step(self, model_output, timestep, sample, return_dict=True):
         """One step from the angle of `timestep` to the next smaller one.
 
         Args:
             model_output (`torch.Tensor`): the predicted velocity, any shape.
             timestep (`float` or `torch.Tensor`): the current entry of `timesteps`.
             sample (`torch.Tensor`): the current sample, the shape of `model_output`.
-            generator: of diffusers' schedulers that draw noise; not used here.
             return_dict (`bool`, *optional*, defaults to `True`): `VDDIMSchedulerOutput` or `(prev_sample, x0)`.
 
         Raises:
