@@ -1,4 +1,4 @@
-"""Options of `VDDIMScheduler`: starts part-way, spacings, configs of others."""
+"""Options of `VDDIMScheduler`: fresh noise, starts part-way, one's own timesteps, spacings, configs of others."""
 
 import math
 
@@ -18,6 +18,10 @@ OTHERS = [DDIMScheduler, DPMSolverMultistepScheduler]
 
 def _noise(*shape, seed=0, dtype=torch.float32):
     return torch.randn(shape, generator=torch.Generator().manual_seed(seed), dtype=dtype)
+
+
+def _generator(seed):
+    return torch.Generator().manual_seed(seed)
 
 
 def _angle(t):
@@ -40,14 +44,64 @@ def _sample(scheduler, x, steps, **kwargs):
     return _follow(scheduler, x, **kwargs)
 
 
+# --- fresh noise
+
+
+def test_eta_0_is_deterministic_and_draws_nothing():
+    noise, generator = _noise(2, 1, 32), _generator(5)
+    before = generator.get_state()
+    made = _sample(VDDIMScheduler(), noise, 6, eta=0.0, generator=generator)
+    assert torch.equal(made, _sample(VDDIMScheduler(), noise, 6))
+    assert torch.equal(generator.get_state(), before)
+
+
+@pytest.mark.parametrize("deviation", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize("eta", [0.4, 1.0])
+def test_eta_gives_the_variance_of_song_et_al(eta, deviation):
+    # For data N(0, s^2) every step is linear: x' = gain x + spread * noise, with alpha_bar = cos^2 and the spread of
+    # equation 16. The variance follows from that alone, in float64; many steps lead to s^2.
+    def velocity(x, phi):
+        cos, sin = math.cos(phi), math.sin(phi)
+        return x * (1 - deviation**2) * sin * cos / ((deviation * cos) ** 2 + sin**2)
+
+    def variance_after(steps):
+        variance, angles = 1.0, math.pi / 2 * (1 - np.arange(steps + 1) / steps)
+        for phi, following in zip(angles[:-1], angles[1:], strict=True):
+            bar, bar_next = math.cos(phi) ** 2, math.cos(following) ** 2
+            spread = eta * math.sqrt((1 - bar_next) / (1 - bar) * (1 - bar / bar_next))
+            marginal = deviation**2 * bar + 1 - bar
+            data, noise = deviation**2 * math.sqrt(bar) / marginal, math.sqrt(1 - bar) / marginal  # predicted, per x
+            gain = math.sqrt(bar_next) * data + math.sqrt(max(0.0, 1 - bar_next - spread**2)) * noise
+            variance = gain**2 * variance + spread**2
+        return variance
+
+    samples = 100_000
+    made = _sample(VDDIMScheduler(), _noise(samples), 12, velocity=velocity, eta=eta, generator=_generator(1))
+    # a variance of 100,000 Gaussian samples has a relative standard error of sqrt(2 / 100,000) = 0.45 %: 4 of them
+    assert float(made.var()) == pytest.approx(variance_after(12), rel=0.018)
+    assert abs(float(made.mean())) < 4 * math.sqrt(variance_after(12) / samples)
+    assert variance_after(2000) == pytest.approx(deviation**2, rel=0.01)  # first order: measured 0.6 % at worst
+
+
+@pytest.mark.parametrize("eta", [-0.1, 1.01, float("nan"), float("inf")])
+def test_eta_out_of_range_is_refused(eta):
+    scheduler, x = VDDIMScheduler(), _noise(1, 4)
+    scheduler.set_timesteps(3)
+    with pytest.raises(ValueError, match="`eta` must be between 0 and 1"):
+        scheduler.step(x, scheduler.timesteps[0], x, eta=eta)
+
+
 # --- starting part-way, and again
 
 
 @pytest.mark.parametrize("spacing", SPACINGS)
-def test_order_2_starts_part_way_with_a_step_of_order_1(spacing):
+@pytest.mark.parametrize("by_index", [True, False])
+def test_order_2_starts_part_way_with_a_step_of_order_1(spacing, by_index):
     scheduler, x = VDDIMScheduler(multistep_order=2, spacing=spacing), _noise(20, dtype=torch.float64)
     _sample(scheduler, x, 8)  # an earlier run, whose history must be gone
     scheduler.set_timesteps(8)
+    if by_index:
+        scheduler.set_begin_index(3)
     angles = spaced_angles(8, spacing)[3:]
     expected = run(rotation_2, angles, lambda x, phi: np.tanh(1.3 * x) * math.cos(3 * phi) + 0.2 * x, x.numpy())
     made = x
@@ -70,6 +124,46 @@ def test_buffers_that_are_used_again_change_nothing(order):
         v.copy_(_model(x, _angle(t)))
         x.copy_(scheduler.step(v, t, x).prev_sample)
     assert torch.equal(x, expected)
+
+
+# --- one's own timesteps
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("spacing", SPACINGS)
+def test_the_preset_as_own_timesteps_is_the_preset(spacing, order):
+    preset, own = VDDIMScheduler(multistep_order=order, spacing=spacing), VDDIMScheduler(multistep_order=order)
+    noise = _noise(64)
+    expected = _sample(preset, noise, 9)
+    own.set_timesteps(timesteps=preset.timesteps)
+    assert torch.equal(own.timesteps, preset.timesteps)
+    # float32 timesteps of up to 999 are angles to 5e-8 rad
+    torch.testing.assert_close(_follow(own, noise), expected, rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    "timesteps",
+    [
+        [],
+        [500, 999],
+        [999, 500, 500],
+        [999, 100, 500],
+        [1000, 500],
+        [999, -1],
+        [999, -2.5],
+        [999, float("nan")],
+        [float("inf"), 500],
+        [[999, 500]],
+        999,
+    ],
+)
+def test_unusable_timesteps_are_refused(timesteps):
+    scheduler = VDDIMScheduler()
+    scheduler.set_timesteps(4)
+    before = scheduler.timesteps
+    with pytest.raises(ValueError, match=r"`timesteps` must fall, without repeats, inside \(-1, 999\], got"):
+        scheduler.set_timesteps(timesteps=timesteps)
+    assert torch.equal(scheduler.timesteps, before)  # and nothing is broken
 
 
 # --- spacings

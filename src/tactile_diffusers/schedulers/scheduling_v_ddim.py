@@ -10,7 +10,6 @@ from diffusers.schedulers.scheduling_utils import SchedulerMixin
 from diffusers.utils import BaseOutput
 from diffusers.utils.torch_utils import randn_tensor
 
-from ..signal.checks import check_whole_number
 from .angles import to_angle, to_timestep
 
 #: What `examples/research/sampler.py` found best on whitened textures: for new checkpoints.
@@ -24,6 +23,8 @@ COSINE_SHARE = 0.5
 #: Largest difference in rad to the angles of another scheduler that counts as the same schedule: diffusers' cosine
 #: schedule is offset by 0.008 of the way, 0.0125 rad.
 SAME_SCHEDULE = 0.02
+#: Largest weight of the second order; the spacings reach 1.5.
+MOST_WEIGHT = 2.0
 # arguments that say to diffusers' schedulers what was trained
 _FOR_DIFFUSERS = ("prediction_type", "beta_schedule", "rescale_betas_zero_snr", "timestep_spacing", "clip_sample")
 # largest distance at which a timestep counts as one of the scheduler's
@@ -118,6 +119,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         self.num_inference_steps = None
         self.timesteps = torch.linspace(num_train_timesteps - 1, 0, num_train_timesteps)
         self._angles = None  # (steps + 1,) float64, from the first to 0
+        self._begin_index = None
         self._restart()
         angles = to_angle(np.arange(-1, num_train_timesteps), num_train_timesteps)
         alphas_cumprod = np.append(np.square(np.cos(angles[:-1])), 0.0)  # exactly 0 at pure noise
@@ -171,6 +173,18 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         """Index of the next step, `None` before the first."""
         return self._step_index
 
+    @property
+    def begin_index(self):
+        """Index of the first step, set by a pipeline that starts part-way; `None` = found from the timestep."""
+        return self._begin_index
+
+    def set_begin_index(self, begin_index=0):
+        """Starts the next loop at `timesteps[begin_index]`."""
+        if begin_index is not None and not begin_index >= 0:
+            raise ValueError(f"`begin_index` must be at least 0, got {begin_index}.")
+        self._begin_index = begin_index
+        self._restart()
+
     def angle(self, timesteps):
         """phi of timesteps, in their dtype if it is floating, else float32."""
         timesteps = timesteps if torch.is_floating_point(timesteps) else timesteps.float()
@@ -181,26 +195,49 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         """Timesteps of angles phi in rad: the inverse of `angle`."""
         return to_timestep(angles, self.config.num_train_timesteps)
 
-    def set_timesteps(self, num_inference_steps, device=None):
+    def set_timesteps(self, num_inference_steps=None, device=None, timesteps=None):
         """Chooses the angles at which the model is evaluated; the end, 0, is not evaluated.
 
         Args:
-            num_inference_steps (`int`): any number >= 1, also above `num_train_timesteps`.
+            num_inference_steps (`int`, *optional*): any number >= 1, also above `num_train_timesteps`.
             device (`str` or `torch.device`, *optional*): where `timesteps` live.
+            timesteps (`Sequence[float]`, *optional*): one's own, in place of a number of steps: falling, in
+                (-1, num_train_timesteps - 1]. If the first is not the last trained one, sampling starts part-way.
 
         Raises:
-            ValueError: if `num_inference_steps` is not a whole number >= 1.
+            ValueError: if not exactly one of the two is given, `num_inference_steps` is not a whole number >= 1, or
+                `timesteps` are not falling or out of range.
         """
-        self.num_inference_steps = check_whole_number("num_inference_steps", num_inference_steps)
-        self._angles = spaced_angles(self.num_inference_steps, self.config.spacing)
-        self.timesteps = torch.from_numpy(self.timestep(self._angles[:-1]).astype(np.float32)).to(device)
+        if (num_inference_steps is None) == (timesteps is None):
+            raise ValueError("Give either `num_inference_steps` or `timesteps`, and not both.")
+        if timesteps is None:
+            if not (num_inference_steps >= 1 and num_inference_steps % 1 == 0):  # NaN and infinity fail too
+                raise ValueError(f"`num_inference_steps` must be a whole number >= 1, got {num_inference_steps}.")
+            angles = spaced_angles(int(num_inference_steps), self.config.spacing)
+        else:
+            angles = self._custom_angles(timesteps)
+        self._angles = angles
+        self.num_inference_steps = len(angles) - 1
+        self.timesteps = torch.from_numpy(self.timestep(angles[:-1]).astype(np.float32)).to(device)
+        self._begin_index = None
         self._restart()
+
+    def _custom_angles(self, timesteps):
+        values = torch.as_tensor(timesteps, dtype=torch.float64).cpu().numpy()
+        last = self.config.num_train_timesteps - 1
+        inside = values.ndim == 1 and len(values) and np.all((values > -1) & (values <= last + 1e-6))
+        if not inside or not np.all(np.diff(values) < 0):
+            raise ValueError(f"`timesteps` must fall, without repeats, inside (-1, {last}], got {values.tolist()}.")
+        return np.append(to_angle(np.minimum(values, last), last + 1), 0.0)
 
     def scale_model_input(self, sample, timestep=None):
         """Returns `sample`: its variance is one at every angle."""
         return sample
 
     def _init_step_index(self, timestep):
+        if self._begin_index is not None:
+            self._step_index = self._begin_index
+            return
         distance = (self.timesteps - torch.as_tensor(timestep).to(self.timesteps)).abs()
         index = int(distance.argmin())
         if not distance[index] <= _TOLERANCE:  # NaN fails too
@@ -209,24 +246,32 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
             )
         self._step_index = index
 
-    def step(self, model_output, timestep, sample, return_dict=True):
+    def step(self, model_output, timestep, sample, eta=0.0, generator=None, return_dict=True):
         """One step from the angle of `timestep` to the next smaller one.
 
         Args:
             model_output (`torch.Tensor`): the predicted velocity, any shape.
             timestep (`float` or `torch.Tensor`): the current entry of `timesteps`.
             sample (`torch.Tensor`): the current sample, the shape of `model_output`.
+            eta (`float`, *optional*, defaults to 0.0): share of fresh noise, 0 (deterministic) to 1 (ancestral
+                sampling), as in Song et al. 2021, equation 16; of order 1 only.
+            generator (`torch.Generator` or list, *optional*): draws that noise.
             return_dict (`bool`, *optional*, defaults to `True`): `VDDIMSchedulerOutput` or `(prev_sample, x0)`.
 
         Raises:
-            ValueError: before `set_timesteps`, after the last step, or if the first timestep is not one of `timesteps`
-                (comparing at every step would make an accelerator wait).
+            ValueError: before `set_timesteps`, after the last step, if the first timestep is not one of `timesteps`
+                (comparing at every step would make an accelerator wait), or `eta` is out of range.
             FloatingPointError: if the model output is not finite: on the CPU at once, on accelerators, which would
                 have to wait, after the last step.
         """
         if self.num_inference_steps is None:
             raise ValueError(
                 "Number of inference steps is 'None', you need to run 'set_timesteps' after creating the scheduler"
+            )
+        if eta and (self.config.multistep_order != 1 or not 0 <= eta <= 1):
+            raise ValueError(
+                f"`eta` must be between 0 and 1, and 0 for multistep_order 2, got {eta} for multistep_order "
+                f"{self.config.multistep_order}: fresh noise breaks what the second order continues."
             )
         # Notation of DDIM (arXiv 2010.02502) with alpha_bar = cos^2(phi), and of the v-objective (arXiv 2202.00512):
         # - angle -> phi
@@ -236,6 +281,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         # - pred_original_sample (x0) -> "x0_hat" = cos(phi) x_phi - sin(phi) v
         # - pred_epsilon (noise) -> "eps_hat" = sin(phi) x_phi + cos(phi) v
         # - prev_sample -> "x_phi'" = cos(phi') x0_hat + sin(phi') eps_hat = cos(turn) x_phi - sin(turn) v
+        # - eta -> share of fresh noise; std_dev -> sigma of equation 16 in DDIM
         if self._step_index is None:
             self._init_step_index(timestep)
         if self._step_index >= self.num_inference_steps:
@@ -245,7 +291,10 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         dtype = torch.promote_types(sample.dtype, torch.float32)
         x, v = sample.to(dtype), model_output.to(dtype)
         x0 = math.cos(angle) * x - math.sin(angle) * v
-        prev_sample = self._rotation(angle, following, x, v)
+        if eta:
+            prev_sample = self._noisy_step(angle, following, x, v, x0, eta, generator)
+        else:
+            prev_sample = self._rotation(angle, following, x, v)
         self._last = None
         if self.config.multistep_order == 2:
             past = angle - following
@@ -260,15 +309,25 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
     def _rotation(self, angle, following, x, v):
         """The solution of x'' + x = g for the forcing g that explains the last step, 0 if there was none.
 
-        g = (cos(past) v_last + sin(past) x_last - v) / sin(past), times 1 - cos(turn).
+        g = (cos(past) v_last + sin(past) x_last - v) / sin(past), times 1 - cos(turn). A long step after a very short
+        one would divide the model's errors by the short one: it is of order 1.
         """
         turn = angle - following
         a, b = math.cos(turn), -math.sin(turn)
-        if self._last is None:
+        if self._last is None or not 1 - a <= MOST_WEIGHT * math.sin(self._last[0]):
             return a * x + b * v
         past, turned = self._last
         share = (1 - a) / math.sin(past)
         return a * x + (b - share) * v + share * turned
+
+    def _noisy_step(self, angle, following, x, v, x0, eta, generator):
+        """DDIM with fresh noise in place of a part of the predicted one."""
+        ratio = math.sin(following) / math.sin(angle)
+        std_dev = eta * ratio * math.sqrt(max(0.0, 1 - (math.cos(angle) / math.cos(following)) ** 2))
+        noise = math.sin(angle) * x + math.cos(angle) * v
+        fresh = draw_noise(x.shape, generator, x.device, x.dtype)
+        kept = math.sqrt(max(0.0, math.sin(following) ** 2 - std_dev**2))
+        return math.cos(following) * x0 + kept * noise + std_dev * fresh
 
     def _check_finite(self, model_output):
         finite = torch.isfinite(model_output).all()
