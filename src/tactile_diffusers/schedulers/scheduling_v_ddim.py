@@ -10,6 +10,7 @@ from diffusers.schedulers.scheduling_utils import SchedulerMixin
 from diffusers.utils import BaseOutput
 from diffusers.utils.torch_utils import randn_tensor
 
+from ..signal.checks import check_whole_number
 from .angles import to_angle, to_timestep
 
 #: What `examples/research/sampler.py` found best on whitened textures: for new checkpoints.
