@@ -8,7 +8,7 @@ from tactile_diffusers.data import RaterScores, pool_ratings
 from tactile_diffusers.data.ratings import QUANTILES, axis_correlation, rating_coverage, rating_quantiles
 from tactile_diffusers.data.ratings import rating_reliability as reliability_of
 from tactile_diffusers.signal import RATING_AXES, coverage_distance
-from tactile_diffusers.signal.rating_scales import from_percentile, from_raw, to_raw
+from tactile_diffusers.signal.rating_scales import from_percentile, from_raw
 
 TRAINING = np.array([True] * 6 + [False] * 3)
 SURFACES = [f"s{i}" for i in range(9)]
@@ -188,10 +188,9 @@ class TestCoverage:
         assert apart > 10 * reach  # where the two axes differ no surface has ever been
 
 
-def test_raw_and_back():
-    mean, scale, ratings = np.array([4.0, 3, 5]), np.array([2.0, 1, 0.5]), np.array([[1.0, -1, 2]])
-    np.testing.assert_allclose(to_raw(ratings, mean, scale), [[6, 2, 6]])
-    np.testing.assert_allclose(from_raw(to_raw(ratings, mean, scale), mean, scale), ratings)
+def test_raw_answers():
+    mean, scale = np.array([4.0, 3, 5]), np.array([2.0, 1, 0.5])
+    np.testing.assert_allclose(from_raw([[6, 2, 6]], mean, scale), [[1.0, -1, 2]])
 
 
 def test_quantiles_of_the_known_ratings():

@@ -5,6 +5,7 @@ import pytest
 from scipy import signal
 
 from tactile_diffusers.display import DriveProfile
+from tactile_diffusers.display.drive_stream import inverse_coefficients
 from tactile_diffusers.signal import band_pass
 
 RATE = 10_000
@@ -16,6 +17,23 @@ def _square_law(volts):
 
 def _squeeze_film(amplitude):
     return -0.2 * amplitude**2 / (0.2 + amplitude**2)  # N: flat at first, then saturating
+
+
+@pytest.fixture
+def response():
+    """What arrives at the finger of a force sent through `drive`, at a constant speed, unclipped; 1 = unchanged.
+
+    The delay of one sample of a held drive is left out.
+    """
+
+    def respond(profile, frequencies, speed, sampling_rate=RATE):
+        [pole], [bandwidth], [share] = inverse_coefficients(profile, np.array([float(speed)]), sampling_rate)
+        angle = np.pi * np.asarray(frequencies, dtype=np.float64) / sampling_rate
+        display = (1 - pole) / (1 - pole * np.exp(-2j * angle))
+        place = 1j * np.tan(angle) / bandwidth if share else 0
+        return (1 - share) * display + share / (1 + np.sqrt(2) * place + place**2)
+
+    return respond
 
 
 @pytest.fixture

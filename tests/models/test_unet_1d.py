@@ -51,7 +51,7 @@ def test_conditions_stand_for_latents(make_lctg, detail_channels, samples):
 
 @torch.no_grad()
 def test_conditions_stand_for_ratings(make_dale):
-    """Times, ratings, keys and values are prepared once for all steps; velocities are those of the ratings."""
+    """Times and ratings are prepared once for all steps; velocities are those of the ratings."""
     dale = make_dale()
     ratings = torch.tensor([[1.0, torch.nan, -2.0], [0.0, 0.5, 1.0]])
     sample, timesteps = torch.randn(2, dale.config.in_channels, 16), torch.tensor([999.0, 333.3, -1.0])
@@ -61,22 +61,3 @@ def test_conditions_stand_for_ratings(make_dale):
         found, expected = dale(sample, None, prepared).sample, dale(sample, timestep, ratings).sample
         torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-6)  # float32, products in another order
     assert not torch.allclose(dale(sample, None, conditions[0]).sample, expected)
-
-
-@torch.no_grad()
-def test_attention_of_another_kind_gets_tokens(make_dale):
-    """A processor that knows nothing of prepared keys is asked as diffusers would ask it."""
-
-    class Plain:
-        def __init__(self):
-            self.tokens = []
-
-        def __call__(self, attn, hidden_states, encoder_hidden_states):
-            self.tokens.append(encoder_hidden_states)
-            return hidden_states
-
-    dale, plain = make_dale(), Plain()
-    dale.set_attn_processor(plain)
-    (prepared,) = dale.condition(torch.zeros(1, 3), torch.tensor([500.0]))
-    dale(torch.randn(1, dale.config.in_channels, 16), None, prepared)
-    assert plain.tokens and all(tokens.shape[:2] == (1, 3) for tokens in plain.tokens)

@@ -149,23 +149,6 @@ def test_strong_guidance_is_warned_of_once(pipe, recorded_warnings, scale):
     assert len(found) == 1 and "`guidance_scale`" in found[0] and "is beyond 3" in found[0]
 
 
-def test_many_steps_are_warned_of_once_where_they_gain_nothing(pipe, recorded_warnings, pink_noise):
-    texture, options = pink_noise(2048, 10_000), {"output_type": "latent", "num_inference_steps": 1}
-    pipe.scheduler, pipe.dale_scheduler = (VDDIMScheduler(multistep_order=2) for _ in range(2))
-    with recorded_warnings() as found:
-        for _ in range(2):
-            pipe(RATINGS, num_latent_inference_steps=11, **options)
-            pipe.reconstruct(texture, 10_000, 12)
-    assert [text.split(": ")[1].split(" beyond 10")[0] for text in found] == [
-        "11 steps gain nothing",
-        "12 steps gain nothing",
-    ]
-    pipe.dale_scheduler = VDDIMScheduler(multistep_order=1)  # DDIM needs more
-    with recorded_warnings() as found:
-        pipe(RATINGS, num_latent_inference_steps=20, **options)
-    assert found == []
-
-
 # --- bringing the spread back
 
 

@@ -53,7 +53,6 @@ def test_what_would_lie_outside_the_band_is_filtered_as_in_a_recording(cycles_pe
 
 @pytest.mark.parametrize("speed", [20.0, 40.0, 80.0, 160.0, 320.0])
 def test_nothing_is_felt_far_above_the_band(profile, speed):
-    assert profile.coverage(speed) == (max(20, speed / 4), min(1000, speed * 12.5))
     felt = _read(profile, speed)
     power = np.abs(np.fft.rfft(felt * np.hanning(len(felt)))) ** 2
     recorded = np.abs(np.fft.rfft(band_pass(felt, RATE) * np.hanning(len(felt)))) ** 2

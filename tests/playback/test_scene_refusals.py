@@ -55,8 +55,6 @@ def test_impossible_questions_are_refused(pipe):
             scene.at(position)
     with pytest.raises(ValueError, match="`velocity` must be 2 finite"):
         scene.near((0, 0), velocity=3.0)
-    with pytest.raises(ValueError, match="`margin`"):
-        scene.prepare((0, 0), margin=-1)
     with pytest.raises(ValueError, match="has no `patches`"):
         bare.at((0, 0))
 

@@ -106,7 +106,7 @@ def test_step_after_the_end_is_refused():
 @pytest.mark.parametrize(
     ("config", "message"),
     [
-        ({"num_train_timesteps": 0}, "`num_train_timesteps` must be at least 1"),
+        ({"num_train_timesteps": 0}, "`num_train_timesteps` must be a whole number of at least 1"),
         ({"multistep_order": 0}, "`multistep_order`"),
         ({"multistep_order": 3}, "`multistep_order`"),
         ({"spacing": "karras"}, "`spacing` must be one of .*, got 'karras'"),

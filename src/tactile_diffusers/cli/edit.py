@@ -1,12 +1,10 @@
 """`tactile-diffusers edit`: a recording changed by ratings, or stretches of it made anew."""
 
-import math
-
 import numpy as np
 
-from ..signal.constants import RATING_AXES
 from .editing import editing_parser, run_edit
-from .program import command
+from .program import AXIS_ARGUMENTS, add_axis_arguments, command, ratings_by_axis
+from .recording_file import OPEN
 
 #: What is made anew on either side of a saturated stretch, s: the band-pass smears it.
 MARGIN_SECONDS = 0.01
@@ -16,12 +14,9 @@ def parse_arguments(argv=None):
     """Arguments of the command."""
     parser = editing_parser("edit.py", "Change a recording of lateral force by ratings, or make stretches of it anew.")
     add = parser.add_argument
-    for axis in RATING_AXES:
-        add(f"--{axis}", type=float, metavar="VALUE", help=f"{axis}, on --rating_scale; what is left out stays")
+    add_axis_arguments(parser, "what is left out stays")
     add("--rating_scale", choices=("difference", "z", "raw", "percentile"), default="difference", help="difference: "
         "z-scores added to the recording's (default); else as of generate")  # fmt: skip
-    add("--rating", nargs=2, action="append", default=[], metavar=("AXIS", "VALUE"), help="an axis by its name, such "
-        "as one that an adapted checkpoint knows besides; may be given several times")  # fmt: skip
     add("--source_ratings", nargs="+", type=float, metavar="Z", help="the recording's own, z-scores in order of the "
         "checkpoint's axes; default: estimated")  # fmt: skip
     add("--strength", type=float, default=0.5, metavar="S", help="0: the recording, 1: a fresh take; default: 0.5")
@@ -29,15 +24,9 @@ def parse_arguments(argv=None):
         "anew; may be given several times")  # fmt: skip
     add("--repair", action="store_true", help="make anew where the force stays at an end of its range")
     arguments = parser.parse_args(argv)
-    arguments.ratings = {axis: getattr(arguments, axis) for axis in RATING_AXES if getattr(arguments, axis) is not None}
-    try:
-        arguments.ratings |= {name: float(value) for name, value in arguments.rating}
-    except ValueError as error:
-        parser.error(f"argument --rating: {error}")
+    arguments.ratings = ratings_by_axis(parser, arguments)
     if bool(arguments.ratings) + bool(arguments.mask or arguments.repair) != 1:
-        parser.error(
-            f"give either --mask or --repair, or one or more of {', '.join(f'--{a}' for a in RATING_AXES)}, --rating"
-        )
+        parser.error(f"give either --mask or --repair, or one or more of {AXIS_ARGUMENTS}")
     return arguments
 
 
@@ -45,17 +34,11 @@ def parse_arguments(argv=None):
 def main(argv=None):
     """Runs the command."""
     arguments = parse_arguments(argv)
-    if arguments.mask or arguments.repair:
-        run_edit("edit.py", "edited", arguments, lambda pipe, recording: (_masked(arguments, recording), _OPEN))
-    else:
-        run_edit("edit.py", "edited", arguments, lambda *given: _rated(arguments, *given))
+    run_edit("edit.py", "edited", arguments, _masked if arguments.mask or arguments.repair else _rated)
 
 
-_OPEN = [math.nan] * len(RATING_AXES)
-
-
-def _masked(arguments, recording):
-    """Options of a call that makes stretches anew."""
+def _masked(arguments, pipe, recording):
+    """Options of a call that makes stretches anew; ratings stay open."""
     from ..data.force_checks import saturated
     from ..pipelines.filling import parse_mask
     from ..signal.masks import bridge_gaps
@@ -68,7 +51,7 @@ def _masked(arguments, recording):
         mask |= bridge_gaps(near, margin)
         if not mask.any():
             raise ValueError(f"--repair: nothing of {arguments.recording_file} is saturated. Give --mask.")
-    return {"mask": mask}
+    return {"mask": mask}, OPEN
 
 
 def _rated(arguments, pipe, recording):

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from .program import Parser, add_checkpoint_argument, add_output_argument, add_seed_argument, load_pipeline, program
+from .program import Parser, add_common_arguments, load_pipeline, program
 from .recording_file import add_recording_arguments, read_recording_file, write_texture
 
 
@@ -13,18 +13,15 @@ def editing_parser(script, description):
     add_recording_arguments(parser)
     parser.add_argument("--friction_coefficient", type=float, default=math.nan, metavar="MU", help="of the recording, "
         "mean lateral by mean normal force; default: that of a texture of this package, else unknown")  # fmt: skip
-    add_output_argument(parser, "folder of the texture's .npz, .wav and .png; created if need be")
-    add_checkpoint_argument(parser)
-    add_seed_argument(parser)
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add_common_arguments(parser, "folder of the texture's .npz, .wav and .png; created if need be")
     return parser
 
 
 def run_edit(script, name, arguments, options):
     """Reads the recording, calls the edit pipeline and writes NAME.npz, .wav and .png.
 
-    `options` is called with the pipeline and the recording; it returns the options of the call, and the ratings of what
-    is made, three z-scores.
+    `options` is called with the arguments, the pipeline and the recording; it returns the options of the call, and the
+    ratings of what is made, z-scores.
     """
     import torch
 
@@ -34,7 +31,7 @@ def run_edit(script, name, arguments, options):
     if not math.isnan(arguments.friction_coefficient):
         recording = replace(recording, friction_coefficient=arguments.friction_coefficient)
     pipe = TactileTextureEditPipeline.from_pipe(load_pipeline(arguments.checkpoint, arguments.quiet))
-    settings, ratings = options(pipe, recording)
+    settings, ratings = options(arguments, pipe, recording)
     generator = torch.Generator("cpu").manual_seed(arguments.seed)
     friction = recording.friction_coefficient
     out = pipe(recording.texture, recording.rate, friction_coefficient=friction, generator=generator, **settings)

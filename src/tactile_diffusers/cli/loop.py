@@ -1,10 +1,8 @@
 """`tactile-diffusers loop`: a recording whose end leads into its beginning."""
 
-import math
-
-from ..signal.constants import RATING_AXES
 from .editing import editing_parser, run_edit
 from .program import command, positive_number
+from .recording_file import OPEN
 
 
 @command("loop.py")
@@ -14,5 +12,5 @@ def main(argv=None):
     parser.add_argument("--seconds", type=positive_number, help="s to append, from the end to the beginning; "
         "default: 0.1 s on either side of the seam are made anew")  # fmt: skip
     arguments = parser.parse_args(argv)
-    options = {"loop": True, "continue_s": arguments.seconds}, [math.nan] * len(RATING_AXES)
+    options = {"loop": True, "continue_s": arguments.seconds}, OPEN
     run_edit("loop.py", "loop", arguments, lambda *given: options)

@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 from ..checkpoints import bundled_checkpoint
+from ..signal.constants import RATING_AXES
 
 #: The console command.
 NAME = "tactile-diffusers"
@@ -147,6 +148,43 @@ def add_seed_argument(parser, purpose="seed of all noise"):
 def add_output_argument(parser, purpose):
     """Adds `--output`, a folder that is created if need be."""
     parser.add_argument("--output", type=output_folder, required=True, metavar="FOLDER", help=purpose)
+
+
+def add_common_arguments(parser, output, seed="seed of all noise"):
+    """Adds `--output` and `--seed`, for the purposes given, `--checkpoint` and `--quiet`."""
+    add_output_argument(parser, output)
+    add_checkpoint_argument(parser)
+    add_seed_argument(parser, seed)
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def rating(word):
+    """A rating of the command line: a number, or NaN for `none`."""
+    try:
+        return math.nan if word.lower() == "none" else float(word)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"must be a number, or none = not specified, got {word!r}") from error
+
+
+def add_axis_arguments(parser, left_out):
+    """Adds `--roughness` and so on, and `--rating` for further axes; `left_out` says what becomes of the others."""
+    for axis in RATING_AXES:
+        parser.add_argument(f"--{axis}", type=float, metavar="VALUE", help=f"{axis} alone; {left_out}")
+    parser.add_argument("--rating", nargs=2, action="append", default=[], metavar=("AXIS", "VALUE"), help="an axis by "
+        "its name, such as one that an adapted checkpoint knows besides; may be given several times")  # fmt: skip
+
+
+def ratings_by_axis(parser, arguments):
+    """What `add_axis_arguments` added, as a dict of the axes that were given."""
+    given = {axis: getattr(arguments, axis) for axis in RATING_AXES if getattr(arguments, axis) is not None}
+    try:
+        return given | {name: rating(value) for name, value in arguments.rating}
+    except argparse.ArgumentTypeError as error:
+        parser.error(f"argument --rating: {error}")
+
+
+#: The arguments of `add_axis_arguments`, for errors.
+AXIS_ARGUMENTS = ", ".join((*(f"--{axis}" for axis in RATING_AXES), "--rating"))
 
 
 def add_generation_arguments(parser):

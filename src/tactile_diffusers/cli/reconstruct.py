@@ -2,16 +2,7 @@
 
 import json
 
-from .program import (
-    Parser,
-    add_checkpoint_argument,
-    add_output_argument,
-    add_seed_argument,
-    command,
-    count,
-    load_pipeline,
-    program,
-)
+from .program import Parser, add_common_arguments, command, count, load_pipeline, program
 from .recording_file import add_recording_arguments, read_recording_file, write_texture
 
 
@@ -23,14 +14,11 @@ def parse_arguments(argv=None):
         "band-passed to 20-1000 Hz first. Writes reconstruction.npz, .wav and .png.",
     )
     add_recording_arguments(parser)
-    add_output_argument(parser, "where the files go; created if need be")
-    add_checkpoint_argument(parser)
+    add_common_arguments(parser, "where the files go; created if need be", "seed of the decoder's noise")
     parser.add_argument(
         "--num_inference_steps", type=count, metavar="N", help="diffusion steps of LCTG; default: the checkpoint's"
     )
-    add_seed_argument(parser, "seed of the decoder's noise")
     parser.add_argument("--json", action="store_true", help="print metrics and files as JSON, and nothing else")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     return parser.parse_args(argv)
 
 

@@ -5,7 +5,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..signal.constants import RATING_AXES
 from .program import checkpoint_name, positive_number, program, warn
+
+#: Ratings of which nothing is known.
+OPEN = (math.nan,) * len(RATING_AXES)
 
 
 @dataclass(frozen=True)
@@ -92,20 +96,22 @@ def read_recording_file(script, arguments, quiet=True):
     return Recording(force, rate, texture, friction, notes)
 
 
-def write_texture(arguments, name, out, ratings=(math.nan,) * 3, row=0, original=None):
+def write_texture(arguments, name, out, ratings=OPEN, row=0, original=None, seed=None, picture=True):
     """Writes name.npz, .wav and .png of one texture of an output, says so unless `--quiet`, and returns the paths."""
     from ..export import write_figure, write_npz, write_wav
     from ..signal import rms
 
     arguments.output.mkdir(parents=True, exist_ok=True)
-    npz, wav, png = files = [arguments.output / f"{name}{suffix}" for suffix in (".npz", ".wav", ".png")]
+    files = [arguments.output / f"{name}{suffix}" for suffix in (".npz", ".wav", ".png")[: 3 if picture else 2]]
     texture, friction = out.textures[row], float(out.friction_coefficient[row])
     common = {"sampling_rate": out.sampling_rate, "friction_coefficient": friction, "ratings": ratings}
     origin = {"reference_speed": out.reference_speed, "checkpoint": checkpoint_name(arguments.checkpoint)}
-    for write, path in ((write_npz, npz), (write_wav, wav)):
-        write(path, texture, seed=arguments.seed, **origin, **common)
-    write_figure(png, texture, original=original, **common)
+    for write, path in zip((write_npz, write_wav), files, strict=False):
+        write(path, texture, seed=arguments.seed if seed is None else seed, **origin, **common)
+    if picture:
+        write_figure(files[2], texture, original=original, **common)
     if not arguments.quiet:
-        seconds = len(texture) / out.sampling_rate
-        print(f"{seconds:.2f} s, RMS {1e3 * rms(texture):.2f} mN: {', '.join(map(str, files))}")
+        written = ", ".join(map(str, files))
+        print(f"{written}: {len(texture) / out.sampling_rate:.2f} s, RMS {1e3 * rms(texture):.2f} mN", end="")
+        print("" if math.isnan(friction) else f", friction coefficient {friction:.2f}")
     return files

@@ -3,16 +3,7 @@
 from pathlib import Path
 
 from ..signal.constants import RATING_AXES
-from .program import (
-    Parser,
-    add_checkpoint_argument,
-    add_output_argument,
-    add_seed_argument,
-    command,
-    existing_file,
-    load_pipeline,
-    program,
-)
+from .program import Parser, add_common_arguments, command, existing_file, load_pipeline, program
 from .recording_file import write_texture
 
 
@@ -32,10 +23,7 @@ def parse_arguments(argv=None):
     add("--axes", nargs="*", choices=RATING_AXES, default=None, metavar="AXIS", help="of a new search; default: all")
     add("--directions", type=int, default=2, metavar="N", help="of a new search: what is searched beside ratings; "
         "default: 2")  # fmt: skip
-    add_output_argument(parser, "folder of the textures")
-    add_checkpoint_argument(parser)
-    add_seed_argument(parser, "of a new search")
-    add("--quiet", action="store_true", help="print nothing but errors and the best so far")
+    add_common_arguments(parser, "folder of the textures", "of a new search")
     return parser.parse_args(argv)
 
 

@@ -13,10 +13,8 @@ force along the sliding direction with its mean, sample by sample while the fing
 import json
 from pathlib import Path
 
-import numpy as np
-
 from ..io.files import atomic_path, write_text
-from ..io.reading import read_json, reading
+from ..io.reading import read_json, read_table, reading
 from .drive_curves import DRIVE_UNITS, LOOKUP_COLUMNS, check_kind
 
 PROFILE_FORMAT = "tactile-drive-profile"
@@ -108,14 +106,4 @@ def _read_table(path, key, name, columns):
     if not table.is_file():
         raise FileNotFoundError(f"{table}, which {path} names as its `{key}`, does not exist.")
     with reading(table, "CSV in UTF-8", "Write it again, with decimal points."):
-        header, *rows = table.read_text(encoding="utf-8-sig").splitlines() or [""]
-        if tuple(column.strip() for column in header.split(",")) != columns:
-            raise ValueError(
-                f"{table} must start with the columns {','.join(columns)}, got {header or 'an empty file'}."
-            )
-        if not any(rows):
-            raise ValueError(f"{table} has no rows below its header. Write it again.")
-        values = np.loadtxt(rows, delimiter=",", ndmin=2)  # skips blank lines
-        if values.shape[1] != len(columns):
-            raise ValueError(f"its rows have {values.shape[1]} numbers, not {len(columns)}")
-    return values
+        return read_table(table, columns)[1]

@@ -18,6 +18,10 @@ from .drive_profile import DriveProfile
 WINDOW_SECONDS = 0.2
 #: A shorter recording has fewer than 20 windows: too few to distinguish coherence from chance, which gives 1 / windows.
 SHORTEST_SECONDS = 2.1
+#: Least mean coherence in each of the nine bands: half the power of the force answers to the command. A response at
+#: coherence c from n windows has a random error of sqrt((1 - c) / (2 c n)) (Bendat & Piersol, Random Data): 5 % a bin
+#: for 20 s at 0.5.
+LEAST_COHERENCE = 0.5
 #: Friction coefficients of fingers lie within 0.05 (on a film of air) and 3 (soft and moist on glass, lightly pressed):
 #: beyond these wide limits a unit is wrong.
 FRICTION_COEFFICIENTS = (0.01, 10.0)
@@ -44,9 +48,7 @@ class DriveFit:
     misfit_db: float
 
 
-def fit_drive_profile(
-    command, measured, sampling_rate, *, kind, normal_force, speed, lookup=None, max_drive=None, min_coherence=0.5
-):
+def fit_drive_profile(command, measured, sampling_rate, *, kind, normal_force, speed, lookup=None):
     """Fits gain, offset and low-pass corner to one recording at a steady speed and normal force.
 
     Excite 20-1000 Hz: pseudo-random levels held for one to five samples, or a sweep, both about the middle of the
@@ -64,14 +66,10 @@ def fit_drive_profile(
         speed (`float`): mean finger speed, mm/s, 1-3000.
         lookup (`Sequence[tuple[float, float]]`, *optional*): for ultrasonic displays, see `DriveProfile`; the fitted
             gain scales it.
-        max_drive (`float`, *optional*): the device's limit; by default the largest drive in `command`, beyond which
-            nothing was measured.
-        min_coherence (`float`, *optional*, defaults to 0.5): least mean coherence in each of the nine bands: half the
-            power of the force answers to the command. A response at coherence c from n windows has a random error of
-            sqrt((1 - c) / (2 c n)) (Bendat & Piersol, Random Data): 5 % a bin for 20 s at 0.5.
 
     Returns:
-        `DriveFit`: its `profile` has one cutoff, at `speed`.
+        `DriveFit`: its `profile` has one cutoff, at `speed`, and as its `max_drive` the largest drive in `command`,
+            beyond which nothing was measured; `dataclasses.replace(profile, max_drive=...)` sets the device's own.
 
     Raises:
         ValueError: if an argument is bad, the recording too short, the coherence too low in a band (which is named),
@@ -83,13 +81,12 @@ def fit_drive_profile(
     rate = check_number("sampling_rate", sampling_rate, "Hz", above=2 * BAND_HZ[1])
     slowest, fastest = SLIDING_SPEEDS
     speed = check_number("speed", speed, "mm/s, as of a sliding finger", at_least=slowest, at_most=fastest)
-    min_coherence = check_number("min_coherence", min_coherence, "1", at_least=0)
     normal_force = check_number("normal_force", normal_force, "N", above=0, at_most=LARGEST_FORCE_N)
     command, measured = _check_recording(command, measured, rate, kind, lookup)
 
     change = friction_change(kind, lookup, command)
     frequencies, response, coherence = _transfer(change, measured, rate)
-    _check_coherence(frequencies, coherence, min_coherence)
+    _check_coherence(frequencies, coherence)
     _check_sign(response, kind)
     gain, cutoff, misfit_db = _fit_low_pass(frequencies, response, coherence, rate)
     profile = DriveProfile(
@@ -97,7 +94,7 @@ def fit_drive_profile(
         gain=gain,
         offset=float(measured.mean() - gain * change.mean()),
         cutoffs=((speed, cutoff),),
-        max_drive=float(np.abs(command).max()) if max_drive is None else max_drive,
+        max_drive=float(np.abs(command).max()),
         normal_force=normal_force,
         lookup=lookup,
     )
@@ -158,19 +155,19 @@ def _transfer(change, measured, rate):
     return frequencies, cross / np.maximum(power_in, tiny), coherence
 
 
-def _check_coherence(frequencies, coherence, least):
+def _check_coherence(frequencies, coherence):
     edges = band_edges()
     means = {}
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         mean = float(coherence[(frequencies >= low) & (frequencies <= high)].mean())
-        if mean < least:
+        if mean < LEAST_COHERENCE:
             means[f"{low:.0f}-{high:.0f} Hz"] = mean
     if means:
         bands = ", ".join(f"{mean:.2f} at {band}" for band, mean in means.items())
         raise ValueError(
-            f"The coherence of `command` and `measured` must be at least {least:g} in every band, got {bands}. Excite "
-            "these frequencies more strongly, record longer at a steady speed, and check `kind` and that both channels "
-            "start together."
+            f"The coherence of `command` and `measured` must be at least {LEAST_COHERENCE:g} in every band, got "
+            f"{bands}. Excite these frequencies more strongly, record longer at a steady speed, and check `kind` and "
+            "that both channels start together."
         )
 
 

@@ -1,6 +1,5 @@
 """The calibration of a friction display under one finger: from force to drive."""
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +11,7 @@ from ..signal.checks import check_number
 from ..signal.rows import check_rows
 from .drive_curves import DRIVE_UNITS, check_kind, check_lookup, friction_change, inverse_table
 from .drive_files import read_profile, write_profile
-from .drive_stream import DriveStream, inverse_coefficients
+from .drive_stream import DriveStream
 
 #: A limit below this (dB) would remove more of the spectrum than the inverse restores.
 LOWEST_MAX_GAIN_DB = 3.0
@@ -124,22 +123,6 @@ class DriveProfile:
             return np.full(np.shape(speed), np.inf)
         speeds, corners = np.transpose(self.cutoffs)
         return np.interp(speed, speeds, corners)
-
-    def response(self, frequencies, speed, sampling_rate=DEVICE_RATE):
-        """What arrives at the finger of a force sent through `drive`, at a constant speed, unclipped.
-
-        `frequencies` (n,) in Hz, `speed` in mm/s -> (n,) complex; 1 = unchanged. The delay of one sample of a held
-        drive is left out. A ValueError for a negative speed or a rate that is not positive.
-        """
-        speed = np.array([check_number("speed", speed, "mm/s", at_least=0)])
-        rate = check_number("sampling_rate", sampling_rate, "Hz", above=0)
-        [pole], [bandwidth], [share] = inverse_coefficients(self, speed, rate)
-        angle = np.pi * np.asarray(frequencies, dtype=np.float64) / rate
-        display = (1 - pole) / (1 - pole * np.exp(-2j * angle))
-        if not share:
-            return display
-        place = 1j * np.tan(angle) / bandwidth
-        return (1 - share) * display + share / (1 + math.sqrt(2) * place + place**2)
 
     def drive(self, force, speed, *, sampling_rate=DEVICE_RATE, bias=None):
         """Converts a whole texture to drive.

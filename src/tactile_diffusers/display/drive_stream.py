@@ -81,10 +81,6 @@ class DriveStream:
 
     def __init__(self, profile, sampling_rate, bias):
         self.profile, self.sampling_rate, self.bias = profile, sampling_rate, bias
-        self.reset()
-
-    def reset(self):
-        """Starts anew: as if the force had been zero up to now, and nothing been clipped."""
         self._state, self._speed, self._warned = (0.0, 0.0, 0.0), None, False
         self._samples = self._clipped = 0
         self._lowest = self._highest = self._peak = 0.0
@@ -133,7 +129,7 @@ class DriveStream:
 
     @property
     def report(self):
-        """`ClippingReport` on everything since the start or the last `reset`."""
+        """`ClippingReport` on everything since the start."""
         low, high = (limit - self.bias for limit in self.profile.force_range)
         rooms = [room / peak for room, peak in ((low, self._lowest), (high, self._highest)) if peak]
         scale = min(rooms, default=math.inf)

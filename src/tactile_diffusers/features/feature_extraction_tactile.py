@@ -1,6 +1,6 @@
 """From a texture in N to the encoder's features, and back from the decoder's waveform to N."""
 
-from numbers import Integral, Real
+from numbers import Real
 
 import numpy as np
 import torch
@@ -8,7 +8,7 @@ from transformers.feature_extraction_sequence_utils import SequenceFeatureExtrac
 from transformers.feature_extraction_utils import BatchFeature, FeatureExtractionMixin  # noqa: F401 (diffusers' loader looks for the base class in this module)
 
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
-from ..signal.checks import check_number
+from ..signal.checks import check_number, check_whole_number
 from ..signal.rows import texture_rows
 from .band_levels import band_sums, check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .fast_envelope import envelope_gain, gain_of_frames, measure_fast_envelope
@@ -97,14 +97,11 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         if not 0 < band[0] < band[1] < sampling_rate / 2:
             raise ValueError(f"`band` must satisfy 0 < low < high < {sampling_rate / 2} Hz, got {tuple(band)}.")
         for name, value in (("sampling_rate", sampling_rate), ("delivery_rate", delivery_rate)):
-            if not (isinstance(value, Real) and 0 < value <= MOST_RATE):
-                raise ValueError(f"`{name}` must be above 0 and at most {MOST_RATE} Hz, got {value}.")
-        if not (isinstance(frame_multiple, Integral) and frame_multiple >= 1):
-            raise ValueError(f"`frame_multiple` must be a whole number of at least 1, got {frame_multiple}.")
-        if hop_length < 1:
-            raise ValueError(f"`hop_length` must be at least 1 sample, got {hop_length}.")
-        if level_bands < 0:
-            raise ValueError(f"`level_bands` must be 0 (none) or more, got {level_bands}.")
+            check_number(name, value, "Hz", above=0, at_most=MOST_RATE)
+        for name, value, least in (
+            ("frame_multiple", frame_multiple, 1), ("hop_length", hop_length, 1), ("level_bands", level_bands, 0),
+        ):  # fmt: skip
+            check_whole_number(name, value, at_least=least)
         if max(window_lengths, default=0) > MOST_RATE:
             raise ValueError(f"`window_lengths` must be at most {MOST_RATE} samples, got {tuple(window_lengths)}.")
         if not window_lengths or min(window_lengths) < hop_length:

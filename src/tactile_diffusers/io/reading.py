@@ -57,6 +57,27 @@ def read_json(path, kind, remedy="Copy it again, or write it again."):
     return content
 
 
+def read_table(path, *headers):
+    """Reads a CSV file of numbers under a header, one of `headers`, each a tuple of names.
+
+    Returns:
+        `tuple`: the header, and the numbers, (rows, columns) float64. To be called within `reading`.
+    """
+    import numpy as np
+
+    first, *rows = Path(path).read_text(encoding="utf-8-sig").splitlines() or [""]
+    header = tuple(name.strip() for name in first.split(","))
+    if header not in headers:
+        wanted = " or ".join(",".join(names) for names in headers)
+        raise ValueError(f"its header is {first[:60] or 'empty'}, not {wanted}")
+    if not any(rows):
+        raise ValueError("it has no rows below its header")
+    table = np.loadtxt(rows, delimiter=",", ndmin=2)  # skips blank lines
+    if table.shape[1] != len(header):
+        raise ValueError(f"its rows have {table.shape[1]} numbers, not {len(header)}")
+    return header, table
+
+
 def check_size(path, claimed):
     """Raises a `ValueError` if the header of a file claims absurdly more bytes than the file has."""
     held = os.stat(path).st_size

@@ -11,9 +11,9 @@ class CrossAttnProcessor:
     _attention_backend = None
     _parallel_config = None
 
-    def __call__(self, attn, hidden_states, encoder_hidden_states, keys_values=None):
+    def __call__(self, attn, hidden_states, encoder_hidden_states):
         query = attn.to_q(hidden_states).unflatten(-1, (attn.heads, -1))  # (batch, positions, heads, head_dim)
-        key, value = attn.project(encoder_hidden_states) if keys_values is None else keys_values
+        key, value = (to(encoder_hidden_states).unflatten(-1, (attn.heads, -1)) for to in (attn.to_k, attn.to_v))
         out = dispatch_attention_fn(
             query, key, value, backend=self._attention_backend, parallel_config=self._parallel_config
         )
@@ -45,19 +45,6 @@ class CrossAttention1D(nn.Module, AttentionModuleMixin):
         self.to_out = nn.ModuleList([nn.Linear(dim, dim)])
         self.set_processor(self._default_processor_cls())
 
-    def project(self, encoder_hidden_states):
-        """Keys and values of tokens: two of (batch, tokens, heads, head_dim)."""
-        return tuple(to(encoder_hidden_states).unflatten(-1, (self.heads, -1)) for to in (self.to_k, self.to_v))
-
-    def precompute(self, encoder_hidden_states):
-        """`keys_values` for `forward`; `None` for a processor that is not ours, which may need no keys."""
-        return self.project(encoder_hidden_states) if isinstance(self.processor, CrossAttnProcessor) else None
-
-    def forward(self, hidden_states, encoder_hidden_states, keys_values=None):
-        """(batch, positions, dim), (batch, tokens, cross_attention_dim) -> (batch, positions, dim).
-
-        `keys_values`: of `precompute`, in place of the tokens.
-        """
-        if keys_values is None:
-            return self.processor(self, hidden_states, encoder_hidden_states)
-        return self.processor(self, hidden_states, None, keys_values)
+    def forward(self, hidden_states, encoder_hidden_states):
+        """(batch, positions, dim), (batch, tokens, cross_attention_dim) -> (batch, positions, dim)."""
+        return self.processor(self, hidden_states, encoder_hidden_states)

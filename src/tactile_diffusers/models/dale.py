@@ -9,6 +9,7 @@ from diffusers.models.modeling_utils import ModelMixin
 
 from ..schedulers.angles import to_angle
 from ..signal import RATING_AXES
+from ..signal.checks import check_whole_number
 from .calibration import check_calibration, check_network_axes, network_ratings, scalar_shift
 from .compiling import CompileMixin
 from .dale_output import DALEConditions, DALEOutput
@@ -27,7 +28,6 @@ from .dale_state import (
     whitened,
     with_quantiles,
 )
-from .distilled import check_distilled_steps
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
 from .hooks import HookMixin
 from .rating_statistics import RatingStatistics
@@ -136,7 +136,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         network_axes: int | None = None,
     ):
         super().__init__()
-        check_distilled_steps(distilled_steps)
+        check_whole_number("distilled_steps", 1 if distilled_steps is None else distilled_steps)
         scalars = self.num_scalars
         learned = in_channels - scalars - level_channels - envelope_channels
         if in_channels <= scalars or learned < 0:
@@ -157,7 +157,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
                 raise ValueError(f"`{name}` must hold {count} numbers, got {len(values)}.")
         if scalar_width is not None and distilled_steps != 1:
             raise ValueError(f"`scalar_width` needs `distilled_steps` = 1, got {distilled_steps}: there is one step.")
-        RatingStatistics.from_dict(rating_statistics).check(len(rating_axes))
+        RatingStatistics.from_dict(rating_statistics, len(rating_axes))
         seen = check_network_axes(network_axes, rating_axes, calibration)
         check_calibration(calibration, scalars, len(rating_axes), seen)
         self.gradient_checkpointing = False

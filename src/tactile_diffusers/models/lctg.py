@@ -13,8 +13,8 @@ from torch import nn
 
 from ..features.low_band import synthesize
 from ..schedulers.angles import to_angle
+from ..signal.checks import check_whole_number
 from .compiling import CompileMixin
-from .distilled import check_distilled_steps
 from .embeddings import TimestepEmbedder, expand_timestep
 from .hooks import HookMixin
 from .safe_loading import SafeLoadingMixin
@@ -167,10 +167,9 @@ class LCTGModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         distilled_steps: int | None = None,
     ):
         super().__init__()
-        check_distilled_steps(distilled_steps)
+        check_whole_number("distilled_steps", 1 if distilled_steps is None else distilled_steps)
         for name, value in (("level_bands", level_bands), ("envelope_channels", envelope_channels)):
-            if value < 0:
-                raise ValueError(f"`{name}` must be 0 (none) or more, got {value}.")
+            check_whole_number(name, value, at_least=0)
         levels, passed = self.level_channels, self.passed_channels
         if modulation_gains is not None and (len(modulation_gains) != levels or min(modulation_gains, default=0) < 0):
             raise ValueError(f"`modulation_gains` must hold {levels} numbers of at least 0, got {modulation_gains}.")

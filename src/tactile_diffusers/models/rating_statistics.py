@@ -28,38 +28,30 @@ class RatingStatistics:
 
     @classmethod
     def from_config(cls, config):
-        """Of DALE's config; all unknown if it has none.
-
-        Raises:
-            ValueError: for an unknown entry, or a value that does not have one number or row for each axis.
-        """
-        statistics = cls.from_dict(getattr(config, "rating_statistics", None))
-        statistics.check(len(config.rating_axes))
-        return statistics
+        """Of DALE's config; all unknown if it has none. Errors as of `from_dict`."""
+        return cls.from_dict(getattr(config, "rating_statistics", None), len(config.rating_axes))
 
     @classmethod
-    def from_dict(cls, entries):
+    def from_dict(cls, entries, axes):
         """Of a dict, or `None`.
 
         Raises:
-            ValueError: for an unknown entry.
+            ValueError: for an unknown entry, or a value that does not have one number or row for each of the axes.
         """
         names = [field.name for field in fields(cls)]
         unknown = sorted(set(entries or ()) - set(names))
         if unknown:
             raise ValueError(f"`rating_statistics` has unknown entries {unknown}; it may hold {names}.")
-        return cls(**(entries or {}))
-
-    def check(self, axes):
-        """Raises a `ValueError` unless every statistic has one number or row for each of the axes."""
-        for name, value in asdict(self).items():
+        statistics = cls(**(entries or {}))
+        for name, value in asdict(statistics).items():
             if name != "reach" and value is not None and len(value) != axes:
                 raise ValueError(f"`rating_statistics`: `{name}` must hold one entry for each of {axes} axes: {value}.")
-        if self.quantiles is not None:
-            lengths = {len(row) for row in self.quantiles}
-            ascending = all(low <= high for row in self.quantiles for low, high in pairwise(row))
+        if statistics.quantiles is not None:
+            lengths = {len(row) for row in statistics.quantiles}
+            ascending = all(low <= high for row in statistics.quantiles for low, high in pairwise(row))
             if len(lengths) != 1 or min(lengths) < 2 or not ascending:
                 raise ValueError(
                     "`rating_statistics`: `quantiles` must hold rows of ascending numbers, at least two and equally "
-                    f"many, got {self.quantiles}. `tactile_diffusers.data.ratings.rating_quantiles` computes them."
+                    f"many, got {statistics.quantiles}. `tactile_diffusers.data.ratings.rating_quantiles` makes them."
                 )
+        return statistics

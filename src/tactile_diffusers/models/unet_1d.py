@@ -90,14 +90,12 @@ class BlockConditions(NamedTuple):
         gain, shift (`torch.Tensor`): (batch or 1, channels, 1), modulation after the second norm.
         context (`torch.Tensor` or `None`): (batch, channels, length), projected.
         tokens (`torch.Tensor` or `None`): (batch, tokens, cross_attention_dim).
-        keys_values (`tuple` or `None`): of the tokens (`CrossAttention1D.precompute`).
     """
 
     gain: torch.Tensor
     shift: torch.Tensor
     context: torch.Tensor | None
     tokens: torch.Tensor | None
-    keys_values: tuple | None
 
 
 class ResnetBlock1D(nn.Module):
@@ -143,8 +141,7 @@ class ResnetBlock1D(nn.Module):
         """The block's `BlockConditions`; the embedding may have a leading axis for steps."""
         scale, shift = self.time_proj(embedding)[..., None].chunk(2, dim=-2)
         context = None if self.context_proj is None else self.context_proj(context)
-        keys_values = None if self.attn is None else self.attn.precompute(tokens)
-        return BlockConditions(1 + scale, shift, context, tokens, keys_values)
+        return BlockConditions(1 + scale, shift, context, tokens)
 
     def forward(self, hidden_states, embedding=None, context=None, tokens=None, conditions=None):
         """(batch, channels, length), same shape out; `conditions` stand for the three before them."""
@@ -158,7 +155,7 @@ class ResnetBlock1D(nn.Module):
         hidden_states = residual + self.conv2(self.act(hidden_states))
         if self.attn is not None:
             queries = self.attn_norm(hidden_states).transpose(1, 2)
-            attended = self.attn(queries, conditions.tokens, conditions.keys_values)
+            attended = self.attn(queries, conditions.tokens)
             hidden_states = hidden_states + self.context_scale * attended.transpose(1, 2)
         return hidden_states
 

@@ -5,7 +5,6 @@ import torch
 from diffusers.utils import logging
 
 from ..models import RatingStatistics
-from ..schedulers import VDDIMScheduler
 from ..signal import coverage_distance
 from ..signal.checks import check_number, check_whole_number
 from ..signal.rating_scales import RATING_SCALE, from_percentile, from_raw
@@ -14,8 +13,6 @@ logger = logging.get_logger(__name__)
 
 #: A hundred times the steps of training: more is a mistake (a rate, say), and would run for hours.
 MOST_STEPS = 100_000
-#: Steps of a stage beyond which nothing is gained with the second-order `VDDIMScheduler`, see `DEFAULT_STEPS`.
-SETTLED_STEPS = 10
 #: Guidance scale beyond which a warning is logged: levels leave what training surfaces had. Measured with the bundled
 #: checkpoint and 24 random ratings: 3 moves levels by 2 dB on average, to 3 standard deviations from the training's
 #: mean; 7.5 by 3.4 dB, to 3.8; 10 by 5 dB, to 4.7.
@@ -172,20 +169,6 @@ def parse_guidance(guidance_scale, axes):
     for name, scale in guidance_scale.items():
         check_number(f"guidance_scale[{name!r}]", scale, at_least=0)
     return {list(axes).index(name): float(scale) for name, scale in guidance_scale.items()}
-
-
-def steps_settle(scheduler):
-    """Whether textures of this scheduler settle within `SETTLED_STEPS`; those of others need more."""
-    return isinstance(scheduler, VDDIMScheduler) and scheduler.config.multistep_order == 2
-
-
-def warn_of_many_steps(steps):
-    """Logs a warning if there are more steps than can change a texture."""
-    if steps > SETTLED_STEPS:
-        logger.warning(
-            f"{steps} steps gain nothing beyond {SETTLED_STEPS} with the second-order VDDIMScheduler. Leave the number "
-            "out for the default."
-        )
 
 
 def warn_of_distilled_steps(name, steps, model, most):

@@ -163,17 +163,6 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
             self._warned_of.append((topic, value))
             warn(*arguments)
 
-    def encode_ratings(self, ratings, rating_scale, num_textures_per_rating):
-        """Ratings in any accepted form as z-scores, one row per texture: (N, axes) float32 on the CPU.
-
-        Raises:
-            ValueError: if they are not ratings.
-        """
-        config = self.dale.config
-        ratings = parse_ratings(ratings, config, rating_scale)
-        self._warn_once("ratings", ratings.numpy().tobytes(), warn_of_novel_ratings, ratings, config)
-        return ratings.repeat_interleave(int(num_textures_per_rating), dim=0)
-
     def prepare_latents(self, shape, generator, device, dtype, latents=None, name="latents"):
         """The initial noise of a stage: drawn, or the caller's own, cast and moved. `_denoise` scales it.
 
@@ -280,7 +269,9 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
         self._interrupt = False
 
         # 2. Encode the ratings
-        ratings = self.encode_ratings(ratings, rating_scale, num_textures_per_rating)
+        ratings = parse_ratings(ratings, self.dale.config, rating_scale)
+        self._warn_once("ratings", ratings.numpy().tobytes(), warn_of_novel_ratings, ratings, self.dale.config)
+        ratings = ratings.repeat_interleave(int(num_textures_per_rating), dim=0)
         generator = check_generator(generator, len(ratings))
         device, dtype = self._execution_device, self.dale.dtype
         ratings = ratings.to(device)
@@ -348,17 +339,15 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
             )
         if self.feature_extractor.fixed_scale:  # nothing was restored: the level is what was decoded
             level = torch.from_numpy(measured_level(textures)).to(level)
-        level, friction_coefficient = level.float(), friction_coefficient.float()
-        if output_type == "pt":
-            textures = torch.from_numpy(textures).to(waveform.device)
-            level, friction_coefficient = level.to(waveform.device), friction_coefficient.to(waveform.device)
-        else:
-            level, friction_coefficient = level.cpu().numpy(), friction_coefficient.cpu().numpy()
+        numbers = textures, friction_coefficient, level
+        return self._output(*numbers, self.feature_extractor.delivery_rate, output_type, waveform.device)
+
+    def _output(self, textures, friction_coefficient, level, sampling_rate, output_type, device):
+        """The output of textures (an array) and their numbers (tensors), as arrays or as tensors on a device."""
+        numbers = torch.from_numpy(textures), friction_coefficient.float(), level.float()
         speed = None if self.dale is None else self.dale.config.reference_speed
         return TactileTexturePipelineOutput(
-            textures=textures,
-            friction_coefficient=friction_coefficient,
-            level=level,
-            sampling_rate=self.feature_extractor.delivery_rate,
+            *(values.to(device) if output_type == "pt" else values.cpu().numpy() for values in numbers),
+            sampling_rate=sampling_rate,
             reference_speed=math.nan if speed is None else float(speed),
         )

@@ -14,7 +14,6 @@ from ..signal.checks import check_number, check_whole_number
 from ..signal.rows import texture_rows
 from .filling import LEAST_SECONDS, guessed, joined, lay_out, share_drawn
 from .inputs import LARGEST_RATING, check_generator, parse_ratings
-from .pipeline_output import TactileTexturePipelineOutput
 from .pipeline_tactile_texture import TactileTexturePipeline
 from .reconstruction import friction_of
 from .recordings import check_recording, target_ratings
@@ -281,18 +280,9 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
         """Filled textures in the dtype of the original, whose known samples are the same bit for bit."""
         dtype = original.numpy(force=True).dtype if isinstance(original, torch.Tensor) else np.asarray(original).dtype
         textures = textures.astype(np.float32 if dtype in (np.float16, np.float32) else np.float64)
-        level, friction = torch.from_numpy(measured_level(textures)).float(), encoded.friction_coefficient.float()
-        speed = self.dale.config.reference_speed
-        values = torch.from_numpy(textures), level, friction
-        pt = output_type == "pt"
-        textures, level, friction = (v.to(encoded.level.device) if pt else v.cpu().numpy() for v in values)
-        return TactileTexturePipelineOutput(
-            textures=textures,
-            friction_coefficient=friction,
-            level=level,
-            sampling_rate=sampling_rate,
-            reference_speed=math.nan if speed is None else float(speed),
-        )
+        level = torch.from_numpy(measured_level(textures))
+        numbers = textures, encoded.friction_coefficient, level
+        return self._output(*numbers, sampling_rate, output_type, encoded.level.device)
 
 
 def _turned(share):

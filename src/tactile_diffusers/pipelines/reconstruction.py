@@ -11,9 +11,7 @@ from .inputs import (
     check_generator,
     check_noise,
     check_steps,
-    steps_settle,
     warn_of_distilled_steps,
-    warn_of_many_steps,
 )
 from .pipeline_output import TactileLatents
 
@@ -36,9 +34,6 @@ class ReconstructionMixin:
         decoding = self._steps("num_inference_steps", num_inference_steps, self.lctg, few or DEFAULT_STEPS)
         undistilled = decoding if self.decoder_of(decoding).config.distilled_steps is None else DEFAULT_STEPS
         latent = self._steps("num_latent_inference_steps", num_latent_inference_steps, self.dale, undistilled)
-        stages = ((self.scheduler, decoding), (self.dale_scheduler, latent))
-        most = max((steps for scheduler, steps in stages if steps_settle(scheduler)), default=0)
-        self._warn_once("steps", most, warn_of_many_steps, most)
         return decoding, latent
 
     def _steps(self, name, steps, model, default):

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..signal.checks import check_number
-
 #: The longest patch, mm: a longer one is probably in another unit.
 LONGEST_MM = 10_000.0
 
@@ -50,8 +48,6 @@ class Patches:
         """Names of the patches that a finger on a straight way comes within `margin` mm of, in this order."""
         place = self._vector("position", position)
         velocity = self._vector("velocity", np.zeros(self.dimensions) if velocity is None else velocity)
-        margin = check_number("margin", margin, "mm", at_least=0)
-        seconds = check_number("seconds", seconds, "s", at_least=0)
         # the way through a box, axis by axis, as rays are cut with boxes; a resting axis is in it always or never
         slow = np.where(np.abs(velocity) < 1e-9, 1e-9, velocity)
         ends = (self._low - margin - place) / slow, (self._high + margin - place) / slow

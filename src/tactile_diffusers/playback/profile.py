@@ -51,7 +51,7 @@ class TextureProfile:
     at other frequencies when the finger moves at another speed.
 
     A texture of 20-1000 Hz at 80 mm/s holds 0.25 to 12.5 cycles/mm: at 40 mm/s nothing above 500 Hz, at 160 mm/s
-    nothing below 40 Hz (`coverage`). What is missing is filled with noise, fixed in space like the rest, that continues
+    nothing below 40 Hz. What is missing is filled with noise, fixed in space like the rest, that continues
     the slope of the texture's spectrum for two octaves on either side and follows its envelope; `fill=False` leaves it
     out.
 
@@ -147,11 +147,6 @@ class TextureProfile:
     def period(self):
         """One period of the profile, filled, with all its spatial frequencies: (n,) float64, N, `pitch` mm apart."""
         return np.fft.irfft(self._spectrum)
-
-    def coverage(self, speed):
-        """Lowest and highest frequency of the band, Hz, that the profile holds at a speed in mm/s."""
-        low, high = (frequency * speed / self.reference_speed for frequency in BAND_HZ)
-        return max(low, BAND_HZ[0]), min(high, BAND_HZ[1])
 
     def read(self, position, speed):
         """Texture force at positions, without the sign of the direction of motion.

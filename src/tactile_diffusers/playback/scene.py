@@ -125,26 +125,24 @@ class TextureScene:
         """
         return self._state.patches.at(position)
 
-    def near(self, position, velocity=None, margin=MARGIN_MM, seconds=AHEAD_SECONDS):
-        """Surfaces that a finger touches or is about to touch, first to be reached first: a list of names.
+    def near(self, position, velocity=None):
+        """Surfaces within 10 mm, or 0.3 s straight ahead, of a finger, first to be reached first: a list of names.
 
         Args:
             position (`float` or `Sequence[float]`): (dimensions,), mm.
             velocity (`float` or `Sequence[float]`, *optional*): (dimensions,), mm/s; `None` = it rests.
-            margin (`float`, *optional*, defaults to 10.0): mm around a patch that count as near.
-            seconds (`float`, *optional*, defaults to 0.3): how far ahead to look, straight on.
 
         Raises:
             ValueError: if an argument is not finite or of other dimensions, or the scene has no patches.
         """
-        return self._state.patches.near(position, velocity, margin, seconds)
+        return self._state.patches.near(position, velocity, MARGIN_MM, AHEAD_SECONDS)
 
-    def prepare(self, position, velocity=None, margin=MARGIN_MM, seconds=AHEAD_SECONDS):
+    def prepare(self, position, velocity=None):
         """Decodes what a finger touches or is about to touch, at most `cache_size` surfaces, in the caller's thread.
 
         Arguments, result (less what exceeds the cache) and errors are those of `near`.
         """
-        names = self.near(position, velocity, margin, seconds)[: self.cache_size]
+        names = self.near(position, velocity)[: self.cache_size]
         for name in names:
             self.profile(name)
         return names

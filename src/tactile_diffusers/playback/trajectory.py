@@ -1,11 +1,10 @@
 """A whole trajectory of a finger at once: the force that it would meet on a texture."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from ..io.reading import reading
+from ..io.reading import read_table, reading
 from ..signal import DEVICE_RATE, REFERENCE_FORCE
 from ..signal.checks import check_number
 from .stream import TextureStream
@@ -48,14 +47,8 @@ def read_trajectory(path):
         ValueError: naming the file and what is wrong with it.
     """
     with reading(path, "a trajectory", "Write it as CSV with the header time,position or time,x,y, in s and mm."):
-        header, *rows = Path(path).read_text(encoding="utf-8-sig").splitlines() or [""]
-        names = [name.strip() for name in header.split(",")]
-        if names not in (["time", "position"], ["time", "x", "y"]):
-            raise ValueError(f"its header is {header[:60]!r}")
-        table = np.loadtxt(rows, delimiter=",", ndmin=2) if any(rows) else np.empty((0, len(names)))
-        if table.shape[1] != len(names):
-            raise ValueError(f"its rows have {table.shape[1]} numbers, not {len(names)}")
-        return table[:, 0], table[:, 1] if len(names) == 2 else table[:, 1:]
+        header, table = read_table(path, ("time", "position"), ("time", "x", "y"))
+    return table[:, 0], table[:, 1] if len(header) == 2 else table[:, 1:]
 
 
 def play_trajectory(

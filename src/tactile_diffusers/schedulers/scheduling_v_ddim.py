@@ -10,6 +10,7 @@ from diffusers.schedulers.scheduling_utils import SchedulerMixin
 from diffusers.utils import BaseOutput
 from diffusers.utils.torch_utils import randn_tensor
 
+from ..signal.checks import check_whole_number
 from .angles import to_angle, to_timestep
 
 #: What `examples/research/sampler.py` found best on whitened textures: for new checkpoints.
@@ -106,10 +107,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         timestep_spacing: str = "trailing",
         clip_sample: bool = False,
     ):
-        if not 1 <= num_train_timesteps <= MOST_TIMESTEPS:
-            raise ValueError(
-                f"`num_train_timesteps` must be at least 1 and at most {MOST_TIMESTEPS}, got {num_train_timesteps}."
-            )
+        check_whole_number("num_train_timesteps", num_train_timesteps, at_most=MOST_TIMESTEPS)
         if multistep_order not in (1, 2):
             raise ValueError(f"`multistep_order` must be 1 (DDIM) or 2, got {multistep_order}.")
         if spacing not in SPACINGS:

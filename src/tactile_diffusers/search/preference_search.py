@@ -59,7 +59,6 @@ class PreferenceSearch:
             ([`SearchSpace`](search_space.py)).
         ratings (`dict[str, float]`, *optional*): of axes that are not searched, z-scores; by default not specified.
         seed (`int`, *optional*, defaults to 0): of the textures' other noise, and of the pairs.
-        duration_s (`float`, *optional*): of the textures, s; one segment by default.
 
     Attributes:
         answers (`list[dict]`): `first` and `second`, points (dimensions,), and `answer`, in the order in which they
@@ -70,9 +69,9 @@ class PreferenceSearch:
         ValueError: naming the argument: unknown axes, nothing to search, a pipeline without DALE.
     """
 
-    def __init__(self, pipe, axes=None, directions=2, ratings=None, seed=0, duration_s=None):
+    def __init__(self, pipe, axes=None, directions=2, ratings=None, seed=0):
         self.seed = check_seed(seed)
-        self.space = SearchSpace(pipe, axes, directions, ratings, self.seed, duration_s)
+        self.space = SearchSpace(pipe, axes, directions, ratings, self.seed)
         self.names, self.answers = self.space.names, []
         self._pair = self._model = None
 
@@ -144,8 +143,8 @@ class PreferenceSearch:
         """Writes the search as JSON: its arguments, the answers with their points, a digest of the weights."""
         space = self.space
         content = {"format": FORMAT, "version": VERSION, "checkpoint_sha256": space.fingerprint()}
-        content |= {"axes": list(space.axes), "directions": space.directions, "ratings": space.held, "seed": self.seed}
-        content |= {"duration_s": space.duration_s, "answers": self.answers}
+        content |= {"axes": list(space.axes), "directions": space.directions, "ratings": space.held}
+        content |= {"seed": self.seed, "answers": self.answers}
         write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
     @classmethod
@@ -160,7 +159,7 @@ class PreferenceSearch:
             content = read_json(path, "a preference search", "Begin another one, or correct it.")
             if (content.get("format"), content.get("version")) != (FORMAT, VERSION):
                 raise ValueError(f'it has no "format": "{FORMAT}" and "version": {VERSION}')
-            names = ("axes", "directions", "ratings", "seed", "duration_s")
+            names = ("axes", "directions", "ratings", "seed")
             search = cls(pipe, **{name: content[name] for name in names})
             if content["checkpoint_sha256"] != search.space.fingerprint():
                 raise ValueError(

@@ -29,17 +29,16 @@ class SearchSpace:
         directions (`int`): how many.
         ratings (`dict[str, float]`): of axes that are not searched, z-scores; left out = not specified.
         seed (`int`): of all other noise.
-        duration_s (`float`): of the textures, s; `None` = one segment.
 
     Raises:
         ValueError: naming the argument.
     """
 
-    def __init__(self, pipe, axes, directions, ratings, seed, duration_s):
+    def __init__(self, pipe, axes, directions, ratings, seed):
         if getattr(pipe, "dale", None) is None:
             raise ValueError("`pipe` must be a TactileTexturePipeline with `dale`: a search generates textures.")
         known = tuple(pipe.dale.config.rating_axes)
-        self.pipe, self.seed, self.duration_s = pipe, seed, duration_s
+        self.pipe, self.seed = pipe, seed
         self.axes = known if axes is None else tuple(axes)
         unknown = [axis for axis in self.axes if axis not in known]
         if unknown or isinstance(axes, str) or len(set(self.axes)) < len(self.axes):
@@ -107,7 +106,7 @@ class SearchSpace:
     def textures(self, points):
         """Textures of points (n, dimensions): the pipeline's output."""
         pipe, dale = self.pipe, self.pipe.dale
-        shape = (1, dale.config.in_channels, pipe._sizes(self.duration_s)[0])
+        shape = (1, dale.config.in_channels, dale.config.latent_frames)
         noise = draw_noise(shape, torch.Generator("cpu").manual_seed(self.seed), "cpu", torch.float32)
         noise = noise.repeat(len(points), 1, 1)
         if self.directions:
@@ -120,7 +119,6 @@ class SearchSpace:
             self.ratings(points),
             generator=generators[0] if len(points) == 1 else generators,
             latents=noise.to(pipe._execution_device, dale.dtype),
-            duration_s=self.duration_s,
         )
 
     def fingerprint(self):

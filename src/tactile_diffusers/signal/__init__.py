@@ -10,6 +10,7 @@ from .constants import (
     WORKING_RATE,
 )
 from .coverage import coverage_distance
+from .filters import band_pass
 from .resampling import resample
 from .spectra import band_edges, band_levels_db, level, nine_band_error_db, power_spectral_density, rms
 
@@ -31,12 +32,3 @@ __all__ = [
     "resample",
     "rms",
 ]
-
-
-def __getattr__(name):
-    """Imports the band-pass when it is first asked for: generating a texture does not filter."""
-    if name == "band_pass":
-        from .filters import band_pass
-
-        return band_pass
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

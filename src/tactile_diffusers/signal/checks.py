@@ -39,15 +39,8 @@ def check_whole_number(name, value, at_least=1, at_most=2**64 - 1):
 
 
 def check_seed(seed):
-    """A seed as an int: a whole number of at least 0 that fits into 64 bits, as generators and files take it.
-
-    Raises:
-        ValueError: if `seed` is anything else.
-    """
-    number = _as_number(seed)
-    if not isinstance(number, Integral) or not 0 <= number < 2**64:
-        raise ValueError(f"`seed` must be a whole number of at least 0 and below 2**64, got {seed!r}.")
-    return int(number)
+    """A seed as an int: a whole number of at least 0 that fits into 64 bits, as generators and files take it."""
+    return check_whole_number("seed", seed, at_least=0)
 
 
 def _as_number(value):

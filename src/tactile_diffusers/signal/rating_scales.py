@@ -6,11 +6,6 @@ import numpy as np
 RATING_SCALE = (0.0, 8.0)
 
 
-def to_raw(ratings, raw_mean, raw_scale):
-    """From ratings in z-scores to the typical rater's 0-8 scale: (..., 3), not clipped."""
-    return np.asarray(ratings) * raw_scale + raw_mean
-
-
 def from_raw(answers, raw_mean, raw_scale):
     """From the typical rater's 0-8 scale to ratings in z-scores: (..., 3)."""
     return (np.asarray(answers) - raw_mean) / raw_scale
