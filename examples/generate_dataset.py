@@ -74,7 +74,7 @@ def main(argv=None):
             refuse("generate_dataset.py", error)
         state.destroy_process_group()
         return 2
-    from tactile_diffusers.evaluation.sampling import one_thread
+    from report.sampling import one_thread
 
     with one_thread(state.device), _novelty_warned_once():
         _run(arguments, state, **job)

@@ -28,10 +28,8 @@ from sklearn.linear_model import Ridge
 from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.envelopes import surface_means
-from tactile_diffusers.evaluation.held_out import open_held_out
 from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures
 from tactile_diffusers.evaluation.metrics.statistics import leaf
-from tactile_diffusers.evaluation.sampling import generate, noise_seeds
 from tactile_diffusers.evaluation.truth import LEAST_EFFECTIVE_SIZE
 from tactile_diffusers.evaluation.virtual_truth import truth_of
 from tactile_diffusers.signal import band_levels_db, level
@@ -40,6 +38,8 @@ from tactile_diffusers.training.adapting import adapt
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.changes import against_real, comparisons, counted
+from report.held_out import open_held_out
+from report.sampling import generate, noise_seeds
 from report.sections.generation import surface_correlation, unseen_errors
 from report.sections.regression import best_polynomial
 

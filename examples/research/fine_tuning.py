@@ -20,7 +20,6 @@ from peft import LoraConfig
 from tqdm.auto import tqdm
 
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.held_out import open_held_out
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
 from tactile_diffusers.training.steps import BatchNoise
@@ -28,6 +27,7 @@ from tactile_diffusers.training.steps import BatchNoise
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `distilling`
 
 from distilling.latent_step import LatentStep
+from report.held_out import open_held_out
 
 SURFACES, UPDATES, BATCH, SEED = 50, 300, 32, 0
 #: Segments of the checkpoint's own world in rehearsal.

@@ -15,12 +15,12 @@ from study_context import run_study
 from tqdm.auto import tqdm
 
 from tactile_diffusers.evaluation.metrics.statistics import jackknife, leaf, number
-from tactile_diffusers.evaluation.sampling import encode, noise_seeds
 from tactile_diffusers.signal import band_levels_db, rms
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.figures import figure_panels
+from report.sampling import encode, noise_seeds
 from report.tables import markdown_table
 from report.tables import text as shown
 

@@ -20,7 +20,6 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.sampling import generate, noise_seeds
 from tactile_diffusers.evaluation.virtual_truth import virtual_truth
 from tactile_diffusers.signal import band_levels_db
 from tactile_diffusers.training.adapting import adapt
@@ -28,6 +27,7 @@ from tactile_diffusers.training.adapting import adapt
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.result_files import conditions, stamp, write_results
+from report.sampling import generate, noise_seeds
 from report.tables import markdown_table
 
 VALUES = (-1.0, 1.0)

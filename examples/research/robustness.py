@@ -11,12 +11,12 @@ from study_context import run_study
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.metrics.errors import DB_PER_NEPER, out_of_band_ratio_db, snr_db
 from tactile_diffusers.evaluation.metrics.statistics import leaf, number
-from tactile_diffusers.evaluation.sampling import noise_seeds, reconstruct
 from tactile_diffusers.pipelines.velocities import texture_velocity
 from tactile_diffusers.signal import band_levels_db, band_pass, level, nine_band_error_db, rms
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
+from report.sampling import noise_seeds, reconstruct
 from report.tables import markdown_table
 from report.tables import text as shown
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from report.sampling import encode
 from scipy import signal
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
@@ -26,7 +27,6 @@ from tactile_diffusers.evaluation.metrics.diversity import covered, diversity
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.rating_effects import reversal
 from tactile_diffusers.evaluation.metrics.reference import Reference
-from tactile_diffusers.evaluation.sampling import encode
 from tactile_diffusers.evaluation.second_judge import SecondJudge, tell_apart
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass, nine_band_error_db, rms
 from tactile_diffusers.virtual import VirtualSurface, steady_exploration

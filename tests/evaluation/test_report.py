@@ -266,7 +266,7 @@ def test_too_few_surfaces_are_refused_with_the_option_that_helps(evaluable_pipe,
 
 
 def test_surfaces_that_training_has_too_are_refused(evaluable_pipe, prepared, tmp_path, monkeypatch):
-    where = "tactile_diffusers.evaluation.held_out.PreparedDataset"
+    where = "report.held_out.PreparedDataset"
     monkeypatch.setattr(where, lambda data, split: PreparedDataset(data, "train"))
     with pytest.raises(ValueError, match="has 14 surfaces of the split 'train' in training too, first '"):
         make_context(evaluable_pipe(), prepared, "test", TINY, 0, tmp_path)

@@ -13,10 +13,10 @@ import torch
 from ablate_results import averaged
 from ablate_rows import read_rows
 from ablate_training import DIGEST
+from report.sampling import encode
 from report.sections import Settings
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.evaluation.sampling import encode
 from tactile_diffusers.io.locks import fcntl
 
 SCRIPTS = Path(__file__).parents[2] / "examples"

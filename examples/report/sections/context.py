@@ -8,8 +8,9 @@ import numpy as np
 
 from tactile_diffusers.data.checkpoint_fit import check_fit
 from tactile_diffusers.evaluation.baselines import default_baselines, latent_rate
-from tactile_diffusers.evaluation.held_out import HeldOutData, open_held_out, random_generator
-from tactile_diffusers.evaluation.sampling import encode, generate, noise_seeds
+
+from ..held_out import HeldOutData, open_held_out, random_generator
+from ..sampling import encode, generate, noise_seeds
 
 #: Limits the rate of latents that were trained without noise: half precision, as they are stored.
 HALF_PRECISION = 2.0**-11

@@ -11,10 +11,10 @@ from tactile_diffusers.evaluation.metrics.errors import (
     signed_band_key,
 )
 from tactile_diffusers.evaluation.metrics.statistics import estimate, leaf, number
-from tactile_diffusers.evaluation.sampling import reconstruct
 from tactile_diffusers.signal import nine_band_error_db, rms
 
 from ..figures import plot_overlays
+from ..sampling import reconstruct
 from .decoders import measure_decoders
 from .speed import decoding_seconds
 

@@ -10,10 +10,10 @@ from tactile_diffusers.evaluation.baselines import BaselineRequest
 from tactile_diffusers.evaluation.metrics.afferents import AFFERENT_FLOORS, AFFERENT_NAMES, afferent_features
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.statistics import leaf, number
-from tactile_diffusers.evaluation.sampling import reconstruct
 from tactile_diffusers.evaluation.second_judge import FOLDS, tell_apart
 
 from ..figures import plot_told_apart
+from ..sampling import reconstruct
 from ..stand_ins import NoNetwork, with_stand_in
 
 #: Feature sets: name -> features of textures, their names and their least spreads.

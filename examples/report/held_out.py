@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ..data import PreparedDataset
-from ..data.splits import SPLITS
-from ..signal import band_edges, band_levels_db
-from .baselines import BaselineRequest, TrainingTextures
-from .metrics.reference import Reference
+from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.data.splits import SPLITS
+from tactile_diffusers.evaluation.baselines import BaselineRequest, TrainingTextures
+from tactile_diffusers.evaluation.metrics.reference import Reference
+from tactile_diffusers.signal import band_edges, band_levels_db
 
 
 def random_generator(seed, purpose):

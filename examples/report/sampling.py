@@ -8,8 +8,8 @@ import torch
 from threadpoolctl import threadpool_limits
 from tqdm.auto import tqdm
 
-from ..signal import resample
-from .metrics.texture_checks import in_blocks
+from tactile_diffusers.evaluation.metrics.texture_checks import in_blocks
+from tactile_diffusers.signal import resample
 
 # textures that are encoded at once
 _ENCODED = 64
