@@ -12,7 +12,6 @@ import numpy as np
 from tqdm.auto import tqdm
 
 from tactile_diffusers.evaluation.metrics.embedding import EMBEDDING_VERSION
-from tactile_diffusers.evaluation.virtual_truth import can_be_continued
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.io.reading import read_json
 from tactile_diffusers.pipelines.folders import folder_digest
@@ -21,6 +20,7 @@ from tactile_diffusers.training.record import count_seen, phases, read_losses, s
 from .result_files import machine_facts
 from .sampling import one_thread
 from .sections import SECTIONS, WITHOUT_RATINGS
+from .virtual_truth import can_be_continued
 
 #: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
 METRICS_VERSION = 4

@@ -13,7 +13,6 @@ from tactile_diffusers import TactileTextureEditPipeline
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.judge import Judge, response_matrix
 from tactile_diffusers.evaluation.metrics.embedding import SCALE_FLOORS, tactile_features
-from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.evaluation.second_judge import tell_apart
 from tactile_diffusers.evaluation.truth import LEAST_EFFECTIVE_SIZE, recorded_truth
@@ -23,6 +22,7 @@ from tactile_diffusers.signal import RATING_AXES, level, resample
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.held_out import open_held_out
+from report.rating_effects import texture_measures
 from report.sampling import noise_seeds
 from report.tables import markdown_table, text
 

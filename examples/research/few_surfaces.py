@@ -28,10 +28,8 @@ from sklearn.linear_model import Ridge
 from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.envelopes import surface_means
-from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.evaluation.truth import LEAST_EFFECTIVE_SIZE
-from tactile_diffusers.evaluation.virtual_truth import truth_of
 from tactile_diffusers.signal import band_levels_db, level
 from tactile_diffusers.training.adapting import adapt
 
@@ -39,9 +37,11 @@ sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.changes import against_real, comparisons, counted
 from report.held_out import open_held_out
+from report.rating_effects import texture_measures
 from report.sampling import generate, noise_seeds
 from report.sections.generation import surface_correlation, unseen_errors
 from report.sections.regression import best_polynomial
+from report.virtual_truth import truth_of
 
 COUNTS = (3, 5, 10, 20, 50, 100, 200)
 #: Of them also with the decoder trained, and by a DALE that is trained anew; and the one whose rows the page shows.

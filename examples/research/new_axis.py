@@ -20,7 +20,6 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.virtual_truth import virtual_truth
 from tactile_diffusers.signal import band_levels_db
 from tactile_diffusers.training.adapting import adapt
 
@@ -29,6 +28,7 @@ sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 from report.result_files import conditions, stamp, write_results
 from report.sampling import generate, noise_seeds
 from report.tables import markdown_table
+from report.virtual_truth import virtual_truth
 
 VALUES = (-1.0, 1.0)
 INTRO = """# Does an axis that only your raters know work after fifty surfaces?

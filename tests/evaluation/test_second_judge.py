@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from report.afferents import AFFERENT_FLOORS, AFFERENT_NAMES, TUNING, afferent_features
 from report.sections.second_judge import Takes
 from scipy import signal
 
 import tactile_diffusers
 from tactile_diffusers.evaluation import FEATURE_NAMES, SecondJudge, tactile_features, tell_apart
-from tactile_diffusers.evaluation.metrics.afferents import AFFERENT_FLOORS, AFFERENT_NAMES, TUNING, afferent_features
 from tactile_diffusers.evaluation.metrics.embedding import SCALE_FLOORS
 from tactile_diffusers.evaluation.second_judge import FOLDS
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_pass

@@ -7,11 +7,11 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tactile_diffusers.evaluation.baselines import BaselineRequest
-from tactile_diffusers.evaluation.metrics.afferents import AFFERENT_FLOORS, AFFERENT_NAMES, afferent_features
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.statistics import leaf, number
 from tactile_diffusers.evaluation.second_judge import FOLDS, tell_apart
 
+from ..afferents import AFFERENT_FLOORS, AFFERENT_NAMES, afferent_features
 from ..figures import plot_told_apart
 from ..sampling import reconstruct
 from ..stand_ins import NoNetwork, with_stand_in

@@ -6,7 +6,6 @@ _PLACES = {
     "baselines": ("SLUGS", "BaselineRequest", "TrainingTextures", "default_baselines"),
     "judge": ("Judge", "response_matrix"),
     "truth": ("RatedTextures",),
-    "virtual_truth": ("truth_of",),
     "metrics.copying": ("TrainingEnvelopes", "copied_share"),
     "metrics.distances": ("frechet_tactile_distance", "kernel_tactile_distance"),
     "metrics.diversity": ("covered", "diversity"),

@@ -8,11 +8,18 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from tqdm.auto import tqdm
 
-from ..data import HoldOut, PreparedDataset, SegmentLimits
-from ..signal.checks import check_whole_number
-from ..signal.constants import VIRTUAL_SOURCE
-from ..virtual import FIRST_FRESH, RECIPE_VERSION, Collection, VirtualSurface, fresh_ratings, fresh_textures
-from .truth import CHUNK, RatedTextures, joined, log_kernel, recorded_truth
+from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits
+from tactile_diffusers.evaluation.truth import CHUNK, RatedTextures, joined, log_kernel, recorded_truth
+from tactile_diffusers.signal.checks import check_whole_number
+from tactile_diffusers.signal.constants import VIRTUAL_SOURCE
+from tactile_diffusers.virtual import (
+    FIRST_FRESH,
+    RECIPE_VERSION,
+    Collection,
+    VirtualSurface,
+    fresh_ratings,
+    fresh_textures,
+)
 
 
 def draw_surfaces(ratings, requests, count, seed=0):

@@ -11,9 +11,9 @@ from itertools import combinations, pairwise
 import numpy as np
 from scipy import signal
 
-from ...signal import BAND_HZ, DEVICE_RATE, rms
-from .embedding import DB_SCALE_FLOOR, SCALE_FLOOR, modulation_db, standardised
-from .texture_checks import check_textures, in_blocks
+from tactile_diffusers.evaluation.metrics.embedding import DB_SCALE_FLOOR, SCALE_FLOOR, modulation_db, standardised
+from tactile_diffusers.evaluation.metrics.texture_checks import check_textures, in_blocks
+from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, rms
 
 #: Sampling rate of the activity, Hz.
 ACTIVITY_RATE = 200.0
