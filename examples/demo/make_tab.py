@@ -25,11 +25,13 @@ _PAD = '<div class="pad" role="slider" tabindex="0" aria-label="Pad of two ratin
 def make_tab(desk, tab, page):
     """The tab. Returns its `controls` and `restore`, for those who set them."""
     gr, studio, scale = desk.gr, desk.studio, desk.studio.scale
-    history = gr.State({"entries": [], "at": -1, "time": 0.0})
+    history = gr.State({"entries": [], "at": -1, "time": 0.0, "moved": set()})
     with gr.Row():
         with gr.Column(scale=4, min_width=300):
             sliders, opens = _axes(gr, scale)
             status = gr.Markdown(elem_id="status")
+            if scale.name == "percentile":
+                gr.Markdown("Percentiles: at 80, four of five measured surfaces are less rough, bumpy or slippery.")
         with gr.Column(scale=3, min_width=260):
             pad = gr.HTML(html_template=_PAD, js_on_load=_script("pad.js"), elem_id="pad", apply_default_css=False)
             with gr.Row():
@@ -63,16 +65,14 @@ def make_tab(desk, tab, page):
         ranges = {axis: scale.ranges[number] for axis, number in at.items()}
         return json.dumps({**state, "ranges": ranges, "names": {"x": x, "y": y}, "words": sides})
 
-    def create(entry, log, x, y):
+    def create(entry, log, x, y, apart=False):
         """What all answers of this tab bring: strip, shown, made, history, status, pad."""
         values, left_open = entry[: make.count], entry[make.count : 2 * make.count]
-        name, number, seed, *how, checkpoint = entry[2 * make.count :]
+        _, number, seed, *how, checkpoint = entry[2 * make.count :]
         ratings = scale.to_z([None if off else value for value, off in zip(values, left_open, strict=True)])
         texture = studio.generate(ratings, Settings(seed + number - 1, *how), checkpoint)
-        edited = _is_edited(scale, name, values, left_open)
-        log = _remember(log, entry)
-        title = f"{name}, edited" if edited else name or "your own"
-        told = f"**{title}** · take {number} · feels like: {scale.describe(texture.estimated)}"
+        log, title = _remember(log, entry, apart), _title(scale, entry)
+        told = f"**{title}** · take {number} · estimated to feel: {scale.describe(texture.estimated)}"
         told += "".join(f"<br>{note}" for note in [scale.novelty(ratings)] if note)
         put = desk.put([(title, texture)], _link(scale, entry))
         return *put, (entry, texture), log, told, pad_value(values, x, y)
@@ -90,7 +90,7 @@ def make_tab(desk, tab, page):
         return *entry[: 2 * make.count], *rest
 
     def restore(entry, log, x, y):
-        return *entry, *create(tuple(entry), log, x, y)
+        return *entry, *create(tuple(entry), log, x, y, apart=True)
 
     def choose_preset(log, x, y, *entry):
         return restore(with_ratings(entry, _preset(scale, entry[2 * make.count])), log, x, y)
@@ -101,7 +101,7 @@ def make_tab(desk, tab, page):
 
     def step(by, log, x, y, *entry):
         at = min(max(log["at"] + by, 0), len(log["entries"]) - 1)
-        return restore(log["entries"][at], {**log, "at": at}, x, y)
+        return restore(log["entries"][at], {**log, "at": at, "moved": set()}, x, y)
 
     def with_ratings(entry, ratings, preset=...):
         """A snapshot with other ratings, z-scores; sliders whose axis is open stay where they are."""
@@ -111,7 +111,7 @@ def make_tab(desk, tab, page):
         return (*values, *(value is None for value in shown), *rest)
 
     def list_history(log):
-        labels = [(_label(scale, make.count, entry), place) for place, entry in enumerate(log["entries"])]
+        labels = [(_label(scale, entry), place) for place, entry in enumerate(log["entries"])]
         return gr.Dropdown(labels, value=log["at"])
 
     make.restore, make.with_ratings, make.inputs = restore, with_ratings, [history, x, y, *controls]
@@ -136,7 +136,7 @@ def make_tab(desk, tab, page):
     desk.on([x.input, y.input], lambda log, x, y, *entry: pad_value(entry, x, y), make.inputs, pad)
 
     def back(made):
-        return desk.put([("texture", made[1])], _link(scale, made[0])) if made else (gr.skip(), gr.skip())
+        return desk.put([(_title(scale, made[0]), made[1])], _link(scale, made[0])) if made else (gr.skip(), gr.skip())
 
     desk.on([tab.select], back, desk.made, [desk.strip, desk.shown])
     analysis(desk)
@@ -174,22 +174,32 @@ def _is_edited(scale, name, values, left_open):
     return name in PRESETS and asked != scale.from_z(_preset(scale, name))
 
 
-def _remember(log, entry):
-    """The history with this snapshot; moves of one control in a row are one entry; after an undo the rest goes."""
+def _remember(log, entry, apart=False):
+    """The history with this snapshot: moves of the same controls in a row are one entry, unless this one stands apart;
+    after an undo the rest goes."""
     entries, at, now = log["entries"], log["at"], time.monotonic()
     if entries and tuple(entries[at]) == tuple(entry):
         return log
-    changed = sum(a != b for a, b in zip(entries[at], entry, strict=True)) if entries else 9
-    same = changed == 1 and at > 0 and now - log["time"] < ONE_MOVE_SECONDS
+    moved = {place for place, value in enumerate(entry) if not entries or value != entries[at][place]}
+    same = moved <= log["moved"] and now - log["time"] < ONE_MOVE_SECONDS
     kept = [*entries[: at + (not same)], tuple(entry)][-MOST_HISTORY:]
-    return {"entries": kept, "at": len(kept) - 1, "time": now}
+    moved = set() if apart else log["moved"] if same else moved
+    return {"entries": kept, "at": len(kept) - 1, "time": now, "moved": moved}
 
 
-def _label(scale, count, entry):
-    values, left_open, (name, take, seed, *_) = entry[:count], entry[count : 2 * count], entry[2 * count :]
-    edited = ", edited" if _is_edited(scale, name, values, left_open) else ""
-    shown = "/".join("any" if off else f"{value:g}" for value, off in zip(values, left_open, strict=True))
-    return f"{name or 'your own'}{edited} {shown}, take {take} of {seed}"
+def _title(scale, entry):
+    """A preset's name, whether its ratings were changed, or "your own"."""
+    count = len(scale.axes)
+    name = entry[2 * count]
+    edited = _is_edited(scale, name, entry[:count], entry[count : 2 * count])
+    return f"{name}, edited" if edited else name or "your own"
+
+
+def _label(scale, entry):
+    count = len(scale.axes)
+    values = zip(entry, entry[count : 2 * count], strict=False)
+    shown = "/".join("any" if off else f"{value:g}" for value, off in values)
+    return f"{_title(scale, entry)} {shown}, take {entry[2 * count + 1]}, seed {entry[2 * count + 2]}"
 
 
 def _names(scale):
@@ -199,12 +209,15 @@ def _names(scale):
 def _link(scale, entry):
     count = len(scale.axes)
     ratings = {axis: "any" if entry[count + n] else f"{entry[n]:g}" for n, axis in enumerate(scale.axes)}
-    return urlencode({**ratings, **dict(zip(_names(scale), entry[2 * count :], strict=True))})
+    rest = zip(_names(scale), entry[2 * count :], strict=True)
+    return urlencode({**ratings, **{name: value for name, value in rest if value is not None}})
 
 
 def _from_link(studio, query, entry):
     """The snapshot that a link holds; what it does not say is as in `entry`, and what it says amiss, too."""
     scale, entry, count = studio.scale, list(entry), len(studio.scale.axes)
+    if "preset" not in query and set(query) & set(scale.axes):
+        entry[2 * count] = None  # ratings of one's own
     for number, (axis, (low, high)) in enumerate(zip(scale.axes, scale.ranges, strict=True)):
         entry[count + number] = query.get(axis) == "any" if axis in query else entry[count + number]
         entry[number] = min(max(_number(query.get(axis), entry[number]), low), high)

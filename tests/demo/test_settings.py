@@ -66,15 +66,20 @@ def test_a_link_holds_a_texture_and_what_is_amiss_in_it_is_left_out(studio):
     other = (1, 2, 3, False, False, False, "glass", 1, 1, 1, 1.6, 2, studio.own)
     found = _from_link(studio, dict(parse_qsl(_link(studio.scale, entry))), other)
     assert found[3:] == entry[3:] and (found[0], found[2]) == (84, 63)
+    own = (*entry[:6], None, *entry[7:])
+    assert _from_link(studio, dict(parse_qsl(_link(studio.scale, own))), other)[3:] == own[3:]
     bad = {"roughness": "1e9", "seed": "x", "take": "99", "preset": "<b>", "checkpoint": "/etc", "steps": "nan"}
     assert _from_link(studio, bad, other) == (100, *other[1:7], 6, *other[8:])
 
 
 def test_moves_of_one_control_are_one_entry_of_the_history():
-    log = {"entries": [], "at": -1, "time": 0.0}
-    for entry in ((1, 1), (2, 2), (3, 2), (4, 2)):
+    log = _remember({"entries": [], "at": -1, "time": 0.0, "moved": set()}, (1, 1), apart=True)
+    for entry in ((2, 1), (3, 1), (4, 1), (4, 2), (4, 3), (5, 3)):
         log = _remember(log, entry)
-    assert log["entries"] == [(1, 1), (2, 2), (4, 2)] or log["entries"] == [(1, 1), (4, 2)]
+    assert log["entries"] == [(1, 1), (4, 1), (4, 3), (5, 3)]
+    log = _remember(log, (9, 9), apart=True)
+    log = _remember(log, (8, 9))
+    assert log["entries"][-2:] == [(9, 9), (8, 9)], "what is chosen stands apart from what is moved after it"
     assert _remember(log, log["entries"][-1]) == log
     undone = {**log, "at": 0}
     assert _remember(undone, (9, 9))["entries"] == [(1, 1), (9, 9)]
