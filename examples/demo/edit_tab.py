@@ -16,8 +16,6 @@ ACTIONS = {
     "make a stretch anew": lambda deltas, strength, start, stop: {"mask": [(start, stop)]},
     "1 s longer": lambda deltas, strength, start, stop: {"continue_s": 1.0},
     "close to a loop": lambda deltas, strength, start, stop: {"loop": True},
-    "another take": lambda deltas, strength, start, stop: {"strength": 0.95},
-    "as the models rebuild it": lambda deltas, strength, start, stop: {"strength": 0.0},
 }
 BEFORE, AFTER = "before", "after"
 

@@ -14,6 +14,8 @@ from tactile_diffusers.pipelines import PRESETS
 from tactile_diffusers.signal import RATING_AXES
 
 TAKES, MOST_HISTORY = 6, 50
+#: What a link holds beside the ratings, in the order of a snapshot.
+LINKED = dict(preset=str, take=int, seed=int, guidance=float, duration_s=float, steps=int, checkpoint=str)
 #: Seconds within which what moves one control is one entry of the history.
 ONE_MOVE_SECONDS = 1.5
 _PAD = '<div class="pad" role="slider" tabindex="0" aria-label="Pad of two ratings" aria-valuenow="0" ' + (
@@ -30,8 +32,7 @@ def make_tab(desk, tab, page):
         with gr.Column(scale=4, min_width=300):
             sliders, opens = _axes(gr, scale)
             status = gr.Markdown(elem_id="status")
-            if scale.name == "percentile":
-                gr.Markdown("Percentiles: at 80, four of five measured surfaces are less rough, bumpy or slippery.")
+            gr.Markdown("Percentiles: at 80, four of five measured surfaces are less rough, bumpy or slippery.")
         with gr.Column(scale=3, min_width=260):
             pad = gr.HTML(html_template=_PAD, js_on_load=_script("pad.js"), elem_id="pad", apply_default_css=False)
             with gr.Row():
@@ -44,8 +45,7 @@ def make_tab(desk, tab, page):
                 redo = gr.Button("↷ Redo", elem_id="redo", min_width=70, size="sm")
             take = gr.Radio(list(range(1, TAKES + 1)), value=1, label="Take", elem_id="takes")
             preset = gr.Radio(list(PRESETS), value="denim", label="Preset", elem_id="presets")
-            with gr.Accordion("More", open=False) as more_fold:
-                past = gr.Dropdown([], label="History", elem_id="history")
+            with gr.Accordion("More", open=False):
                 default, names = Settings(), list(studio.checkpoints)
                 more = [
                     gr.Number(default.seed, label="Seed", precision=0, elem_id="seed"),
@@ -59,11 +59,9 @@ def make_tab(desk, tab, page):
     make.outputs = [*controls, desk.strip, desk.shown, desk.made, history, status, pad]
 
     def pad_value(values, x, y):
-        at = {"x": scale.axes.index(x), "y": scale.axes.index(y)}
         sides = dict(zip(("left", "right", "bottom", "top"), (*_words(x), *_words(y)), strict=True))
-        state = {axis: values[number] for axis, number in at.items()}
-        ranges = {axis: scale.ranges[number] for axis, number in at.items()}
-        return json.dumps({**state, "ranges": ranges, "names": {"x": x, "y": y}, "words": sides})
+        at = {"x": values[scale.axes.index(x)], "y": values[scale.axes.index(y)]}
+        return json.dumps({**at, "names": {"x": x, "y": y}, "words": sides})
 
     def create(entry, log, x, y, apart=False):
         """What all answers of this tab bring: strip, shown, made, history, status, pad."""
@@ -110,16 +108,16 @@ def make_tab(desk, tab, page):
         rest = entry[2 * make.count :] if preset is ... else (preset, *entry[2 * make.count + 1 :])
         return (*values, *(value is None for value in shown), *rest)
 
-    def list_history(log):
-        labels = [(_label(scale, entry), place) for place, entry in enumerate(log["entries"])]
-        return gr.Dropdown(labels, value=log["at"])
-
     make.restore, make.with_ratings, make.inputs = restore, with_ratings, [history, x, y, *controls]
 
     def arrive(request: gr.Request, log, x, y, *entry):
         """The texture of the link, or the first preset."""
         entry = with_ratings(entry, _preset(scale, entry[2 * make.count]))
-        return restore(_from_link(studio, dict(request.query_params), entry), log, x, y)
+        try:
+            return restore(_from_link(scale, request.query_params, entry), log, x, y)
+        except ValueError as error:
+            gr.Warning(f"The link is not one of this page: {error}")
+            return restore(entry, log, x, y)
 
     desk.on([page.load], arrive, make.inputs, make.outputs)
     plain = make.outputs[len(controls) :]
@@ -131,8 +129,6 @@ def make_tab(desk, tab, page):
     desk.on([dice.click], throw, make.inputs, make.outputs)
     for button, by in ((undo, -1), (redo, 1)):
         desk.on([button.click], lambda *given, by=by: step(by, *given), make.inputs, make.outputs)
-    desk.on([past.input], lambda at, log, *given: step(at - log["at"], log, *given), [past, *make.inputs], make.outputs)
-    desk.on([past.focus, more_fold.expand], list_history, history, past)
     desk.on([x.input, y.input], lambda log, x, y, *entry: pad_value(entry, x, y), make.inputs, pad)
 
     def back(made):
@@ -146,10 +142,10 @@ def make_tab(desk, tab, page):
 def _axes(gr, scale):
     """A slider and a switch an axis."""
     sliders, opens = [], []
-    for axis, (low, high), value in zip(scale.axes, scale.ranges, scale.from_z([0.0] * len(scale.axes)), strict=True):
+    for axis in scale.axes:
         label = " to ".join(_words(axis)).capitalize()
         with gr.Row(elem_classes="axis"):
-            sliders.append(gr.Slider(low, high, value, step=scale.step, label=label, elem_id=axis))
+            sliders.append(gr.Slider(0, 100, 50, step=1, label=label, elem_id=axis))
             opens.append(gr.Checkbox(label="any", elem_id=f"{axis}-open", min_width=64))
     return sliders, opens
 
@@ -195,49 +191,26 @@ def _title(scale, entry):
     return f"{name}, edited" if edited else name or "your own"
 
 
-def _label(scale, entry):
-    count = len(scale.axes)
-    values = zip(entry, entry[count : 2 * count], strict=False)
-    shown = "/".join("any" if off else f"{value:g}" for value, off in values)
-    return f"{_title(scale, entry)} {shown}, take {entry[2 * count + 1]}, seed {entry[2 * count + 2]}"
-
-
-def _names(scale):
-    return "preset", "take", "seed", "guidance", "duration_s", "steps", "checkpoint"
-
-
 def _link(scale, entry):
     count = len(scale.axes)
     ratings = {axis: "any" if entry[count + n] else f"{entry[n]:g}" for n, axis in enumerate(scale.axes)}
-    rest = zip(_names(scale), entry[2 * count :], strict=True)
+    rest = zip(LINKED, entry[2 * count :], strict=True)
     return urlencode({**ratings, **{name: value for name, value in rest if value is not None}})
 
 
-def _from_link(studio, query, entry):
-    """The snapshot that a link holds; what it does not say is as in `entry`, and what it says amiss, too."""
-    scale, entry, count = studio.scale, list(entry), len(studio.scale.axes)
-    if "preset" not in query and set(query) & set(scale.axes):
-        entry[2 * count] = None  # ratings of one's own
-    for number, (axis, (low, high)) in enumerate(zip(scale.axes, scale.ranges, strict=True)):
-        entry[count + number] = query.get(axis) == "any" if axis in query else entry[count + number]
-        entry[number] = min(max(_number(query.get(axis), entry[number]), low), high)
-    for place, name in enumerate(_names(scale), 2 * count):
-        given = query.get(name)
-        allowed = {"preset": PRESETS, "checkpoint": studio.checkpoints}.get(name)
-        low, high = LIMITS.get(name, (1, TAKES))
-        entry[place] = (
-            min(max(_number(given, entry[place]), low), high)
-            if allowed is None
-            else given
-            if given in allowed
-            else entry[place]
-        )
-    return tuple(entry)
+def _from_link(scale, query, entry):
+    """The snapshot that a link holds; what it does not say is as in `entry`.
 
-
-def _number(text, default):
-    try:
-        value = float(text)
-    except (TypeError, ValueError):
-        return default
-    return (int(value) if value.is_integer() else value) if abs(value) < 2**31 else default
+    Raises:
+        ValueError: for what is no number, or no preset.
+    """
+    asked = [query.get(axis) for axis in scale.axes]
+    values = [old if text in (None, "any") else float(text) for text, old in zip(asked, entry, strict=False)]
+    rest = dict(zip(LINKED, entry[2 * len(values) :], strict=True))
+    if any(asked):  # without a preset's name they are one's own
+        rest["preset"] = None
+    for name in set(LINKED) & set(query):
+        rest[name] = LINKED[name](query[name])
+    if rest["preset"] not in (None, *PRESETS):
+        raise ValueError(f"There is no preset {rest['preset']!r}.")
+    return *values, *(text == "any" for text in asked), *rest.values()
