@@ -47,7 +47,7 @@ def edit_tab(desk, tab):
             deltas = [
                 gr.Slider(-2, 2, 0, step=0.1, label=f"More {axis}", elem_id=f"more-{axis}") for axis in scale.axes
             ]
-            gr.Markdown("Steps are standard deviations of the measured surfaces.")
+            gr.Markdown("Steps are standard deviations of the training surfaces.")
             strength = gr.Slider(0, 1, 0.6, step=0.05, label="Strength (0 = as it is, 1 = a fresh take)")
             with gr.Row():
                 make = gr.Button("Edit", variant="primary", elem_id="edit")

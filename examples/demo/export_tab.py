@@ -89,25 +89,23 @@ def export_tab(desk, tab):
             one_signed = gr.Checkbox(first.one_signed, label="It only adds friction, or only takes it away")
             lost = gr.Markdown(elem_id="lost")
 
-    def chosen(tracks, place):
-        if not tracks:
-            raise ValueError("There is no texture yet: make one first.")
-        return tracks[place if isinstance(place, int) and 0 <= place < len(tracks) else 0]
+    def known(tracks, place):
+        return place if isinstance(place, int) and 0 <= place < len(tracks) else 0
 
     def look(tracks, place, *given):
         if not tracks:
             return gr.skip(), gr.skip()
         rate, low, high, bits, amplitude, signed = given
-        texture = chosen(tracks, place)[1]
-        loss = what_is_lost(
-            texture.samples, texture.sampling_rate, DeviceProfile(rate, (low, high), signed, bits, amplitude)
-        )
+        place = known(tracks, place)
+        texture, profile = tracks[place][1], DeviceProfile(rate, (low, high), signed, bits, amplitude)
+        loss = what_is_lost(texture.samples, texture.sampling_rate, profile)
         choices = [(label, number) for number, (label, _) in enumerate(tracks)]
-        place = place if isinstance(place, int) and place < len(tracks) else 0
         return gr.Dropdown(choices, value=place), f"What is lost on it:\n\n{loss}"
 
     def download(tracks, place, format_name, millimetres, closed):
-        texture = chosen(tracks, place)[1]
+        if not tracks:
+            raise ValueError("There is no texture yet: make one first.")
+        texture = tracks[known(tracks, place)][1]
         if closed:
             texture = dataclasses.replace(studio.edit(texture, Settings(), loop=True), seed=texture.seed)
         # a folder of its own, with a name that cannot be guessed

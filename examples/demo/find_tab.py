@@ -91,6 +91,5 @@ def _progress(scale, search, count):
             f"<th scope='row'>{html.escape(name)}</th><td>about {shown[name]:g}</td><td>known {100 * known:.0f} %</td>"
         )
         rows.append(f"<tr>{cells}<td style='width:40%'>{bar}</td></tr>")
-    done = f'<div class="bar"><div style="width:{100 * count / ROUNDS:.0f}%"></div></div>'
-    head = f"<p role='status'>Round {min(count + 1, ROUNDS)} of {ROUNDS}</p>{done}"
+    head = f"<p role='status'>Round {min(count + 1, ROUNDS)} of {ROUNDS}</p>"
     return f'{head}<table class="numbers" style="width:100%">{"".join(rows)}</table>'

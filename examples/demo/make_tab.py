@@ -11,7 +11,6 @@ from analysis import analysis
 from settings import LIMITS, WORDS, Settings
 
 from tactile_diffusers.pipelines import PRESETS
-from tactile_diffusers.signal import RATING_AXES
 
 TAKES, MOST_HISTORY = 6, 50
 #: What a link holds beside the ratings, in the order of a snapshot.
@@ -22,6 +21,7 @@ _PAD = '<div class="pad" role="slider" tabindex="0" aria-label="Pad of two ratin
     'aria-valuemin="0" aria-valuemax="100"><span class="left"></span><span class="right"></span>'
     '<span class="bottom"></span><span class="top"></span><span class="dot"></span></div>'
 )
+_PAD_SCRIPT = Path(__file__).with_name("pad.js").read_text(encoding="utf-8")
 
 
 def make_tab(desk, tab, page):
@@ -32,9 +32,9 @@ def make_tab(desk, tab, page):
         with gr.Column(scale=4, min_width=300):
             sliders, opens = _axes(gr, scale)
             status = gr.Markdown(elem_id="status")
-            gr.Markdown("Percentiles: at 80, four of five measured surfaces are less rough, bumpy or slippery.")
+            gr.Markdown("Percentiles: at 80, four of five training surfaces are less rough, bumpy or slippery.")
         with gr.Column(scale=3, min_width=260):
-            pad = gr.HTML(html_template=_PAD, js_on_load=_script("pad.js"), elem_id="pad", apply_default_css=False)
+            pad = gr.HTML(html_template=_PAD, js_on_load=_PAD_SCRIPT, elem_id="pad", apply_default_css=False)
             with gr.Row():
                 x = gr.Dropdown(scale.axes, value=scale.axes[0], label="Across", min_width=100, elem_id="across")
                 y = gr.Dropdown(scale.axes, value=scale.axes[min(1, len(scale.axes) - 1)], label="Up", min_width=100)
@@ -91,7 +91,7 @@ def make_tab(desk, tab, page):
         return *entry, *create(tuple(entry), log, x, y, apart=True)
 
     def choose_preset(log, x, y, *entry):
-        return restore(with_ratings(entry, _preset(scale, entry[2 * make.count])), log, x, y)
+        return restore(with_ratings(entry, scale.preset(entry[2 * make.count])), log, x, y)
 
     def throw(log, x, y, *entry):
         at = 2 * make.count
@@ -112,7 +112,7 @@ def make_tab(desk, tab, page):
 
     def arrive(request: gr.Request, log, x, y, *entry):
         """The texture of the link, or the first preset."""
-        entry = with_ratings(entry, _preset(scale, entry[2 * make.count]))
+        entry = with_ratings(entry, scale.preset(entry[2 * make.count]))
         try:
             return restore(_from_link(scale, request.query_params, entry), log, x, y)
         except ValueError as error:
@@ -154,20 +154,9 @@ def _words(axis):
     return WORDS.get(axis, (f"less {axis}", f"more {axis}"))
 
 
-def _script(name):
-    return Path(__file__).with_name(name).read_text(encoding="utf-8")
-
-
-def _preset(scale, name):
-    if name not in PRESETS:
-        return [None] * len(scale.axes)
-    given = dict(zip(RATING_AXES, PRESETS[name], strict=True))
-    return [given.get(axis) for axis in scale.axes]
-
-
 def _is_edited(scale, name, values, left_open):
     asked = [None if off else value for value, off in zip(values, left_open, strict=True)]
-    return name in PRESETS and asked != scale.from_z(_preset(scale, name))
+    return name in PRESETS and asked != scale.from_z(scale.preset(name))
 
 
 def _remember(log, entry, apart=False):

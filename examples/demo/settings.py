@@ -1,12 +1,14 @@
 """What a visitor may ask for, within limits, and the scale of the sliders."""
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from tactile_diffusers.models import RatingStatistics
+from tactile_diffusers.pipelines import PRESETS
 from tactile_diffusers.pipelines.inputs import parse_ratings
-from tactile_diffusers.signal import coverage_distance
+from tactile_diffusers.signal import RATING_AXES, coverage_distance
 from tactile_diffusers.signal.checks import check_number
 
 #: What the controls allow, and what is refused whoever asks: an answer takes seconds and megabytes at most.
@@ -79,6 +81,11 @@ class Scale:
         shares = np.linspace(0, 100, len(self.statistics.quantiles[0]))
         rows = zip(ratings, self.statistics.quantiles, strict=True)
         return [None if z is None or not np.isfinite(z) else round(np.interp(z, row, shares)) for z, row in rows]
+
+    def preset(self, name):
+        """Ratings of a preset in z-scores, a tuple with NaN = not specified; all NaN without one."""
+        given = dict(zip(RATING_AXES, PRESETS.get(name, ()), strict=False))
+        return tuple(math.nan if given.get(axis) is None else given[axis] for axis in self.axes)
 
     def describe(self, ratings):
         """Ratings in words: "roughness 75 · bumpiness any"."""

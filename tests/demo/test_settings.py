@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from make_tab import _from_link, _is_edited, _link, _preset, _remember
+from make_tab import _from_link, _is_edited, _link, _remember
 from settings import LIMITS, Scale, Settings, blend
 
 from tactile_diffusers.pipelines import PRESETS
@@ -42,9 +42,8 @@ def test_a_checkpoint_without_percentiles_is_refused(make_pipeline):
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_lie_among_the_training_surfaces(studio, name):
-    scale, ratings = studio.scale, _preset(studio.scale, name)
-    z = [NAN if value is None else value for value in ratings]
-    assert scale.novelty(z) == ""
+    scale, ratings = studio.scale, studio.scale.preset(name)
+    assert scale.novelty(ratings) == ""
     shown = scale.from_z(ratings)
     assert not _is_edited(scale, name, [50 if value is None else value for value in shown], [v is None for v in shown])
 
