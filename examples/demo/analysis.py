@@ -3,13 +3,13 @@
 import html
 
 import numpy as np
-from settings import Settings
 
 from tactile_diffusers.signal import BAND_HZ, band_edges, band_levels_db
 
 #: Bands of the spectrum's plot, and points of the waveform's.
 BANDS, POINTS = 18, 1200
-USUAL = (10, 90)
+_EDGES = band_edges(BANDS, BAND_HZ)
+_CENTRES = [f"{np.sqrt(low * high):.0f}" for low, high in zip(_EDGES[:-1], _EDGES[1:], strict=True)]
 
 
 def waveform(texture):
@@ -22,21 +22,16 @@ def waveform(texture):
     return pd.DataFrame({"s": np.arange(len(both)) * size / 2 / texture.sampling_rate, "mN": 1e3 * both})
 
 
-def spectrum(tracks, usual=None):
-    """Table of levels in bands: of textures by name, and, of the first, what is usual: (takes, samples), Hz."""
+def spectrum(tracks):
+    """Table of levels in bands, of textures by name."""
     import pandas as pd
 
-    edges = band_edges(BANDS, BAND_HZ)
-    centres = [f"{np.sqrt(low * high):.0f}" for low, high in zip(edges[:-1], edges[1:], strict=True)]
-    rows = {name: band_levels_db(one.samples, one.sampling_rate, edges) for name, one in tracks}
-    if usual is not None:
-        low, high = np.percentile(band_levels_db(*usual, edges), USUAL, axis=0)
-        rows |= {f"usual, {USUAL[0]} %": low, f"usual, {USUAL[1]} %": high}
-    return pd.concat([pd.DataFrame({"Hz": centres, "dB re 1 N²": row, "of": name}) for name, row in rows.items()])
+    rows = {name: band_levels_db(one.samples, one.sampling_rate, _EDGES) for name, one in tracks}
+    return pd.concat([pd.DataFrame({"Hz": _CENTRES, "dB re 1 N²": row, "of": name}) for name, row in rows.items()])
 
 
-def numbers(scale, tracks, usual=None):
-    """A table in HTML: asked, estimated and usual ratings, and what is measured, a row a texture."""
+def numbers(scale, tracks):
+    """A table in HTML: ratings that were asked for and estimated, and what is measured."""
     heads = ["", *scale.axes, "RMS, mN", "friction coefficient", "seed", "checkpoint"]
     rows = []
     for name, one in tracks:
@@ -44,13 +39,10 @@ def numbers(scale, tracks, usual=None):
         if np.isfinite(one.ratings).any():
             rows.append([f"{name}: asked", *_shown(scale, one.ratings)])
         rows.append([f"{name}: estimated", *_shown(scale, one.estimated), *("–" if x is None else x for x in about)])
-    if usual is not None:
-        low, high = (_shown(scale, row) for row in np.percentile(usual, USUAL, axis=0))
-        rows.append(["usual for what is asked", *(f"{a} to {b}" for a, b in zip(low, high, strict=True))])
     body = "".join("<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows)
     head = "".join(f'<th scope="col">{cell}</th>' for cell in heads)
-    unit = "percentiles of the training surfaces" if scale.name == "percentile" else "z-scores"
-    return f'<table class="numbers"><caption>Ratings are {unit}.</caption><tr>{head}</tr>{body}</table>'
+    caption = "<caption>Ratings are percentiles of the training surfaces.</caption>"
+    return f'<table class="numbers">{caption}<tr>{head}</tr>{body}</table>'
 
 
 def _shown(scale, ratings):
@@ -61,24 +53,20 @@ def _known(value):
     return f"{value:.2f}" if np.isfinite(value) else "–"
 
 
+def spectrum_plot(gr):
+    """A plot for `spectrum`."""
+    return gr.LinePlot(x="Hz", y="dB re 1 N²", color="of", title="spectrum", height=240, sort=_CENTRES)
+
+
 def analysis(desk):
     """The folded part of Make: it is computed while it is open, whenever another texture lies on the strip."""
-    gr, studio = desk.gr, desk.studio
+    gr = desk.gr
     seen, clock = gr.State(), gr.Timer(0.7, active=False)
     with gr.Accordion("Analysis", open=False, elem_id="analysis") as fold:
         table = gr.HTML(elem_id="numbers")
         with gr.Row():
             wave = gr.LinePlot(x="s", y="mN", title="waveform", height=240, label="waveform", show_label=False)
-            bands = gr.LinePlot(
-                x="Hz",
-                y="dB re 1 N²",
-                color="of",
-                title="spectrum",
-                height=240,
-                sort=[],
-                label="spectrum",
-                show_label=False,
-            )
+            bands = spectrum_plot(gr)
 
     def look(made, before):
         """The plots, unless they are of this texture already."""
@@ -86,10 +74,7 @@ def analysis(desk):
             return (gr.skip(),) * 4
         now, texture = made
         tracks = [("this texture", texture)]
-        heard, *expected = studio.usual(texture.ratings, Settings(), texture.checkpoint)
-        found = spectrum(tracks, expected)
-        plot = gr.LinePlot(found, sort=list(dict.fromkeys(found["Hz"])))
-        return now, numbers(studio.scale, tracks, heard), waveform(texture), plot
+        return now, numbers(desk.studio.scale, tracks), waveform(texture), spectrum(tracks)
 
     inputs, outputs = [desk.made, seen], [seen, table, wave, bands]
     desk.on([clock.tick, fold.expand], look, inputs, outputs, trigger_mode="once")

@@ -3,11 +3,8 @@
 The folder also works as a Hugging Face Space, see README.md.
 """
 
-import errno
-import ipaddress
 import os
 import signal
-import socket
 import sys
 import tempfile
 from pathlib import Path
@@ -16,7 +13,7 @@ from tactile_diffusers.cli.program import Parser, add_checkpoint_argument, refus
 
 #: Visitors at a time whose last result (a few megabytes) is kept, and requests that may wait.
 SESSIONS, WAITING = 50, 20
-#: Requests that are answered at a time; their textures are made in one call.
+#: Requests that are answered at a time.
 AT_ONCE = 8
 #: Files of visitors are deleted after these seconds, s.
 FILE_SECONDS, CLEANING_SECONDS = 900, 300
@@ -69,14 +66,15 @@ def main(argv=None):
 
 
 def _serve(arguments, folder):
-    _check_port(arguments.host, arguments.port)
+    import torch
     from diffusers.utils import logging
     from studio import Studio
 
+    torch.set_num_threads(1)  # the networks are small: several threads wait for each other longer than they work
     logging.disable_progress_bar()
     page = launch(Studio(arguments.checkpoint, arguments.surfaces), folder, arguments.host, arguments.port)
     print(f"ready at {page.local_url} (Ctrl+C stops it)", flush=True)
-    if not _is_loopback(arguments.host):
+    if arguments.host not in ("127.0.0.1", "localhost", "::1"):
         print("Everyone who reaches this machine can use the page: it has no password.", flush=True)
     page.block_thread()
 
@@ -117,28 +115,6 @@ def launch(studio, folder, host, port):
         quiet=True,
     )
     return page
-
-
-def _check_port(host, port):
-    """Before the checkpoint is loaded; what else is wrong with an address, gradio says.
-
-    Raises:
-        ValueError: if another program listens there.
-    """
-    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as asking:
-        asking.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: one that ended is no bar
-        try:
-            asking.bind((host, port))
-        except OSError as error:
-            if error.errno == errno.EADDRINUSE:
-                raise ValueError(f"port {port} is in use; give --port") from error
-
-
-def _is_loopback(host):
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 if __name__ == "__main__":

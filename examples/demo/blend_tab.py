@@ -4,14 +4,13 @@ from analysis import numbers
 from settings import Settings, blend
 
 from tactile_diffusers.pipelines import PRESETS
-from tactile_diffusers.signal import RATING_AXES
 
 
 def blend_tab(desk, tab):
     """The tab."""
     gr, studio, scale = desk.gr, desk.studio, desk.studio.scale
     own, names = desk.own_tracks(tab), list(PRESETS)
-    ends = [gr.State(_of_preset(scale, name)) for name in ("glass", "denim")]
+    ends = [gr.State(scale.preset(name)) for name in ("glass", "denim")]
     with gr.Row():
         labels = []
         for end, name, state in zip("AB", ("glass", "denim"), ends, strict=True):
@@ -31,24 +30,17 @@ def blend_tab(desk, tab):
         tracks = [(name, studio.generate(row, settings)) for name, row in rows.items()]
         return *desk.put(tracks), tracks, numbers(scale, tracks)
 
+    def from_make(made):
+        if not made:
+            raise ValueError("There is no texture in Make yet.")
+        return made[1].ratings, scale.describe(made[1].ratings), None
+
+    def from_preset(name):
+        return scale.preset(name), scale.describe(scale.preset(name))
+
     inputs, outputs = [*ends, share, desk.made], [desk.strip, desk.shown, own, table]
     for chosen, keep, label, state in labels:
-
-        def take(made):
-            if not made:
-                raise ValueError("There is no texture in Make yet.")
-            return made[1].ratings, scale.describe(made[1].ratings), None
-
-        def of_preset(name):
-            ratings = _of_preset(scale, name)
-            return ratings, scale.describe(ratings)
-
-        desk.on([keep.click], take, desk.made, [state, label, chosen])
-        desk.on([chosen.input], of_preset, chosen, [state, label])
+        desk.on([keep.click], from_make, desk.made, [state, label, chosen])
+        desk.on([chosen.input], from_preset, chosen, [state, label])
         desk.on([state.change], show, inputs, outputs)
     desk.on([share.input, tab.select], show, inputs, outputs)
-
-
-def _of_preset(scale, name):
-    given = dict(zip(RATING_AXES, PRESETS[name], strict=True))
-    return tuple(float("nan") if given.get(axis) is None else given[axis] for axis in scale.axes)

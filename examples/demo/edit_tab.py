@@ -16,8 +16,6 @@ ACTIONS = {
     "make a stretch anew": lambda deltas, strength, start, stop: {"mask": [(start, stop)]},
     "1 s longer": lambda deltas, strength, start, stop: {"continue_s": 1.0},
     "close to a loop": lambda deltas, strength, start, stop: {"loop": True},
-    "another take": lambda deltas, strength, start, stop: {"strength": 0.95},
-    "through the models": lambda deltas, strength, start, stop: {"strength": 0.0},
 }
 BEFORE, AFTER = "before", "after"
 
@@ -35,7 +33,7 @@ def edit_tab(desk, tab):
             with gr.Row():
                 column = gr.Dropdown([], label="Column", elem_id="column", min_width=120, visible=False)
                 rate = gr.Number(10_000, label="Hz, of one column", elem_id="csv-rate", min_width=120, visible=False)
-                newtons = gr.Number(1, label="N per unit", info="1 = by its name", min_width=120, visible=False)
+                newtons = gr.Number(1, label="N per unit", info="1 = as its name says", min_width=120, visible=False)
             told = gr.Markdown("", elem_id="edit-told")
         with gr.Column(scale=4, min_width=300):
             wave = gr.LinePlot(
@@ -49,6 +47,7 @@ def edit_tab(desk, tab):
             deltas = [
                 gr.Slider(-2, 2, 0, step=0.1, label=f"More {axis}", elem_id=f"more-{axis}") for axis in scale.axes
             ]
+            gr.Markdown("Steps are standard deviations of the training surfaces.")
             strength = gr.Slider(0, 1, 0.6, step=0.05, label="Strength (0 = as it is, 1 = a fresh take)")
             with gr.Row():
                 make = gr.Button("Edit", variant="primary", elem_id="edit")
@@ -57,7 +56,7 @@ def edit_tab(desk, tab):
 
     def taken(texture, words):
         tracks = [(BEFORE, texture)]
-        return texture, words, waveform(texture), *desk.put(tracks), tracks
+        return texture, words, "", waveform(texture), *desk.put(tracks), tracks
 
     def from_made(made):
         if not made:
@@ -72,7 +71,7 @@ def edit_tab(desk, tab):
 
     def from_file(path, column, rate, newtons):
         if not path:
-            return (gr.skip(),) * 6
+            return (gr.skip(),) * len(got)
         samples, sampling_rate, notes = read_upload(path, column, rate, newtons)
         words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz", *notes]
         return taken(studio.recorded(samples, sampling_rate), "; ".join(words))
@@ -80,6 +79,8 @@ def edit_tab(desk, tab):
     def edit(texture, chosen, begin, end, strength, *changes):
         if texture is None:
             raise ValueError("There is nothing to edit yet.")
+        if chosen == next(iter(ACTIONS)) and not any(changes):
+            raise ValueError("Say what to change: move a slider of roughness, bumpiness or slipperiness.")
         check_number("stretch", begin, "s", at_least=0)
         check_number("stretch", end, "s", above=begin)
         options = ACTIONS[chosen](dict(zip(scale.axes, changes, strict=True)), strength, begin, end)
@@ -97,9 +98,9 @@ def edit_tab(desk, tab):
         return round(float(low), 3), round(float(high), 3), "make a stretch anew"
 
     def begin(source, made):
-        return (gr.skip(),) * 6 if source or not made else from_made(made)
+        return (gr.skip(),) * len(got) if source or not made else from_made(made)
 
-    got = [source, told, wave, desk.strip, desk.shown, own]
+    got = [source, told, table, wave, desk.strip, desk.shown, own]
     desk.on([tab.select], begin, [source, desk.made], got)
     desk.on([take.click], from_made, desk.made, got)
     desk.on([upload.upload], look, upload, [column, rate, newtons]).then(

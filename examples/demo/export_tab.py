@@ -2,13 +2,19 @@
 
 import dataclasses
 import tempfile
+import threading
+import warnings
+from functools import partial
 from pathlib import Path
 
-from downloads import FORMATS, is_map, write_files
+import numpy as np
 from settings import Settings
+from strip import strip_page
 
+from tactile_diffusers import export
 from tactile_diffusers.export import DeviceProfile, what_is_lost
 from tactile_diffusers.export.png import PIXEL_PITCH
+from tactile_diffusers.signal.checks import check_number
 
 #: Profiles to begin with; the numbers are to be corrected by whoever knows the device.
 DEVICES = {
@@ -16,6 +22,44 @@ DEVICES = {
     "voice coil, 1 kHz": DeviceProfile(1_000, (40.0, 400.0), False, 12, 0.5),
     "phone motor, 500 Hz": DeviceProfile(500, (80.0, 230.0), False, 8, 0.2),
 }
+#: Where Python keeps what is done with warnings, there is one for all threads.
+_WARNINGS = threading.Lock()
+
+
+def _about(texture):
+    return {
+        "sampling_rate": texture.sampling_rate,
+        "friction_coefficient": texture.friction_coefficient,
+        "ratings": texture.ratings,
+    }
+
+
+def _format(write, path, texture, **options):
+    made = {"seed": texture.seed, "reference_speed": texture.reference_speed, "checkpoint": texture.checkpoint}
+    write(path, texture.samples, **made, **_about(texture), **options)
+
+
+def _figure(path, texture):
+    export.write_figure(path, texture.samples, **_about(texture))
+
+
+def _strip(path, texture):
+    path.write_text(strip_page(texture), encoding="utf-8")
+
+
+#: Name on the page -> suffix and writer(path, texture).
+FORMATS = {
+    **{
+        f"{one.description} ({one.suffix})": (one.suffix, partial(_format, one.write))
+        for one in export.FORMATS.values()
+    },
+    "picture (.png)": (".png", _figure),
+    "finger strip, a page that works alone (.html)": (".html", _strip),
+}
+
+
+#: The format whose pixels have a pitch.
+MAP = next(name for name, (suffix, _) in FORMATS.items() if suffix == export.FORMATS["png"].suffix)
 
 
 def export_tab(desk, tab):
@@ -45,25 +89,23 @@ def export_tab(desk, tab):
             one_signed = gr.Checkbox(first.one_signed, label="It only adds friction, or only takes it away")
             lost = gr.Markdown(elem_id="lost")
 
-    def chosen(tracks, place):
-        if not tracks:
-            raise ValueError("There is no texture yet: make one first.")
-        return tracks[place if isinstance(place, int) and 0 <= place < len(tracks) else 0]
+    def known(tracks, place):
+        return place if isinstance(place, int) and 0 <= place < len(tracks) else 0
 
     def look(tracks, place, *given):
         if not tracks:
             return gr.skip(), gr.skip()
         rate, low, high, bits, amplitude, signed = given
-        texture = chosen(tracks, place)[1]
-        loss = what_is_lost(
-            texture.samples, texture.sampling_rate, DeviceProfile(rate, (low, high), signed, bits, amplitude)
-        )
+        place = known(tracks, place)
+        texture, profile = tracks[place][1], DeviceProfile(rate, (low, high), signed, bits, amplitude)
+        loss = what_is_lost(texture.samples, texture.sampling_rate, profile)
         choices = [(label, number) for number, (label, _) in enumerate(tracks)]
-        place = place if isinstance(place, int) and place < len(tracks) else 0
         return gr.Dropdown(choices, value=place), f"What is lost on it:\n\n{loss}"
 
     def download(tracks, place, format_name, millimetres, closed):
-        texture = chosen(tracks, place)[1]
+        if not tracks:
+            raise ValueError("There is no texture yet: make one first.")
+        texture = tracks[known(tracks, place)][1]
         if closed:
             texture = dataclasses.replace(studio.edit(texture, Settings(), loop=True), seed=texture.seed)
         # a folder of its own, with a name that cannot be guessed
@@ -74,9 +116,45 @@ def export_tab(desk, tab):
     inputs = [desk.shown, which, *profile]
     desk.on([tab.select, which.input, *(each.change for each in profile)], look, inputs, [which, lost])
     desk.on([device.input], lambda name: (*_values(DEVICES[name]), DEVICES[name].one_signed), device, profile)
-    desk.on([name.input], lambda chosen: gr.Number(visible=is_map(chosen)), name, pitch)
+    desk.on([name.input], lambda chosen: gr.Number(visible=chosen == MAP), name, pitch)
     desk.on([write.click], download, [desk.shown, which, name, pitch, loop], [files, warned], last=False)
 
 
 def _values(device):
     return device.rate, *device.band, device.bits, device.amplitude
+
+
+def write_files(texture, name, folder, pixel_pitch):
+    """Writes a texture in one format.
+
+    Args:
+        texture ([`Texture`]): what is written.
+        name (`str`): of `FORMATS`.
+        folder (`Path`): empty; file names are ours, whatever the request.
+        pixel_pitch (`float`): mm, for a friction map; others ignore it.
+
+    Returns:
+        `tuple[list[Path], list[str]]`: the files, and what their writer warns of.
+
+    Raises:
+        ValueError: for an unknown format, or a pitch that no display has.
+    """
+    if name not in FORMATS:
+        raise ValueError(f"The format must be one of {list(FORMATS)}, got {name!r}.")
+    suffix, write = FORMATS[name]
+    options = {}
+    if name == MAP:
+        check_number("pixel pitch", pixel_pitch, "mm", above=0)
+        options["pixel_pitch"] = float(pixel_pitch)
+    with _WARNINGS, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        write(folder / f"{_stem(texture)}{suffix}", texture, **options)
+    # the writers' own, which point here; another thread may warn meanwhile
+    told = [str(warning.message) for warning in caught if warning.filename == __file__]
+    return sorted(folder.iterdir()), told
+
+
+def _stem(texture):
+    """A name that tells textures apart, of letters, digits, ".", "_" and "-": "texture_0.90_0.50_any_seed1"."""
+    parts = (f"{np.round(value, 2) + 0.0:.2f}" if np.isfinite(value) else "any" for value in texture.ratings)
+    return f"texture_{'_'.join(parts)}_seed{'-none' if texture.seed is None else texture.seed}"

@@ -27,9 +27,9 @@ def find_tab(desk, tab, tabs, make):
                 second = gr.Button("B is nearer", elem_id="find-second", min_width=90, interactive=False)
             told = gr.HTML("<p>Not begun.</p>", elem_id="find-told")
             with gr.Row():
-                undo = gr.Button("↶ Take the answer back", elem_id="find-undo", size="sm")
-                listen = gr.Button("Feel the best so far", elem_id="find-best", size="sm")
-                use = gr.Button("Use in Make", elem_id="find-use", size="sm")
+                undo = gr.Button("↶ Take the answer back", elem_id="find-undo", size="sm", interactive=False)
+                listen = gr.Button("Feel the best so far", elem_id="find-best", size="sm", interactive=False)
+                use = gr.Button("Use in Make", elem_id="find-use", size="sm", interactive=False)
 
     def searched(asked):
         if not asked:
@@ -42,6 +42,7 @@ def find_tab(desk, tab, tabs, make):
         tracks = list(zip(LETTERS, studio.textures_of(search, asked["pair"]), strict=True))
         words = _progress(scale, search, len(asked["answers"]))
         active = [gr.Button(interactive=len(asked["answers"]) < ROUNDS)] * 3
+        active += [gr.Button(interactive=bool(asked["answers"])), *[gr.Button(interactive=True)] * 2]
         return asked, words, *desk.put(tracks), tracks, *active
 
     def start(axes, made):
@@ -67,7 +68,7 @@ def find_tab(desk, tab, tabs, make):
         [ratings] = search.space.ratings(search.best_point()[0][None]).tolist()
         return gr.Tabs(selected="make"), *make.restore(make.with_ratings(entry, ratings, None), log, x, y)
 
-    outputs = [state, told, desk.strip, desk.shown, own, first, neither, second]
+    outputs = [state, told, desk.strip, desk.shown, own, first, neither, second, undo, listen, use]
     desk.on([begin.click], start, [axes, desk.made], outputs, last=False)
     for button, word in ((first, "first"), (second, "second"), (neither, "neither")):
         desk.on([button.click], lambda asked, word=word: answer(word, asked), state, outputs, last=False)
@@ -90,6 +91,5 @@ def _progress(scale, search, count):
             f"<th scope='row'>{html.escape(name)}</th><td>about {shown[name]:g}</td><td>known {100 * known:.0f} %</td>"
         )
         rows.append(f"<tr>{cells}<td style='width:40%'>{bar}</td></tr>")
-    done = f'<div class="bar"><div style="width:{100 * count / ROUNDS:.0f}%"></div></div>'
-    head = f"<p role='status'>Round {min(count + 1, ROUNDS)} of {ROUNDS}</p>{done}"
+    head = f"<p role='status'>Round {min(count + 1, ROUNDS)} of {ROUNDS}</p>"
     return f'{head}<table class="numbers" style="width:100%">{"".join(rows)}</table>'

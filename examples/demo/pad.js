@@ -1,4 +1,4 @@
-// A pad of two ratings: props.value is {x, y, ranges, names, words} as JSON; dragging sets x and y.
+// A pad of two ratings, 0 to 100: props.value is {x, y, names, words} as JSON; dragging sets x and y.
 "use strict";
 const pad = element.querySelector(".pad"), dot = element.querySelector(".dot");
 let held = false, state = null;
@@ -9,25 +9,19 @@ function show() {
   for (const side of ["left", "right", "bottom", "top"]) element.querySelector("." + side).textContent = state.words[side];
 }
 function place() {
-  const share = (axis) => (state[axis] - state.ranges[axis][0]) / (state.ranges[axis][1] - state.ranges[axis][0]);
-  dot.style.left = `${100 * share("x")}%`;
-  dot.style.bottom = `${100 * share("y")}%`;
+  dot.style.left = `${state.x}%`;
+  dot.style.bottom = `${state.y}%`;
   pad.setAttribute("aria-valuetext", `${state.names.x} ${state.x}, ${state.names.y} ${state.y}`);
 }
-function set(axis, share) {
-  const [low, high] = state.ranges[axis], value = low + Math.min(Math.max(share, 0), 1) * (high - low);
-  state[axis] = Number(value.toFixed(high - low > 20 ? 0 : 2));
-}
-function send() {
+function send(values) {
+  for (const axis of ["x", "y"]) state[axis] = Math.min(Math.max(Math.round(values[axis] ?? state[axis]), 0), 100);
   place();
   props.value = JSON.stringify({ ...state });
   trigger("input");
 }
 function follow(event) {
   const { left, bottom, width, height } = pad.getBoundingClientRect();
-  set("x", (event.clientX - left) / width);
-  set("y", (bottom - event.clientY) / height);
-  send();
+  send({ x: (100 * (event.clientX - left)) / width, y: (100 * (bottom - event.clientY)) / height });
 }
 pad.addEventListener("pointerdown", (event) => { held = true; pad.setPointerCapture(event.pointerId); follow(event); });
 pad.addEventListener("pointermove", (event) => { if (held) follow(event); });
@@ -35,9 +29,7 @@ for (const name of ["pointerup", "pointercancel"]) pad.addEventListener(name, ()
 pad.addEventListener("keydown", (event) => {
   const [axis, sign] = { ArrowLeft: ["x", -1], ArrowRight: ["x", 1], ArrowDown: ["y", -1], ArrowUp: ["y", 1] }[event.key] || [];
   if (!axis) return;
-  const [low, high] = state.ranges[axis];
-  set(axis, (state[axis] - low) / (high - low) + sign * (event.shiftKey ? 0.1 : 0.02));
-  send();
+  send({ [axis]: state[axis] + sign * (event.shiftKey ? 10 : 2) });
   event.preventDefault();
 });
 watch("value", show);

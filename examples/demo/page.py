@@ -16,7 +16,7 @@ gradio-app { display: block !important; }
 .gradio-container { padding: 0 !important; width: 100% !important; min-width: 0 !important; }
 .gradio-container { overflow: visible !important; }
 .gradio-container .main { padding: 8px 24px !important; max-width: 1500px; margin: auto; }
-#top { position: sticky; top: 0; z-index: 20; background: var(--body-background-fill); padding: 4px 0; gap: 4px; }
+#top { position: sticky; top: 0; z-index: 60; background: var(--body-background-fill); padding: 4px 0; gap: 4px; }
 #title small { font-size: 14px; }
 #title h1 { font-size: 1.15rem; display: inline; margin-right: 12px; }
 :is(.min_value, .max_value, .or) { color: var(--body-text-color) !important; }
@@ -39,6 +39,7 @@ gradio-app { display: block !important; }
   border-radius: 50%; }
 .pad .left { left: 8px; top: 46%; } .pad .right { right: 8px; top: 46%; }
 .pad :is(.bottom, .top) { left: 0; right: 0; text-align: center; } .pad .bottom { bottom: 6px; } .pad .top { top: 6px; }
+div:has(> table.numbers) { overflow-x: auto; } table.numbers caption { text-align: left; }
 :is(table.numbers, #lost table) { border-collapse: collapse; border: 0 !important; text-align: left; }
 :is(table.numbers, #lost table) :is(tr, th, td) { padding: 2px 14px 2px 0 !important; border: 0 !important; }
 :is(table.numbers, #lost table) tr { border-bottom: 1px solid var(--border-color-primary) !important; }

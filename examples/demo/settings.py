@@ -6,16 +6,15 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from tactile_diffusers.models import RatingStatistics
+from tactile_diffusers.pipelines import PRESETS
 from tactile_diffusers.pipelines.inputs import parse_ratings
-from tactile_diffusers.signal import coverage_distance
+from tactile_diffusers.signal import RATING_AXES, coverage_distance
 from tactile_diffusers.signal.checks import check_number
 
 #: What the controls allow, and what is refused whoever asks: an answer takes seconds and megabytes at most.
 LIMITS = {"seed": (0, 2**31 - 1), "guidance": (0.0, 5.0), "duration_s": (0.5, 10.0), "steps": (1, 25)}
 #: Words at the lower and the upper end of each axis.
 WORDS = {"roughness": ("smooth", "rough"), "bumpiness": ("even", "bumpy"), "slipperiness": ("sticky", "slippery")}
-#: Ends of the sliders, in z-scores, where a checkpoint does not say what it was trained on.
-_UNKNOWN_RANGE = (-2.0, 2.0)
 
 
 @dataclass(frozen=True)
@@ -50,25 +49,20 @@ class Settings:
 
 
 class Scale:
-    """The sliders' scale: percentiles of the training surfaces; z-scores where a checkpoint does not know them.
+    """The sliders' scale: percentiles of the training surfaces, 0 to 100.
 
     Args:
         config: DALE's.
+
+    Raises:
+        ValueError: if the checkpoint does not know them.
     """
 
     def __init__(self, config):
         self.config, self.statistics = config, RatingStatistics.from_config(config)
         self.axes = list(config.rating_axes)
-        self.name = "z" if self.statistics.quantiles is None else "percentile"
-        self.step = 0.01 if self.name == "z" else 1
-
-    @property
-    def ranges(self):
-        """Lowest and highest value of each axis' slider."""
-        if self.name == "percentile":
-            return [(0, 100)] * len(self.axes)
-        ends = self.statistics.range or [_UNKNOWN_RANGE] * len(self.axes)
-        return [(math.ceil(low * 100) / 100, math.floor(high * 100) / 100) for low, high in ends]
+        if self.statistics.quantiles is None:
+            raise ValueError("The checkpoint's DALE has no `quantiles` of ratings: the sliders need them.")
 
     def to_z(self, values):
         """Ratings in z-scores, a tuple with NaN = not specified, of sliders' values, `None` = not specified.
@@ -76,22 +70,22 @@ class Scale:
         Raises:
             ValueError: for a value beyond its slider, which names the axis.
         """
-        for axis, value, (low, high) in zip(self.axes, values, self.ranges, strict=True):
+        for axis, value in zip(self.axes, values, strict=True):
             number = isinstance(value, int | float) and not isinstance(value, bool)
-            if value is not None and not (number and low <= value <= high):
-                raise ValueError(f"{axis} must be between {low:g} and {high:g}, got {value!r}.")
-        return tuple(parse_ratings([list(values)], self.config, self.name)[0].tolist())
+            if value is not None and not (number and 0 <= value <= 100):
+                raise ValueError(f"{axis} must be between 0 and 100, got {value!r}.")
+        return tuple(parse_ratings([list(values)], self.config, "percentile")[0].tolist())
 
     def from_z(self, ratings):
-        """Where sliders stand: a list, rounded and within their ranges; `None` = not specified."""
-        shown = [None if z is None or not np.isfinite(z) else float(z) for z in ratings]
-        if self.name == "percentile":
-            shares = np.linspace(0, 100, len(self.statistics.quantiles[0]))
-            rows = zip(shown, self.statistics.quantiles, strict=True)
-            shown = [None if z is None else float(np.interp(z, row, shares)) for z, row in rows]
-        digits = 2 if self.name == "z" else 0
-        rows = zip(shown, self.ranges, strict=True)
-        return [None if z is None else round(min(max(z, low), high), digits) for z, (low, high) in rows]
+        """Where sliders stand: a list of whole percentiles; `None` = not specified."""
+        shares = np.linspace(0, 100, len(self.statistics.quantiles[0]))
+        rows = zip(ratings, self.statistics.quantiles, strict=True)
+        return [None if z is None or not np.isfinite(z) else round(np.interp(z, row, shares)) for z, row in rows]
+
+    def preset(self, name):
+        """Ratings of a preset in z-scores, a tuple with NaN = not specified; all NaN without one."""
+        given = dict(zip(RATING_AXES, PRESETS.get(name, ()), strict=False))
+        return tuple(math.nan if given.get(axis) is None else given[axis] for axis in self.axes)
 
     def describe(self, ratings):
         """Ratings in words: "roughness 75 · bumpiness any"."""

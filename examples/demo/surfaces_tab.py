@@ -1,6 +1,6 @@
 """Your surfaces: what an adapted checkpoint makes of the ratings of Make, beside the page's own."""
 
-from analysis import numbers, spectrum
+from analysis import numbers, spectrum, spectrum_plot
 from settings import Settings
 
 HOW = """No adapted checkpoint is open. Three commands make one of a folder of your recordings, see *Your own
@@ -25,15 +25,13 @@ def surfaces_tab(desk, tab):
             gr.Markdown("Both make the ratings of *Make*, with its seed: compare them on the strip.")
         with gr.Column(scale=3, min_width=300):
             table = gr.HTML(elem_id="surfaces-numbers")
-            plot = gr.LinePlot(x="Hz", y="dB re 1 N²", color="of", title="spectrum", height=260, label="spectrum")
+            plot = spectrum_plot(gr)
 
     def compare(name, made):
         if not made:
             return (gr.skip(),) * 5
         texture = made[1]
         tracks = [(each, studio.generate(texture.ratings, Settings(texture.seed), each)) for each in (studio.own, name)]
-        found = spectrum(tracks)
-        plot = gr.LinePlot(found, sort=list(dict.fromkeys(found["Hz"])))
-        return *desk.put(tracks), tracks, numbers(studio.scale, tracks), plot
+        return *desk.put(tracks), tracks, numbers(studio.scale, tracks), spectrum(tracks)
 
     desk.on([tab.select, chosen.input], compare, [chosen, desk.made], [desk.strip, desk.shown, own, table, plot])

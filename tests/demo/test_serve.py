@@ -11,8 +11,6 @@ import yaml
 
 def test_listens_on_this_machine_alone_unless_told_otherwise():
     assert serve.parse_arguments([]).host == "127.0.0.1"
-    assert serve._is_loopback("127.0.0.1") and serve._is_loopback("::1") and serve._is_loopback("localhost")
-    assert not serve._is_loopback("0.0.0.0") and not serve._is_loopback("example")
 
 
 @pytest.mark.parametrize("line", ["--port 0", "--port 70000", "--checkpoint nowhere", "--what"])
@@ -29,15 +27,14 @@ def test_without_gradio_it_says_what_to_install(monkeypatch, capsys):
     assert 'pip install "tactile-diffusers[demo]"' in capsys.readouterr().err
 
 
-def test_a_port_in_use_is_told_before_anything_is_loaded(capsys):
+def test_a_port_in_use_is_told(capsys):
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
         assert serve.main(["--port", str(port)]) == 2
-    assert capsys.readouterr().err.strip().endswith(f"error: port {port} is in use; give --port")
-    serve._check_port("127.0.0.1", port)
-    serve._check_port("::1", port)
+    told = capsys.readouterr().err.strip().splitlines()[-1]
+    assert told.startswith("app.py: error: ") and str(port) in told
 
 
 def test_the_folder_is_a_space():

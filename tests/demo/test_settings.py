@@ -1,10 +1,8 @@
 """Limits of what may be asked for, the sliders' scale, blends, links and the history."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from make_tab import _from_link, _is_edited, _link, _preset, _remember
+from make_tab import _from_link, _is_edited, _link, _remember
 from settings import LIMITS, Scale, Settings, blend
 
 from tactile_diffusers.pipelines import PRESETS
@@ -37,17 +35,15 @@ def test_sliders_stand_where_ratings_are(studio):
     assert "extrapolated" in scale.novelty((-2.0, 1.8, 1.6)) and not scale.novelty((0.0, 0.0, 0.0))
 
 
-def test_a_checkpoint_without_statistics_has_z_scores():
-    scale = Scale(SimpleNamespace(rating_axes=["roughness", "bumpiness", "slipperiness"]))
-    assert scale.name == "z" and scale.ranges == [(-2.0, 2.0)] * 3 and scale.novelty((9, 9, 9)) == ""
-    assert scale.from_z(scale.to_z([-1.25, None, 2.0])) == [-1.25, None, 2.0]
+def test_a_checkpoint_without_percentiles_is_refused(make_pipeline):
+    with pytest.raises(ValueError, match="`quantiles`"):
+        Scale(make_pipeline().dale.config)
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_lie_among_the_training_surfaces(studio, name):
-    scale, ratings = studio.scale, _preset(studio.scale, name)
-    z = [NAN if value is None else value for value in ratings]
-    assert scale.novelty(z) == ""
+    scale, ratings = studio.scale, studio.scale.preset(name)
+    assert scale.novelty(ratings) == ""
     shown = scale.from_z(ratings)
     assert not _is_edited(scale, name, [50 if value is None else value for value in shown], [v is None for v in shown])
 
@@ -59,22 +55,32 @@ def test_blend_is_straight_in_z_and_exact_at_its_ends():
     np.testing.assert_allclose(blend(first, second, 0.25), (0.25, NAN, -0.5))
 
 
-def test_a_link_holds_a_texture_and_what_is_amiss_in_it_is_left_out(studio):
+def test_a_link_holds_a_texture(studio):
     from urllib.parse import parse_qsl
 
     entry = (*ENTRY, studio.own)
     other = (1, 2, 3, False, False, False, "glass", 1, 1, 1, 1.6, 2, studio.own)
-    found = _from_link(studio, dict(parse_qsl(_link(studio.scale, entry))), other)
+    found = _from_link(studio.scale, dict(parse_qsl(_link(studio.scale, entry))), other)
     assert found[3:] == entry[3:] and (found[0], found[2]) == (84, 63)
-    bad = {"roughness": "1e9", "seed": "x", "take": "99", "preset": "<b>", "checkpoint": "/etc", "steps": "nan"}
-    assert _from_link(studio, bad, other) == (100, *other[1:7], 6, *other[8:])
+    own = (*entry[:6], None, *entry[7:])
+    assert _from_link(studio.scale, dict(parse_qsl(_link(studio.scale, own))), other)[3:] == own[3:]
+    assert _from_link(studio.scale, {"seed": "9", "else": "x"}, other) == (*other[:8], 9, *other[9:])
+
+
+@pytest.mark.parametrize("query", [{"seed": "x"}, {"preset": "<b>"}, {"steps": "nan"}, {"roughness": "rough"}])
+def test_a_link_that_is_none_is_refused(studio, query):
+    with pytest.raises(ValueError):
+        _from_link(studio.scale, query, (*ENTRY, studio.own))
 
 
 def test_moves_of_one_control_are_one_entry_of_the_history():
-    log = {"entries": [], "at": -1, "time": 0.0}
-    for entry in ((1, 1), (2, 2), (3, 2), (4, 2)):
+    log = _remember({"entries": [], "at": -1, "time": 0.0, "moved": set()}, (1, 1), apart=True)
+    for entry in ((2, 1), (3, 1), (4, 1), (4, 2), (4, 3), (5, 3)):
         log = _remember(log, entry)
-    assert log["entries"] == [(1, 1), (2, 2), (4, 2)] or log["entries"] == [(1, 1), (4, 2)]
+    assert log["entries"] == [(1, 1), (4, 1), (4, 3), (5, 3)]
+    log = _remember(log, (9, 9), apart=True)
+    log = _remember(log, (8, 9))
+    assert log["entries"][-2:] == [(9, 9), (8, 9)], "what is chosen stands apart from what is moved after it"
     assert _remember(log, log["entries"][-1]) == log
     undone = {**log, "at": 0}
     assert _remember(undone, (9, 9))["entries"] == [(1, 1), (9, 9)]
