@@ -14,7 +14,6 @@ a whole texture from ratings, the U-Net the rest from these.
 import copy
 
 import torch
-from distilling.latent_step import LatentStep
 from distilling.scalars import fit_scalar_network
 
 from tactile_diffusers import DALEModel, TactileTexturePipeline
@@ -23,6 +22,7 @@ from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
 from tactile_diffusers.training.decoder_step import DecoderStep
+from tactile_diffusers.training.latent_step import LatentStep
 from tactile_diffusers.training.launch import (
     at_least_one,
     make_accelerator,

@@ -21,8 +21,8 @@ OPTIONAL = {
     "training": {"tensorboard": "training/launch.py"},
     "parquet": {"pyarrow": "io/parquet.py"},
 }
-#: Imported by nobody here: pandas needs it for xlsx.
-INDIRECT = {"openpyxl"}
+#: Imported by nobody here: pandas needs it for xlsx, and huggingface_hub for model cards.
+INDIRECT = {"openpyxl", "jinja2"}
 #: As it is imported first by every Python process, its children's too: each attempt to leave the machine fails and is
 #: written down, so that no `except` hides it. What C libraries open by themselves is not seen.
 NO_NETWORK = """

@@ -1,1 +1,1 @@
-"""What `distill.py` trains a DALE of one step with: views of its states, its training step, its network of scalars."""
+"""What `distill.py` trains a DALE of one step with besides the package: its network of scalars."""

@@ -9,9 +9,12 @@ from tqdm.auto import tqdm
 from tactile_diffusers.training.energy import energy_score
 from tactile_diffusers.training.steps import BatchNoise, drawn_ratings
 
-from .views import scalar_views
-
 BATCH, LEARNING_RATE, WARMUP, AVERAGED = 256, 1e-3, 100, 0.998
+
+
+def scalar_views(scalars):
+    """Views of scalars (batch, n): each alone, because among all of them one hardly moves a distance; all together."""
+    return [scalars[..., None], scalars[:, None]]
 
 
 def fit_scalar_network(network, scalars, states, args, quiet=False):

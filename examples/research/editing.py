@@ -22,9 +22,10 @@ from tactile_diffusers.signal import RATING_AXES, level, resample
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.held_out import open_held_out
-from report.rating_effects import texture_measures
 from report.sampling import noise_seeds
 from report.tables import markdown_table, text
+
+from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures
 
 #: What is asked for, z-scores.
 CHANGES = (-0.7, 0.7)

@@ -10,24 +10,20 @@ The data sets are those of `few_surfaces.py`; `--own` is of the bundled checkpoi
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import torch
 from few_surfaces import PER_SURFACE, Control, adapted, measure, table
 from peft import LoraConfig
+from report.held_out import open_held_out
 from tqdm.auto import tqdm
 
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
+from tactile_diffusers.training.latent_step import LatentStep
 from tactile_diffusers.training.steps import BatchNoise
-
-sys.path.append(str(Path(__file__).parents[1]))  # examples, for `distilling`
-
-from distilling.latent_step import LatentStep
-from report.held_out import open_held_out
 
 SURFACES, UPDATES, BATCH, SEED = 50, 300, 32, 0
 #: Segments of the checkpoint's own world in rehearsal.

@@ -107,6 +107,11 @@ STEPS = {
         "--output {here}/adaptation",
         "{here}/adaptation/figures.json",
     ),
+    "fine tuning": Step(
+        'research/fine_tuning.py "another world={data}/other.h5" "recipe 3, other settings={data}/settings.h5" '
+        "--own {data}/prepared.h5 --output {here}/fine_tuning",
+        "{here}/fine_tuning/figures.json",
+    ),
     "a new axis": Step("research/new_axis.py {data}/axes.h5 --output {here}/new_axis", "{here}/new_axis/figures.json"),
     "first pages": Step("results/first_pages.py", "{here}/README.md"),
 }

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from report.rating_effects import (
+from report.sampling import generate, noise_seeds
+
+from tactile_diffusers.evaluation.metrics.rating_effects import (
     latent_shift_percent,
     shape_change_db,
     texture_measures,
 )
-from report.sampling import generate, noise_seeds
-
 from tactile_diffusers.signal import DEVICE_RATE, band_edges, level
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from report.rating_effects import reversal
 from report.sampling import generate, noise_seeds
 from report.sections.response import RATINGS, centroid_hz, rating_requests, reversal_leaf
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
+from tactile_diffusers.evaluation.metrics.rating_effects import reversal
 from tactile_diffusers.pipelines.inputs import LARGEST_RATING
 from tactile_diffusers.signal import RATING_AXES
 

@@ -3,12 +3,12 @@
 import h5py
 import numpy as np
 import pytest
+from report import virtual_truth as virtual
 from report.virtual_truth import draw_surfaces, truth_of, virtual_truth
 from scipy import stats
 
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
 from tactile_diffusers.evaluation import truth
-from tactile_diffusers.evaluation import virtual_truth as virtual
 from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, RatedTextures, recorded_truth
 from tactile_diffusers.signal import level
 from tactile_diffusers.virtual import (

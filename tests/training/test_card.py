@@ -74,7 +74,7 @@ class TestAfterTraining:
                 "train 4, validation 1, test 1",
                 "| seed | 3 |",
             ),
-            *("normal force 0.4 to 0.6", "| band | 20 to 1000 |", "Cronbach's alpha 0", "| filter order | 4 |"),
+            *("normal force 0.4 to 0.6", "| band | 20 to 1000 |", "Cronbach's alpha 0"),
             *("| parameters | LCTG 0.0195 million, DALE", "LCTG 5 of VDDIMScheduler, DALE 5 of VDDIMScheduler"),
             *("2500 Hz inside, 10000 Hz delivered", "| reference speed | 8"),
             *("Virtual surfaces are simulated", "act as its ends do: roughness -", "No person has felt"),

@@ -2,10 +2,10 @@
 
 import pytest
 import torch
-from distilling.views import StateViews
 
 from tactile_diffusers import DALEModel
 from tactile_diffusers.training.energy import energy_score, waveform_views
+from tactile_diffusers.training.state_views import StateViews
 
 
 def _normal(*shape, seed):

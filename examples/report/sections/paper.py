@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from tactile_diffusers.evaluation.metrics.rating_effects import latent_shift_percent
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.signal import band_levels_db
 
 from ..figures import plot_axis_spectra, plot_latent_shift
-from ..rating_effects import latent_shift_percent
 
 #: Ratings run from -2 to 2 (paper section 3.3 and 3.4).
 FARTHEST = 2.0

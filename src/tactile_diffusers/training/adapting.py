@@ -1,7 +1,8 @@
 """Adapts a pretrained pipeline to the few surfaces of a lab.
 
-DALE is recalibrated in closed form; a decoder that knows the lab's textures less well than its own is trained further.
-How much that helps is measured on surfaces that are left out, and said in words.
+DALE is recalibrated in closed form; with enough surfaces, what it makes vary over a texture is trained further, and so
+is a decoder that knows the lab's textures less well than its own. How much that helps is measured on surfaces that are
+left out, and said in words.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,9 @@ from ..data.checkpoint_fit import check_fit
 from ..data.ratings import check_axes
 from .card import finish
 from .dale_data import encode_dataset, mean_and_std, training_states
-from .decoder_fit import LEAST_SURFACES, judge_decoder, train_decoder
+from .decoder_fit import LEAST_SURFACES, judge_decoder, left_out, train_decoder
+from .field_fit import LEAST_SURFACES as LEAST_FOR_FIELDS
+from .field_fit import train_fields
 from .launch import make_accelerator, training_parser
 from .new_axes import add_axes, carried_words
 from .recalibration import TAKES, Surfaces, generate_trusting, recalibrate, scalars_of, spectra_db
@@ -24,7 +27,7 @@ from .verdict import Errors, verdict_of
 
 #: Parts that are left out in turn.
 FOLDS = 10
-#: Of the decoder's training.
+#: Of the decoder's training; that of DALE's fields takes as many updates.
 DEFAULTS = {
     "train_batch_size": 8,
     "learning_rate": 5e-4,
@@ -44,8 +47,10 @@ DEFAULTS = {
 def adaptation_parser(description, **defaults):
     """The parser of `examples/adapt.py`: the arguments of all trainings, and when the decoder is trained."""
     parser = training_parser(description, **DEFAULTS | defaults)
-    help = "train the decoder of one step further; auto = if it knows your textures less well than its own, and from "
-    help += f"{LEAST_SURFACES} surfaces on"
+    help = (
+        f"train networks of one step further, from {LEAST_SURFACES} surfaces on: DALE's U-Net and the decoder; auto = "
+    )
+    help += "the decoder only if it knows your textures less well than its own"
     parser.add_argument("--fine_tuning", choices=["auto", "yes", "no"], default="auto", help=help)
     return parser
 
@@ -81,6 +86,8 @@ def adapt(pipe, dataset, output_dir, args=None, **options):
     judged = judge_recalibration(lab)
     say(judged["zero-shot"].words("As it is, the given checkpoint"))
     verdict = verdict_of(judged) + lab.recalibrate(pipe.dale)
+    if args.fine_tuning != "no" and pipe.dale.config.distilled_steps == 1 and len(lab.real) >= LEAST_FOR_FIELDS:
+        verdict += " " + lab.train_fields(args, accelerator)
     if trains_decoder(pipe, lab, decoder, args.fine_tuning):
         verdict += " " + train_decoder(pipe, dataset, args, accelerator)
     else:
@@ -137,6 +144,7 @@ class Lab:
 
     pipe: object
     dataset: object
+    latents: object
     real: Surfaces
     generated: dict
     new_axes: list
@@ -148,10 +156,11 @@ class Lab:
         if set(dataset.rating_axes) - set(pipe.dale.config.rating_axes):
             new_axes = add_axes(pipe.dale, dataset.set_axes().ratings, np.unique(dataset.surface_ids))
         dataset.set_axes(pipe.dale.config.rating_axes)
-        real = _packed(pipe.dale, dataset, encode_dataset(pipe, dataset, args.quiet))
+        latents = encode_dataset(pipe, dataset, args.quiet)
+        real = _packed(pipe.dale, dataset, latents)
         steps = pipe.resolve_steps()[1]
         generated = generate_trusting(pipe.dale.eval(), pipe.dale_scheduler, real.ratings, TAKES, steps, args.seed)
-        return cls(pipe, dataset, real, generated, new_axes)
+        return cls(pipe, dataset, latents, real, generated, new_axes)
 
     @cached_property
     def real_db(self):
@@ -175,6 +184,13 @@ class Lab:
         speed = mean_and_std(self.dataset.speeds)[0] or dale.config.reference_speed
         dale.register_to_config(rating_statistics=statistics, reference_speed=speed)
         return change.words()
+
+    def train_fields(self, args, accelerator):
+        """Trains the recalibrated DALE's U-Net; says what that did."""
+        dale, out = self.pipe.dale.to(accelerator.device), left_out(self.dataset, args.seed)
+        states = training_states(dale, self.dataset, self.latents)
+        updates, quiet = args.max_train_steps, args.quiet or not accelerator.is_main_process
+        return train_fields(dale, self.pipe.dale_scheduler, states, out, updates, args.seed, quiet)
 
     def what_is_adapted(self):
         """Lines on surfaces and ratings, and on what they leave as it is."""

@@ -19,7 +19,7 @@ DECODED = 32
 #: By how much worse than its own textures it may give a lab's back: factor of the bands' error, and shift of the shapes
 #: of waveforms in standard deviations over textures.
 BANDS_FACTOR, SHAPE_SHIFT = 2.0, 0.5
-#: Share of the surfaces, and at least how many, that its training leaves out; with fewer than so many there is none.
+#: Share of the surfaces, and at least how many, that a training leaves out; with fewer than so many there is none.
 LEFT_OUT, LEAST_LEFT_OUT, LEAST_SURFACES = 0.1, 2, 5
 #: Share of textures that are decoded without detail layer, as generated ones are.
 DETAIL_DROPOUT = 0.7
@@ -89,8 +89,7 @@ def train_decoder(pipe, dataset, args, accelerator):
     Returns:
         `str`: what it did to surfaces left out, a sentence.
     """
-    ids = np.random.default_rng(args.seed).permutation(np.unique(dataset.surface_ids))
-    out = np.isin(dataset.surface_ids, ids[: max(LEAST_LEFT_OUT, round(LEFT_OUT * len(ids)))])
+    out = left_out(dataset, args.seed)
     collate = make_collate(pipe.feature_extractor, dataset.sampling_rate)
     student = copy.deepcopy(pipe.lctg_distilled)
     step = DecoderStep(student, pipe.scheduler, pipe.feature_extractor, DETAIL_DROPOUT)
@@ -105,6 +104,12 @@ def train_decoder(pipe, dataset, args, accelerator):
         return f"The decoder was {text}to {after:.3f}, so it stays as it is."
     pipe.register_modules(lctg_distilled=student)
     return f"The decoder of one step was {text}to {after:.3f}. Calls of more steps take the teacher, which stays."
+
+
+def left_out(dataset, seed):
+    """Which segments of a data set are of surfaces that judge a training: (n,) bool."""
+    ids = np.random.default_rng(seed).permutation(np.unique(dataset.surface_ids))
+    return np.isin(dataset.surface_ids, ids[: max(LEAST_LEFT_OUT, round(LEFT_OUT * len(ids)))])
 
 
 def make_validation(step, collate, dataset, rows):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tactile_diffusers.evaluation.metrics.errors import DB_PER_NEPER
-from tactile_diffusers.signal import band_levels_db, rms
+from ...signal import band_levels_db, rms
+from .errors import DB_PER_NEPER
 
 
 def texture_measures(textures, levels, friction_coefficients, sampling_rate, edges):

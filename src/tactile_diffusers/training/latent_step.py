@@ -2,13 +2,12 @@
 
 from torch import nn
 
-from tactile_diffusers.models.calibration import scalar_shift
-from tactile_diffusers.schedulers import VDDIMScheduler
-from tactile_diffusers.training.decoder_step import one_step
-from tactile_diffusers.training.energy import energy_score
-from tactile_diffusers.training.steps import drawn_ratings
-
-from .views import StateViews
+from ..models.calibration import scalar_shift
+from ..schedulers import VDDIMScheduler
+from .decoder_step import one_step
+from .energy import energy_score
+from .state_views import StateViews
+from .steps import drawn_ratings
 
 
 class LatentStep(nn.Module):

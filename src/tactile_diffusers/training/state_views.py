@@ -1,11 +1,11 @@
-"""Views of DALE's states and scalars, of which energy scores are taken (`tactile_diffusers.training.energy`)."""
+"""Views of DALE's states, of which energy scores are taken (`energy.py`)."""
 
 from itertools import pairwise
 
 import torch
 import torch.nn.functional as F
 
-from tactile_diffusers.models.dale_state import cosines, from_scores
+from ..models.dale_state import cosines, from_scores
 
 #: Windows of gain and learned latents in a state, in frames: their length and hop.
 FAST_WINDOWS = ((1, 1), (2, 1), (4, 2))
@@ -17,11 +17,6 @@ SLOWEST = 8
 MODULATION_SHARES = (0.0, 0.03, 0.08, 0.25, 0.75, 1.0)
 #: Least deviation that counts, and how many deviations do: a steady texture has no shape.
 LEAST_DEVIATION, LARGEST = 0.02, 8.0
-
-
-def scalar_views(scalars):
-    """Views of scalars (batch, n): each alone, because among all of them one hardly moves a distance; all together."""
-    return [scalars[..., None], scalars[:, None]]
 
 
 class StateViews:
