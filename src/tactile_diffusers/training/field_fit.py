@@ -9,7 +9,7 @@ from .latent_step import LatentStep
 from .steps import BatchNoise
 
 BATCH, LEARNING_RATE, BETAS = 32, 2e-4, (0.9, 0.99)
-#: With fewer surfaces it can lose more than the two that are left out show (examples/results/fine_tuning.md).
+#: With fewer it can lose more than the two that are left out show: with five, the kernel distance doubled.
 LEAST_SURFACES = 20
 #: Textures of left-out surfaces at most by which the training is judged.
 JUDGED = 256
