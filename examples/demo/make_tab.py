@@ -45,7 +45,8 @@ def make_tab(desk, tab, page):
                 redo = gr.Button("↷ Redo", elem_id="redo", min_width=70, size="sm")
             take = gr.Radio(list(range(1, TAKES + 1)), value=1, label="Take", elem_id="takes")
             preset = gr.Radio(list(PRESETS), value="denim", label="Preset", elem_id="presets")
-            with gr.Accordion("More", open=False):
+            with gr.Accordion("More", open=False) as more_fold:
+                past = gr.Dropdown([], label="History", elem_id="history")
                 default, names = Settings(), list(studio.checkpoints)
                 more = [
                     gr.Number(default.seed, label="Seed", precision=0, elem_id="seed"),
@@ -108,6 +109,12 @@ def make_tab(desk, tab, page):
         rest = entry[2 * make.count :] if preset is ... else (preset, *entry[2 * make.count + 1 :])
         return (*values, *(value is None for value in shown), *rest)
 
+    def list_history(log):
+        labels = [
+            (f"{_title(scale, entry)}, {_asked(make.count, entry)}", at) for at, entry in enumerate(log["entries"])
+        ]
+        return gr.Dropdown(labels, value=log["at"])
+
     make.restore, make.with_ratings, make.inputs = restore, with_ratings, [history, x, y, *controls]
 
     def arrive(request: gr.Request, log, x, y, *entry):
@@ -129,6 +136,8 @@ def make_tab(desk, tab, page):
     desk.on([dice.click], throw, make.inputs, make.outputs)
     for button, by in ((undo, -1), (redo, 1)):
         desk.on([button.click], lambda *given, by=by: step(by, *given), make.inputs, make.outputs)
+    desk.on([past.input], lambda at, log, *given: step(at - log["at"], log, *given), [past, *make.inputs], make.outputs)
+    desk.on([past.focus, more_fold.expand], list_history, history, past)
     desk.on([x.input, y.input], lambda log, x, y, *entry: pad_value(entry, x, y), make.inputs, pad)
 
     def back(made):
@@ -178,6 +187,12 @@ def _title(scale, entry):
     name = entry[2 * count]
     edited = _is_edited(scale, name, entry[:count], entry[count : 2 * count])
     return f"{name}, edited" if edited else name or "your own"
+
+
+def _asked(count, entry):
+    """The sliders of a snapshot, and its take."""
+    asked = zip(entry[:count], entry[count : 2 * count], strict=True)
+    return "/".join("any" if off else f"{value:g}" for value, off in asked) + f", take {entry[2 * count + 1]}"
 
 
 def _link(scale, entry):

@@ -2,6 +2,7 @@
 
 import functools
 import threading
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,8 @@ from tactile_diffusers.pipelines import TactileTextureEditPipeline, TactileTextu
 from tactile_diffusers.search import PreferenceSearch
 from tactile_diffusers.signal import DEVICE_RATE, resample, rms
 
+#: Requests of visitors that are answered by one call, and takes behind the range of what is usual.
+MOST_AT_ONCE, USUAL_TAKES = 8, 16
 NO_DALE = "The checkpoint {} has no `dale`: it reconstructs, it cannot generate."
 
 
@@ -78,7 +81,9 @@ class Studio:
                 folder
             )
         self.own = next(iter(self.checkpoints))
-        self._lock = threading.Lock()  # one call at a time: two at once would each take twice as long
+        # one call at a time: two at once would each take twice as long; those that wait share the next one
+        self._lock, self._waiting, self._guard = threading.Lock(), {}, threading.Lock()
+        self._loading = threading.Lock()
         self._pipes = {self.own: _load(self.checkpoints[self.own])}
         self.scale, self.steps = Scale(self._pipes[self.own].dale.config), self._pipes[self.own].resolve_steps()[0]
         for folder in list(self.checkpoints.values())[1:]:  # the others are loaded when they are first asked for
@@ -92,8 +97,9 @@ class Studio:
         name = checkpoint or self.own
         if name not in self.checkpoints:
             raise ValueError(f"There is no checkpoint {name!r}; there are {list(self.checkpoints)}.")
-        if name not in self._pipes:
-            self._pipes[name] = _load(self.checkpoints[name])
+        with self._loading:
+            if name not in self._pipes:
+                self._pipes[name] = _load(self.checkpoints[name])
         return self._pipes[name]
 
     def generate(self, ratings, settings=None, checkpoint=None):
@@ -110,12 +116,43 @@ class Studio:
         Raises:
             ValueError: for impossible ratings, or an unknown checkpoint.
         """
-        settings = settings or Settings()
+        settings, answer = settings or Settings(), Future()
+        self._pipe(checkpoint)
+        kind = (checkpoint or self.own, settings.guidance, settings.duration_s, settings.steps)
+        with self._guard:
+            self._waiting.setdefault(kind, []).append((tuple(ratings), settings.seed, answer))
         with self._lock:
-            pipe, generator = self._pipe(checkpoint), torch.Generator("cpu").manual_seed(settings.seed)
-            how = {"guidance_scale": settings.guidance, "duration_s": settings.duration_s, "generator": generator}
-            out = pipe(list(ratings), num_inference_steps=settings.steps, **how)
-            return self._textures(pipe, out, [tuple(ratings)], [settings.seed], checkpoint)[0]
+            while not answer.done():  # somebody else's call may have brought it
+                with self._guard:
+                    asked, rest = self._waiting[kind][:MOST_AT_ONCE], self._waiting.pop(kind)[MOST_AT_ONCE:]
+                    self._waiting |= {kind: rest} if rest else {}
+                self._answer(kind, asked)
+        return answer.result()
+
+    def _answer(self, kind, asked):
+        """Makes the textures of several requests of one kind in one call."""
+        checkpoint, guidance, duration_s, steps = kind
+        try:
+            rows, seeds, _ = zip(*asked, strict=True)
+            generators = [torch.Generator("cpu").manual_seed(seed) for seed in seeds]
+            pipe, how = self._pipe(checkpoint), {"guidance_scale": guidance, "duration_s": duration_s}
+            how["generator"] = generators if len(generators) > 1 else generators[0]
+            out = pipe([list(row) for row in rows], num_inference_steps=steps, **how)
+            made = self._textures(pipe, out, rows, seeds, checkpoint)
+        except Exception as error:
+            for *_, answer in asked:
+                answer.set_exception(error)
+        else:
+            for (*_, answer), texture in zip(asked, made, strict=True):
+                answer.set_result(texture)
+
+    def usual(self, ratings, settings, checkpoint=None):
+        """What takes of these ratings are like: (estimated ratings (takes, axes), textures (takes, samples), Hz)."""
+        with self._lock:
+            pipe, generator = self._pipe(checkpoint), torch.Generator("cpu").manual_seed(0)
+            how = {"num_textures_per_rating": USUAL_TAKES, "guidance_scale": settings.guidance, "generator": generator}
+            out = pipe(list(ratings), **how)
+            return np.array(_estimate(pipe, out, len(self.scale.axes))), out.textures, out.sampling_rate
 
     def edit(self, texture, settings=None, checkpoint=None, **options):
         """A texture after an edit; `options` of `TactileTextureEditPipeline`.

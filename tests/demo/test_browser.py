@@ -237,7 +237,7 @@ def test_eight_visitors_at_once(visit, server, visitor_at):
     with ThreadPoolExecutor(8) as pool:
         together = statistics.median(pool.map(median, visitors))
     print(f"one visitor {1e3 * alone:.0f} ms, each of eight {1e3 * together:.0f} ms")
-    assert together < 12 * alone  # one after the other, and nobody is left out
+    assert together < 8 * alone  # they share calls; two idle cores are to give 2, a busy machine does not
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -252,7 +252,7 @@ def test_pictures_and_accessibility_of_every_tab(visit, scheme):
             _lanes(page, "A", "B")
         if tab == "Make":
             page.locator("#analysis button").first.click()
-            page.locator("#numbers").get_by_text("estimated").wait_for()
+            page.locator("#numbers").get_by_text("usual").wait_for()
         if AXE:
             page.evaluate(Path(AXE).read_text())
             # Vega's plots name their brush's marks wrongly; what they show is also in tables and fields

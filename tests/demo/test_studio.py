@@ -2,6 +2,8 @@
 
 import base64
 import json
+import re
+import threading
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from studio import Studio
 
 from tactile_diffusers import bundled_checkpoint, export
 from tactile_diffusers.playback import TextureProfile
-from tactile_diffusers.signal import BAND_HZ, band_edges, band_levels_db, rms
+from tactile_diffusers.signal import rms
 
 RATINGS = (1.0, 0.2, -0.8)
 
@@ -22,6 +24,28 @@ RATINGS = (1.0, 0.2, -0.8)
 @pytest.fixture(scope="module")
 def texture(studio):
     return studio.generate(RATINGS, Settings(seed=3))
+
+
+def test_visitors_at_once_share_a_call_and_get_what_each_would_get_alone(studio, monkeypatch):
+    wanted = {seed: studio.generate(RATINGS, Settings(seed)).samples for seed in range(12)}
+    calls, answer = [], studio._answer
+    monkeypatch.setattr(studio, "_answer", lambda kind, asked: (calls.append(len(asked)), answer(kind, asked)))
+    found = {}
+
+    def visit(seed):
+        found[seed] = studio.generate(RATINGS, Settings(seed)).samples
+
+    threads = [threading.Thread(target=visit, args=(seed,)) for seed in wanted]
+    with studio._lock:  # all wait
+        for thread in threads:
+            thread.start()
+        while sum(map(len, studio._waiting.values())) < len(wanted):
+            pass
+    for thread in threads:
+        thread.join()
+    assert sorted(calls) == [4, 8] and not studio._waiting
+    for seed, samples in wanted.items():
+        np.testing.assert_allclose(found[seed], samples, atol=1e-5)
 
 
 def test_one_visitor_s_mistake_is_told_and_leaves_the_studio_whole(studio):
@@ -32,14 +56,17 @@ def test_one_visitor_s_mistake_is_told_and_leaves_the_studio_whole(studio):
     assert studio.generate(RATINGS).seconds == 1.6
 
 
-def test_analysis_holds_the_texture(studio, texture):
-    found, edges = spectrum([("this", texture)]), band_edges(18, BAND_HZ)
-    assert len(found) == 18 and set(found["of"]) == {"this"}
-    np.testing.assert_allclose(found["dB re 1 N²"], band_levels_db(texture.samples, texture.sampling_rate, edges))
+def test_analysis_holds_the_texture_and_what_is_usual(studio, texture):
+    heard, samples, rate = studio.usual(RATINGS, Settings())
+    found = spectrum([("this", texture)], (samples, rate))
+    table = found.pivot_table(index="Hz", columns="of", values="dB re 1 N²")
+    low, high = table["usual, 10 %"], table["usual, 90 %"]
+    assert (low < high).all() and ((table["this"] > low - 6) & (table["this"] < high + 6)).mean() > 0.8
+    assert 0.3 < ((heard > np.percentile(heard, 10, axis=0)) & (heard < np.percentile(heard, 90, axis=0))).mean()
     wave = waveform(texture)
     assert len(wave) < 1500 and wave["mN"].abs().max() == pytest.approx(1e3 * np.abs(texture.samples).max())
-    told = numbers(studio.scale, [("this", texture)])
-    assert "this: asked" in told and "this: estimated" in told
+    told = numbers(studio.scale, [("this", texture)], heard)
+    assert "this: asked" in told and "this: estimated" in told and re.search(r"<td>\d+ to \d+</td>", told)
 
 
 def test_strip_holds_the_profile_and_nothing_from_elsewhere(texture):
