@@ -13,7 +13,7 @@ from tactile_diffusers.cli.program import Parser, add_checkpoint_argument, refus
 
 #: Visitors at a time whose last result (a few megabytes) is kept, and requests that may wait.
 SESSIONS, WAITING = 50, 20
-#: Requests that are answered at a time.
+#: Requests that are answered at a time; their textures are made in one call.
 AT_ONCE = 8
 #: Files of visitors are deleted after these seconds, s.
 FILE_SECONDS, CLEANING_SECONDS = 900, 300

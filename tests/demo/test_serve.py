@@ -28,6 +28,7 @@ def test_without_gradio_it_says_what_to_install(monkeypatch, capsys):
 
 
 def test_a_port_in_use_is_told(capsys):
+    pytest.importorskip("gradio")
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
