@@ -43,8 +43,9 @@ def share_limits(row):
         panel.set_ylim(limits[:, 0].min(), limits[:, 1].max())
 
 
-def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, seconds=0.2):
+def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, unit="N", seconds=0.2):
     """Best, median and worst segment (n, samples) by nine-band error, in time (`seconds` of it) and frequency."""
+    factor, name_of_unit, squared = (1e3, "mN", "N²") if unit == "N" else (1, "counts", "count²")
     errors = nine_band_error_db(reconstructed, real, sampling_rate, edges)
     order = np.argsort(errors)
     shown = {"best": order[0], "median": order[len(order) // 2], "worst": order[-1]}
@@ -52,13 +53,16 @@ def plot_overlays(real, reconstructed, sampling_rate, edges, output_path, second
     piece = slice(start, start + int(seconds * sampling_rate))
     with figure_panels(output_path, 2, 3, (13, 6)) as panels:
         for (waves, spectra), (name, row) in zip(panels.T, shown.items(), strict=True):
+            top = -200.0
             for texture, label in ((real[row], "original"), (reconstructed[row], "reconstruction")):
                 time = np.arange(piece.start, piece.stop) / sampling_rate
-                waves.plot(time, 1e3 * texture[piece], linewidth=0.8, label=label)
+                waves.plot(time, factor * texture[piece], linewidth=0.8, label=label)
                 frequencies, density = power_spectral_density(texture, sampling_rate)
-                spectra.semilogx(frequencies[1:], 10 * np.log10(density[1:] + 1e-20), linewidth=0.9, label=label)
-            waves.set(title=f"{name}: nine-band error {errors[row]:.2f} dB", xlabel="s", ylabel="mN")
-            spectra.set(xlim=(15, 2000), ylim=(-130, -40), xlabel="Hz", ylabel="dB re 1 N²/Hz")
+                level = 10 * np.log10(density[1:] + 1e-20)
+                spectra.semilogx(frequencies[1:], level, linewidth=0.9, label=label)
+                top = max(top, 10 * np.ceil(level.max() / 10))
+            waves.set(title=f"{name}: nine-band error {errors[row]:.2f} dB", xlabel="s", ylabel=name_of_unit)
+            spectra.set(xlim=(15, 2000), ylim=(top - 80, top), xlabel="Hz", ylabel=f"dB re 1 {squared}/Hz")
         panels[0, 0].legend(fontsize=8)
 
 

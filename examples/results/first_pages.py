@@ -30,9 +30,10 @@ OTHERS = {
     "hard": "hard_cases/stability.json",
     "decoder": "steps/decoder.json",
     "preparation": "preparation/data.json",
+    "biotac": "biotac/report.json",
 }
-#: Such that are of no checkpoint.
-DATA = {"card": "data/card.json"}
+#: Such that are of no checkpoint, or of one of their own.
+DATA = {"card": "data/card.json", "trained": "biotac/trained/report.json"}
 PAGES = (HERE.parents[1] / "README.md", HERE / "README.md")
 #: Templates of whole pages, which are written beside their folder.
 TEMPLATES = HERE / "pages"

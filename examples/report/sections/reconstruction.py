@@ -38,7 +38,9 @@ def run(context):
         if count == context.steps:
             known = textures
         if count == shown:
-            plot_overlays(data.real, textures, data.rate, data.edges, context.output / "overlays.png")
+            plot_overlays(
+                data.real, textures, data.rate, data.edges, context.output / "overlays.png", data.dataset.unit
+            )
     names = (*METRICS, "ftd", "ktd", "ktd_excess", "seconds_per_segment", "efficiency_score")
     baselines = {slug: {name: number() for name in names} for slug in SLUGS}
     for slug, textures in context.baseline_textures.items():  # without ratings there are fewer than slugs
