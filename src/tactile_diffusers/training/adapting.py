@@ -45,12 +45,10 @@ DEFAULTS = {
 
 
 def adaptation_parser(description, **defaults):
-    """The parser of `examples/adapt.py`: the arguments of all trainings, and when the decoder is trained."""
+    """The parser of `examples/adapt.py`: the arguments of all trainings, and when networks are trained."""
     parser = training_parser(description, **DEFAULTS | defaults)
-    help = (
-        f"train networks of one step further, from {LEAST_SURFACES} surfaces on: DALE's U-Net and the decoder; auto = "
-    )
-    help += "the decoder only if it knows your textures less well than its own"
+    help = f"train networks of one step further: DALE's U-Net from {LEAST_FOR_FIELDS} surfaces on, the decoder from "
+    help += f"{LEAST_SURFACES} on; auto = the decoder only if it knows your textures less well than its own"
     parser.add_argument("--fine_tuning", choices=["auto", "yes", "no"], default="auto", help=help)
     return parser
 

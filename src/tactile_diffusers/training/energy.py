@@ -6,7 +6,7 @@ distributed as real ones are (Gneiting and Raftery 2007, 10.1198/016214506000001
 of one step without an adversary (Gritsenko et al. 2020, arXiv 2008.01160).
 
 What is compared are *views*: tensors (batch, places, values), of which each place is compared as a whole. Those of
-DALE's states stand beside `examples/distill.py`.
+DALE's states are `state_views.py`.
 """
 
 import torch
