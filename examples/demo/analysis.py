@@ -37,28 +37,24 @@ def spectrum(tracks, usual=None):
 
 def numbers(scale, tracks, usual=None):
     """A table in HTML: asked, estimated and usual ratings, and what is measured, a row a texture."""
-    heads = ["", *scale.axes, "RMS, mN", "friction coefficient", "seed", "checkpoint"]
-    rows = []
+
+    def shown(ratings):
+        return ["–" if value is None else f"{value:g}" for value in scale.from_z(ratings)]
+
+    rows = [["", *scale.axes, "RMS, mN", "friction coefficient", "seed", "checkpoint"]]
     for name, one in tracks:
-        about = [f"{1e3 * one.rms:.2f}", _known(one.friction_coefficient), one.seed, one.checkpoint]
+        friction = f"{one.friction_coefficient:.2f}" if np.isfinite(one.friction_coefficient) else None
+        about = [f"{1e3 * one.rms:.2f}", friction, one.seed, one.checkpoint]
         if np.isfinite(one.ratings).any():
-            rows.append([f"{name}: asked", *_shown(scale, one.ratings)])
-        rows.append([f"{name}: estimated", *_shown(scale, one.estimated), *("–" if x is None else x for x in about)])
+            rows.append([f"{name}: asked", *shown(one.ratings)])
+        rows.append([f"{name}: estimated", *shown(one.estimated), *("–" if x is None else x for x in about)])
     if usual is not None:
-        low, high = (_shown(scale, row) for row in np.percentile(usual, USUAL, axis=0))
+        low, high = (shown(row) for row in np.percentile(usual, USUAL, axis=0))
         rows.append(["usual for what is asked", *(f"{a} to {b}" for a, b in zip(low, high, strict=True))])
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows)
-    head = "".join(f'<th scope="col">{cell}</th>' for cell in heads)
+    head, *body = ("".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) for row in rows)
+    head = head.replace("<td>", '<th scope="col">').replace("</td>", "</th>")
     caption = "<caption>Ratings are percentiles of the training surfaces.</caption>"
-    return f'<table class="numbers">{caption}<tr>{head}</tr>{body}</table>'
-
-
-def _shown(scale, ratings):
-    return ["–" if value is None else f"{value:g}" for value in scale.from_z(ratings)]
-
-
-def _known(value):
-    return f"{value:.2f}" if np.isfinite(value) else "–"
+    return f'<table class="numbers">{caption}{"".join(f"<tr>{row}</tr>" for row in (head, *body))}</table>'
 
 
 def spectrum_plot(gr):
@@ -66,26 +62,30 @@ def spectrum_plot(gr):
     return gr.LinePlot(x="Hz", y="dB re 1 N²", color="of", title="spectrum", height=240, sort=_CENTRES)
 
 
-def analysis(desk):
-    """The folded part of Make: it is computed while it is open, whenever another texture lies on the strip."""
+def analysis(desk, status):
+    """What is known of the texture of Make, once nothing moves: a line of estimates, and, unfolded, plots."""
     gr, studio = desk.gr, desk.studio
-    seen, clock = gr.State(), gr.Timer(0.7, active=False)
+    seen, unfolded = gr.State(), gr.State(False)
     with gr.Accordion("Analysis", open=False, elem_id="analysis") as fold:
         table = gr.HTML(elem_id="numbers")
         with gr.Row():
             wave = gr.LinePlot(x="s", y="mN", title="waveform", height=240, label="waveform", show_label=False)
             bands = spectrum_plot(gr)
 
-    def look(made, before):
-        """The plots, unless they are of this texture already."""
-        if not made or made[0] == before:
-            return (gr.skip(),) * 4
-        now, texture = made
+    def look(made, before, unfolded):
+        if not made or (made[0], unfolded) == before:  # known already
+            return (gr.skip(),) * 5
+        entry, texture, told = made
+        head, _, note = told.partition("<br>")
+        told = f"{head} · estimated to feel: {studio.scale.describe(texture.estimated)}<br>{note}"
+        if not unfolded:
+            return (entry, False), told, *(gr.skip(),) * 3
         tracks = [("this texture", texture)]
         heard, *expected = studio.usual(texture.ratings, Settings(), texture.checkpoint)
-        return now, numbers(studio.scale, tracks, heard), waveform(texture), spectrum(tracks, expected)
+        plots = numbers(studio.scale, tracks, heard), waveform(texture), spectrum(tracks, expected)
+        return (entry, True), told, *plots
 
-    inputs, outputs = [desk.made, seen], [seen, table, wave, bands]
-    desk.on([clock.tick, fold.expand], look, inputs, outputs, trigger_mode="once")
-    desk.on([fold.expand], lambda: gr.Timer(active=True), None, clock)
-    desk.on([fold.collapse], lambda: gr.Timer(active=False), None, clock)
+    outputs = [seen, status, table, wave, bands]
+    desk.on([desk.strip.input], look, [desk.made, seen, unfolded], outputs)
+    desk.on([fold.expand], lambda made: (True, *look(made, None, True)), desk.made, [unfolded, *outputs])
+    desk.on([fold.collapse], lambda: False, None, unfolded)

@@ -5,19 +5,20 @@ from settings import Settings, blend
 
 from tactile_diffusers.pipelines import PRESETS
 
+ENDS = {"A": "glass", "B": "denim"}
+
 
 def blend_tab(desk, tab):
     """The tab."""
     gr, studio, scale = desk.gr, desk.studio, desk.studio.scale
-    own, names = desk.own_tracks(tab), list(PRESETS)
-    ends = [gr.State(scale.preset(name)) for name in ("glass", "denim")]
+    own, ends = desk.own_tracks(tab), []
     with gr.Row():
-        labels = []
-        for end, name, state in zip("AB", ("glass", "denim"), ends, strict=True):
+        for end, name in ENDS.items():
             with gr.Column(min_width=220):
-                chosen = gr.Dropdown(names, value=name, label=f"{end}: a preset", elem_id=f"blend-{end}")
+                chosen = gr.Dropdown(list(PRESETS), value=name, label=f"{end}: a preset", elem_id=f"blend-{end}")
                 keep = gr.Button(f"Take the texture of Make as {end}", elem_id=f"keep-{end}", size="sm")
-                labels.append((chosen, keep, gr.Markdown(scale.describe(state.value)), state))
+                state = gr.State(scale.preset(name))
+                ends.append((chosen, keep, gr.Markdown(scale.describe(state.value)), state))
         with gr.Column(min_width=260):
             share = gr.Slider(0, 100, 50, step=1, label="Blend, % of B", elem_id="share")
             gr.Markdown("All three lie on the strip. *Export* writes whichever you choose.")
@@ -25,8 +26,7 @@ def blend_tab(desk, tab):
 
     def show(first, second, percent, made):
         settings = Settings(made[1].seed if made else Settings.seed)
-        between = blend(first, second, percent / 100)
-        rows = {"A": first, f"blend {percent:g} %": between, "B": second}
+        rows = {"A": first, f"blend {percent:g} %": blend(first, second, percent / 100), "B": second}
         tracks = [(name, studio.generate(row, settings)) for name, row in rows.items()]
         return *desk.put(tracks), tracks, numbers(scale, tracks)
 
@@ -38,8 +38,8 @@ def blend_tab(desk, tab):
     def from_preset(name):
         return scale.preset(name), scale.describe(scale.preset(name))
 
-    inputs, outputs = [*ends, share, desk.made], [desk.strip, desk.shown, own, table]
-    for chosen, keep, label, state in labels:
+    inputs, outputs = [*(end[-1] for end in ends), share, desk.made], [desk.strip, desk.shown, own, table]
+    for chosen, keep, label, state in ends:
         desk.on([keep.click], from_make, desk.made, [state, label, chosen])
         desk.on([chosen.input], from_preset, chosen, [state, label])
         desk.on([state.change], show, inputs, outputs)

@@ -6,18 +6,31 @@ from uploads import KINDS, columns_of, read_upload
 
 from tactile_diffusers.signal.checks import check_number
 
-#: What can be done, and the arguments of `TactileTextureEditPipeline` that ask for it.
-ACTIONS = {
-    "change how it feels": lambda deltas, strength, start, stop: {
-        "ratings": {axis: delta for axis, delta in deltas.items() if delta} or None,
-        "rating_scale": "difference",
-        "strength": strength,
-    },
-    "make a stretch anew": lambda deltas, strength, start, stop: {"mask": [(start, stop)]},
-    "1 s longer": lambda deltas, strength, start, stop: {"continue_s": 1.0},
-    "close to a loop": lambda deltas, strength, start, stop: {"loop": True},
-}
-BEFORE, AFTER = "before", "after"
+#: What can be done.
+FEEL, ANEW, LONGER, LOOP = ACTIONS = (
+    "change how it feels",
+    "make a stretch anew",
+    "1 s longer",
+    "close to a loop",
+)
+
+
+def options_of(action, deltas, strength, start, stop):
+    """Arguments of `TactileTextureEditPipeline` that ask for it.
+
+    Raises:
+        ValueError: where it would change nothing, or a stretch is none.
+    """
+    if action == FEEL:
+        if not any(deltas.values()):
+            raise ValueError("Say what to change: move a slider of roughness, bumpiness or slipperiness.")
+        changed = {axis: delta for axis, delta in deltas.items() if delta}
+        return {"ratings": changed, "rating_scale": "difference", "strength": strength}
+    if action == ANEW:
+        check_number("stretch", start, "s", at_least=0)
+        check_number("stretch", stop, "s", above=start)
+        return {"mask": [(start, stop)]}
+    return {"continue_s": 1.0} if action == LONGER else {"loop": True}
 
 
 def edit_tab(desk, tab):
@@ -43,7 +56,7 @@ def edit_tab(desk, tab):
                 start = gr.Number(0.8, label="Stretch from, s", elem_id="start", min_width=100)
                 stop = gr.Number(0.9, label="to, s", elem_id="stop", min_width=100)
         with gr.Column(scale=4, min_width=300):
-            action = gr.Radio(list(ACTIONS), value=next(iter(ACTIONS)), label="Do", elem_id="edit-action")
+            action = gr.Radio(list(ACTIONS), value=FEEL, label="Do", elem_id="edit-action")
             deltas = [
                 gr.Slider(-2, 2, 0, step=0.1, label=f"More {axis}", elem_id=f"more-{axis}") for axis in scale.axes
             ]
@@ -55,7 +68,7 @@ def edit_tab(desk, tab):
     table = gr.HTML(elem_id="edit-numbers")
 
     def taken(texture, words):
-        tracks = [(BEFORE, texture)]
+        tracks = [("before", texture)]
         return texture, words, "", waveform(texture), *desk.put(tracks), tracks
 
     def from_made(made):
@@ -76,16 +89,12 @@ def edit_tab(desk, tab):
         words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz", *notes]
         return taken(studio.recorded(samples, sampling_rate), "; ".join(words))
 
-    def edit(texture, chosen, begin, end, strength, *changes):
+    def edit(texture, action, start, stop, strength, *changes):
         if texture is None:
             raise ValueError("There is nothing to edit yet.")
-        if chosen == next(iter(ACTIONS)) and not any(changes):
-            raise ValueError("Say what to change: move a slider of roughness, bumpiness or slipperiness.")
-        check_number("stretch", begin, "s", at_least=0)
-        check_number("stretch", end, "s", above=begin)
-        options = ACTIONS[chosen](dict(zip(scale.axes, changes, strict=True)), strength, begin, end)
+        options = options_of(action, dict(zip(scale.axes, changes, strict=True)), strength, start, stop)
         after = studio.edit(texture, Settings(), **options)
-        tracks = [(BEFORE, texture), (AFTER, after)]
+        tracks = [("before", texture), ("after", after)]
         return texture, numbers(scale, tracks), waveform(after), *desk.put(tracks), tracks
 
     def go_on(tracks):
@@ -95,7 +104,7 @@ def edit_tab(desk, tab):
 
     def stretch(event: gr.SelectData):
         low, high = event.index
-        return round(float(low), 3), round(float(high), 3), "make a stretch anew"
+        return round(float(low), 3), round(float(high), 3), ANEW
 
     def begin(source, made):
         return (gr.skip(),) * len(got) if source or not made else from_made(made)
@@ -103,11 +112,9 @@ def edit_tab(desk, tab):
     got = [source, told, table, wave, desk.strip, desk.shown, own]
     desk.on([tab.select], begin, [source, desk.made], got)
     desk.on([take.click], from_made, desk.made, got)
-    desk.on([upload.upload], look, upload, [column, rate, newtons]).then(
-        desk.answer(from_file), [upload, column, rate, newtons], got, show_progress="hidden", api_visibility="private"
-    )
-    desk.on([column.input, rate.submit, newtons.submit], from_file, [upload, column, rate, newtons], got)
-    wave.select(stretch, None, [start, stop, action], show_progress="hidden", api_visibility="private")
-    asked = [source, action, start, stop, strength, *deltas]
-    desk.on([make.click], edit, asked, [source, table, wave, desk.strip, desk.shown, own])
+    asked = [upload, column, rate, newtons]
+    desk.on([upload.upload], look, upload, asked[1:]).then(desk.answer(from_file), asked, got, **desk.hidden)
+    desk.on([column.input, rate.submit, newtons.submit], from_file, asked, got)
+    wave.select(stretch, None, [start, stop, action], **desk.hidden)
+    desk.on([make.click], edit, [source, action, start, stop, strength, *deltas], [source, *got[2:]])
     desk.on([again.click], go_on, own, got)

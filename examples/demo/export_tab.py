@@ -1,15 +1,13 @@
 """Export: what lies on the strip, in any format, and what a device will lose of it."""
 
 import dataclasses
+import re
 import tempfile
 import threading
 import warnings
-from functools import partial
 from pathlib import Path
 
-import numpy as np
 from settings import Settings
-from strip import strip_page
 
 from tactile_diffusers import export
 from tactile_diffusers.export import DeviceProfile, what_is_lost
@@ -22,49 +20,19 @@ DEVICES = {
     "voice coil, 1 kHz": DeviceProfile(1_000, (40.0, 400.0), False, 12, 0.5),
     "phone motor, 500 Hz": DeviceProfile(500, (80.0, 230.0), False, 8, 0.2),
 }
+NUMBERS = ("Samples a second", "Lowest, Hz", "Highest, Hz", "Bits", "Largest force, N")
+#: Names on the page: keys of `export.FORMATS`, and a picture. The map's pixels have a pitch.
+PICTURE = "picture (.png)"
+FORMATS = {f"{one.description} ({one.suffix})": key for key, one in export.FORMATS.items()} | {PICTURE: None}
+MAP = next(name for name, key in FORMATS.items() if key == "png")
 #: Where Python keeps what is done with warnings, there is one for all threads.
 _WARNINGS = threading.Lock()
 
 
-def _about(texture):
-    return {
-        "sampling_rate": texture.sampling_rate,
-        "friction_coefficient": texture.friction_coefficient,
-        "ratings": texture.ratings,
-    }
-
-
-def _format(write, path, texture, **options):
-    made = {"seed": texture.seed, "reference_speed": texture.reference_speed, "checkpoint": texture.checkpoint}
-    write(path, texture.samples, **made, **_about(texture), **options)
-
-
-def _figure(path, texture):
-    export.write_figure(path, texture.samples, **_about(texture))
-
-
-def _strip(path, texture):
-    path.write_text(strip_page(texture), encoding="utf-8")
-
-
-#: Name on the page -> suffix and writer(path, texture).
-FORMATS = {
-    **{
-        f"{one.description} ({one.suffix})": (one.suffix, partial(_format, one.write))
-        for one in export.FORMATS.values()
-    },
-    "picture (.png)": (".png", _figure),
-    "finger strip, a page that works alone (.html)": (".html", _strip),
-}
-
-
-#: The format whose pixels have a pitch.
-MAP = next(name for name, (suffix, _) in FORMATS.items() if suffix == export.FORMATS["png"].suffix)
-
-
 def export_tab(desk, tab):
     """The tab."""
-    gr, studio, folder = desk.gr, desk.studio, desk.folder
+    gr, studio = desk.gr, desk.studio
+    lane, first = gr.State(0), next(iter(DEVICES))
     with gr.Row():
         with gr.Column(min_width=280):
             which = gr.Dropdown([], label="What lies on the strip", elem_id="export-of")
@@ -75,86 +43,80 @@ def export_tab(desk, tab):
             files = gr.File(label="Files", file_count="multiple", interactive=False, visible=False, elem_id="files")
             warned = gr.Markdown(elem_id="warned")
         with gr.Column(min_width=320):
-            first = next(iter(DEVICES.values()))
-            device = gr.Dropdown(list(DEVICES), value=next(iter(DEVICES)), label="Device", elem_id="device")
+            device = gr.Dropdown(list(DEVICES), value=first, label="Device", elem_id="device")
             with gr.Row():
-                numbers = [
-                    gr.Number(value, label=label, min_width=110)
-                    for label, value in zip(
-                        ("Samples a second", "Lowest, Hz", "Highest, Hz", "Bits", "Largest force, N"),
-                        _values(first),
-                        strict=True,
-                    )
-                ]
-            one_signed = gr.Checkbox(first.one_signed, label="It only adds friction, or only takes it away")
+                profile = [gr.Number(label=label, min_width=110) for label in NUMBERS]
+            profile.append(gr.Checkbox(label="It only adds friction, or only takes it away"))
+            for control, value in zip(profile, _values(first), strict=True):
+                control.value = value
             lost = gr.Markdown(elem_id="lost")
 
     def known(tracks, place):
+        if not tracks:
+            raise ValueError("There is no texture yet: make one first.")
         return place if isinstance(place, int) and 0 <= place < len(tracks) else 0
 
-    def look(tracks, place, *given):
-        if not tracks:
-            return gr.skip(), gr.skip()
-        rate, low, high, bits, amplitude, signed = given
+    def look(tracks, place, rate, low, high, bits, amplitude, signed):
         place = known(tracks, place)
-        texture, profile = tracks[place][1], DeviceProfile(rate, (low, high), signed, bits, amplitude)
-        loss = what_is_lost(texture.samples, texture.sampling_rate, profile)
+        texture, given = tracks[place][1], DeviceProfile(rate, (low, high), signed, bits, amplitude)
         choices = [(label, number) for number, (label, _) in enumerate(tracks)]
+        loss = what_is_lost(texture.samples, texture.sampling_rate, given)
         return gr.Dropdown(choices, value=place), f"What is lost on it:\n\n{loss}"
 
     def download(tracks, place, format_name, millimetres, closed):
-        if not tracks:
-            raise ValueError("There is no texture yet: make one first.")
-        texture = tracks[known(tracks, place)][1]
+        label, texture = tracks[known(tracks, place)]
         if closed:
             texture = dataclasses.replace(studio.edit(texture, Settings(), loop=True), seed=texture.seed)
         # a folder of its own, with a name that cannot be guessed
-        written, warnings = write_files(texture, format_name, Path(tempfile.mkdtemp(dir=folder)), millimetres)
-        return gr.File([str(path) for path in written], visible=True), "\n\n".join(warnings)
+        folder = Path(tempfile.mkdtemp(dir=desk.folder))
+        written, told = write_files(texture, format_name, folder, millimetres, file_stem(label, texture))
+        return gr.File([str(path) for path in written], visible=True), "\n\n".join(told)
 
-    profile = [*numbers, one_signed]
-    inputs = [desk.shown, which, *profile]
-    desk.on([tab.select, which.input, *(each.change for each in profile)], look, inputs, [which, lost])
-    desk.on([device.input], lambda name: (*_values(DEVICES[name]), DEVICES[name].one_signed), device, profile)
+    def follow(event: gr.EventData):
+        return event.lane
+
+    desk.on([desk.strip.select], follow, None, lane)
+    desk.on([tab.select, lane.change], look, [desk.shown, lane, *profile], [which, lost])
+    changed = [which.input, *(each.change for each in profile)]
+    desk.on(changed, look, [desk.shown, which, *profile], [which, lost])
+    desk.on([device.input], _values, device, profile)
     desk.on([name.input], lambda chosen: gr.Number(visible=chosen == MAP), name, pitch)
     desk.on([write.click], download, [desk.shown, which, name, pitch, loop], [files, warned], last=False)
 
 
-def _values(device):
-    return device.rate, *device.band, device.bits, device.amplitude
+def _values(name):
+    device = DEVICES[name]
+    return device.rate, *device.band, device.bits, device.amplitude, device.one_signed
 
 
-def write_files(texture, name, folder, pixel_pitch):
-    """Writes a texture in one format.
+def file_stem(label, texture):
+    """A name that tells textures apart, as the page calls them: "denim_edited_84_50_any_seed6"."""
+    shown = ("any" if value is None else f"{value:g}" for value in texture.studio.scale.from_z(texture.ratings))
+    words = re.sub(r"\W+", "_", label, flags=re.ASCII).strip("_")
+    return "_".join([words or "texture", *shown, *([] if texture.seed is None else [f"seed{texture.seed}"])])
 
-    Args:
-        texture ([`Texture`]): what is written.
-        name (`str`): of `FORMATS`.
-        folder (`Path`): empty; file names are ours, whatever the request.
-        pixel_pitch (`float`): mm, for a friction map; others ignore it.
+
+def write_files(texture, name, folder, pixel_pitch, stem):
+    """Writes a texture in one format into an empty folder.
 
     Returns:
         `tuple[list[Path], list[str]]`: the files, and what their writer warns of.
 
     Raises:
-        ValueError: for an unknown format, or a pitch that no display has.
+        ValueError: for an unknown format, or a pixel pitch, mm, of a friction map that no display has.
     """
     if name not in FORMATS:
         raise ValueError(f"The format must be one of {list(FORMATS)}, got {name!r}.")
-    suffix, write = FORMATS[name]
-    options = {}
+    about = {key: getattr(texture, key) for key in ("sampling_rate", "friction_coefficient", "ratings")}
+    if name == PICTURE:
+        export.write_figure(folder / f"{stem}.png", texture.samples, **about)
+        return sorted(folder.iterdir()), []
+    about |= {key: getattr(texture, key) for key in ("seed", "reference_speed", "checkpoint")}
     if name == MAP:
-        check_number("pixel pitch", pixel_pitch, "mm", above=0)
-        options["pixel_pitch"] = float(pixel_pitch)
+        about["pixel_pitch"] = check_number("pixel pitch", pixel_pitch, "mm", above=0)
+    one = export.FORMATS[FORMATS[name]]
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        write(folder / f"{_stem(texture)}{suffix}", texture, **options)
+        one.write(folder / f"{stem}{one.suffix}", texture.samples, **about)
     # the writers' own, which point here; another thread may warn meanwhile
-    told = [str(warning.message) for warning in caught if warning.filename == __file__]
-    return sorted(folder.iterdir()), told
-
-
-def _stem(texture):
-    """A name that tells textures apart, of letters, digits, ".", "_" and "-": "texture_0.90_0.50_any_seed1"."""
-    parts = (f"{np.round(value, 2) + 0.0:.2f}" if np.isfinite(value) else "any" for value in texture.ratings)
-    return f"texture_{'_'.join(parts)}_seed{'-none' if texture.seed is None else texture.seed}"
+    return sorted(folder.iterdir()), [str(one.message) for one in caught if one.filename == __file__]

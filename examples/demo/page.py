@@ -7,7 +7,7 @@ from edit_tab import edit_tab
 from export_tab import export_tab
 from find_tab import find_tab
 from make_tab import make_tab
-from strip import parts, strip_value
+from strip import PARTS, strip_value
 from surfaces_tab import surfaces_tab
 
 CSS = """
@@ -51,24 +51,18 @@ div:has(> table.numbers) { overflow-x: auto; } table.numbers caption { text-alig
 """
 TITLE = """<h1>Tactile textures</h1><small>Say how a surface should feel, then drag the finger over it.
 What you hear is the friction force.</small>"""
-HIDDEN = {"show_progress": "hidden", "api_visibility": "private"}
 
 
 class Desk:
-    """What all tabs share: gradio, the studio, the strip, and what lies on it.
+    """What all tabs share: gradio, the studio, the strip, what lies on it, and a folder for files to take away."""
 
-    Args:
-        gr: gradio.
-        studio ([`Studio`]): answers.
-        folder (`Path`): for files to take away.
-    """
+    hidden = {"show_progress": "hidden", "api_visibility": "private"}
 
     def __init__(self, gr, studio, folder):
-        self.gr, self.studio, self.folder = gr, studio, folder
+        self.gr, self.studio, self.folder, self.nothing = gr, studio, folder, (gr.skip(), gr.skip())
         self.shown = gr.State([])  # [(name, Texture)] on the strip
-        self.made = gr.State()  # the snapshot and the texture of Make
-        style, markup, script = parts()
-        self.style = style
+        self.made = gr.State()  # the snapshot and the texture of Make, and a line about it
+        markup, script = PARTS["main"], PARTS["script"]
         self.strip = gr.HTML(None, html_template=markup, js_on_load=script, elem_id="strip", apply_default_css=False)
 
     def put(self, tracks, link=None):
@@ -79,41 +73,28 @@ class Desk:
         """The function with its `ValueError`s, which are meant for whoever asked, shown on the page."""
 
         @functools.wraps(function)
-        def wrapped(*arguments):
+        def answer(*arguments):
             try:
                 return function(*arguments)
             except ValueError as error:
                 raise self.gr.Error(str(error), print_exception=False) from error
 
-        return wrapped
+        return answer
 
     def on(self, triggers, function, inputs, outputs, last=True, **options):
         """An event; of many in a row the last one counts, and none overtakes another."""
-        options = {"trigger_mode": "always_last" if last else "once", **HIDDEN, **options}
+        options = {"trigger_mode": "always_last" if last else "once", **self.hidden, **options}
         return self.gr.on(triggers, self.answer(function), inputs, outputs, **options)
 
     def own_tracks(self, tab):
         """A state of a tab: what lies on the strip whenever the tab is chosen."""
         tracks = self.gr.State([])
-
-        def back(own):
-            return self.put(own) if own else (self.gr.skip(), self.gr.skip())
-
-        tab.select(back, tracks, [self.strip, self.shown], **HIDDEN)
+        self.on([tab.select], lambda own: self.put(own) if own else self.nothing, tracks, [self.strip, self.shown])
         return tracks
 
 
 def build(studio, folder, **options):
-    """The page, not yet served.
-
-    Args:
-        studio ([`Studio`]): answers.
-        folder (`Path`): gradio's folder of temporary files; for files to take away.
-        options: of `gradio.Blocks`.
-
-    Returns:
-        `gradio.Blocks`
-    """
+    """The page, not yet served: `gradio.Blocks`, which take the options. Files to take away go into the folder."""
     import gradio as gr
 
     for component in (gr.Slider, gr.Number):  # our checks name the axis; gradio's do not, and print a traceback
@@ -125,14 +106,14 @@ def build(studio, folder, **options):
         with gr.Tabs() as tabs:
             with gr.Tab("Make", id="make") as tab:
                 make = make_tab(desk, tab, page)
-            with gr.Tab("Edit", id="edit") as tab:
+            with gr.Tab("Edit") as tab:
                 edit_tab(desk, tab)
-            with gr.Tab("Find", id="find") as tab:
+            with gr.Tab("Find") as tab:
                 find_tab(desk, tab, tabs, make)
-            with gr.Tab("Blend", id="blend") as tab:
+            with gr.Tab("Blend") as tab:
                 blend_tab(desk, tab)
-            with gr.Tab("Your surfaces", id="surfaces") as tab:
+            with gr.Tab("Your surfaces") as tab:
                 surfaces_tab(desk, tab)
-            with gr.Tab("Export", id="export") as tab:
+            with gr.Tab("Export") as tab:
                 export_tab(desk, tab)
     return page

@@ -19,22 +19,12 @@ WORDS = {"roughness": ("smooth", "rough"), "bumpiness": ("even", "bumpy"), "slip
 
 @dataclass(frozen=True)
 class Settings:
-    """How textures are made.
-
-    Args:
-        seed (`int`): of the noise.
-        guidance (`float`): 1 = off.
-        duration_s (`float`): s.
-        steps (`int`, *optional*): of LCTG; `None` = what the checkpoint's own decoder of few steps takes.
-
-    Raises:
-        ValueError: for a value outside `LIMITS`, or one that must be whole and is not.
-    """
+    """How textures are made; a `ValueError` for a value outside `LIMITS`, or one that must be whole and is not."""
 
     seed: int = 6  # of the bundled checkpoint's first twelve, the one whose takes of presets are estimated best
-    guidance: float = 1.0
+    guidance: float = 1.0  # 1 = off
     duration_s: float = 1.6  # of the one segment, 1.6384 s, that is made at least
-    steps: int | None = None
+    steps: int | None = None  # of LCTG; None = what the checkpoint's own decoder of few steps takes
 
     def __post_init__(self):
         for field in fields(self):
@@ -49,10 +39,7 @@ class Settings:
 
 
 class Scale:
-    """The sliders' scale: percentiles of the training surfaces, 0 to 100.
-
-    Args:
-        config: DALE's.
+    """The sliders' scale: percentiles of the training surfaces, 0 to 100, of DALE's config.
 
     Raises:
         ValueError: if the checkpoint does not know them.
@@ -65,7 +52,7 @@ class Scale:
             raise ValueError("The checkpoint's DALE has no `quantiles` of ratings: the sliders need them.")
 
     def to_z(self, values):
-        """Ratings in z-scores, a tuple with NaN = not specified, of sliders' values, `None` = not specified.
+        """Ratings in z-scores, NaN = not specified, of sliders' values, `None` = not specified.
 
         Raises:
             ValueError: for a value beyond its slider, which names the axis.
@@ -95,10 +82,7 @@ class Scale:
     def novelty(self, ratings):
         """A sentence if no training surface is rated nearly so, else an empty string."""
         known = self.statistics
-        if known.reach is None:
-            return ""
-        distance = coverage_distance([ratings], known.centre, known.covariance)[0]
-        far = np.isfinite(distance) and distance > known.reach
+        far = known.reach is not None and coverage_distance([ratings], known.centre, known.covariance)[0] > known.reach
         return "No training surface is rated nearly so: the texture is extrapolated." if far else ""
 
 

@@ -12,14 +12,21 @@ from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE, REFERENCE_FORCE, SEGM
 
 #: Speed in mm/s that a texture of unknown speed is taken to have: the middle of the paper's limits.
 UNKNOWN_SPEED = 80.0
-#: RMS of what is heard, of full scale: at equal level always, at real level of a texture of `REAL_LEVEL` N.
-SOUND_RMS, REAL_LEVEL = 0.1, 0.02
+#: Constants of the stream's laws; of what is heard, the RMS of full scale, and the force that it stands for at real
+#: level, N.
+LAWS = {
+    "normalForce": REFERENCE_FORCE,
+    "speedExponent": SPEED_EXPONENT,
+    "slowestSliding": SLOWEST_SLIDING,
+    "turningSpeed": TURNING_SPEED,
+    "band": BAND_HZ,
+    "cutoff": CUTOFF_HZ,
+    "deviceRate": DEVICE_RATE,
+    "soundLevel": 0.1,
+    "realLevel": 0.02,
+}
 _SOURCE = Path(__file__).with_name("strip.html").read_text(encoding="utf-8")
-
-
-def parts():
-    """Style, markup and script of the strip."""
-    return [_SOURCE.split(f"<{tag}>")[1].split(f"</{tag}>")[0] for tag in ("style", "main", "script")]
+PARTS = {tag: _SOURCE.split(f"<{tag}>")[1].split(f"</{tag}>")[0] for tag in ("style", "main", "script")}
 
 
 def strip_value(tracks, link=None):
@@ -32,20 +39,7 @@ def strip_value(tracks, link=None):
         tracks (`Sequence[tuple[str, Texture]]`): by name, at least 0.2 s each: lanes under one finger.
         link (`str`, *optional*): query that opens the page with the same texture.
     """
-    data = {
-        "tracks": [_track(name, texture) for name, texture in tracks],
-        "link": link,
-        "normalForce": REFERENCE_FORCE,
-        "speedExponent": SPEED_EXPONENT,
-        "slowestSliding": SLOWEST_SLIDING,
-        "turningSpeed": TURNING_SPEED,
-        "band": BAND_HZ,
-        "cutoff": CUTOFF_HZ,
-        "deviceRate": DEVICE_RATE,
-        "soundLevel": SOUND_RMS,
-        "realLevel": REAL_LEVEL,
-    }
-    return json.dumps(data)
+    return json.dumps({"tracks": [_track(name, texture) for name, texture in tracks], "link": link, **LAWS})
 
 
 def _track(name, texture):
@@ -60,16 +54,3 @@ def _track(name, texture):
         "friction": texture.friction_coefficient if known else 0.0,
         "level": max(texture.rms, 1e-9),
     }
-
-
-def strip_page(texture):
-    """An HTML page that is nothing but the strip of one texture; nothing is loaded from elsewhere."""
-    value = strip_value([("texture", texture)]).replace("<", "\\u003c")
-    style, markup, script = parts()
-    theme = "--body-text-color:CanvasText;--background-fill-primary:Canvas;--border-color-primary:#888;--sl:16px"
-    return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
-        f"<title>Finger strip</title><style>:root{{color-scheme:light dark;{theme}}}{style}</style>"
-        f'<body id="strip"><main>{markup}</main><script>const element = document.body, watch = () => {{}};\n'
-        f"const props = {{ value: {json.dumps(value)} }};\n{script}</script></body></html>"
-    )

@@ -5,7 +5,6 @@ import threading
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import torch
@@ -24,26 +23,15 @@ NO_DALE = "The checkpoint {} has no `dale`: it reconstructs, it cannot generate.
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """One texture and what belongs to it.
+    """One texture: (n,) float32 samples in N, and what belongs to them. NaN = unknown, or not specified."""
 
-    Args:
-        samples (`np.ndarray`): (n,) float32, N, zero mean.
-        sampling_rate (`int`): Hz.
-        friction_coefficient (`float`): NaN = unknown.
-        ratings (`tuple[float, ...]`): asked for, z-scores, NaN = not specified.
-        estimated (`tuple[float, ...]`): what `estimate_ratings` hears, z-scores; NaN = the checkpoint cannot tell.
-        seed (`int`): that made it; `None` = it was recorded.
-        reference_speed (`float`): mm/s; NaN = unknown.
-        checkpoint (`str`, *optional*): name of the one that made it.
-    """
-
+    studio: "Studio"
     samples: np.ndarray
-    sampling_rate: int
+    sampling_rate: int  # Hz
     friction_coefficient: float
-    ratings: tuple
-    estimated: tuple
-    seed: int | None
-    reference_speed: float
+    ratings: tuple  # asked for, z-scores
+    seed: int | None  # None = it was recorded
+    reference_speed: float  # mm/s
     checkpoint: str | None = None
 
     @property
@@ -56,6 +44,12 @@ class Texture:
         """N."""
         return float(rms(self.samples))
 
+    @functools.cached_property
+    def estimated(self):
+        """Estimated ratings, z-scores. They take as long as the texture itself: only who looks at them pays."""
+        [ratings] = self.studio.estimate(self.samples[None], self.sampling_rate, self.friction_coefficient)
+        return ratings
+
 
 class Studio:
     """Checkpoints, loaded and warm, that answer requests; nothing of a request is kept.
@@ -64,29 +58,21 @@ class Studio:
         checkpoint (`str` or `Path`, *optional*): folder; defaults to the bundled one.
         surfaces (`Sequence`): folders of adapted checkpoints.
 
-    Attributes:
-        scale ([`Scale`]): of the sliders.
-        checkpoints (`dict[str, Path]`): by name; the first is the page's own.
-        steps (`int`): of its decoder, by default.
-
     Raises:
         OSError, ValueError: if one cannot be loaded, or has no DALE.
     """
 
     def __init__(self, checkpoint=None, surfaces=()):
-        self.checkpoints = {}
-        for folder in (checkpoint or bundled_checkpoint(), *surfaces):
+        self.checkpoints = {}  # folders by name; the first is the page's own
+        for folder in map(str, (checkpoint or bundled_checkpoint(), *surfaces)):
             name = Path(folder).absolute().name
-            self.checkpoints[name if name not in self.checkpoints else f"{name} ({len(self.checkpoints)})"] = str(
-                folder
-            )
-        self.own = next(iter(self.checkpoints))
+            self.checkpoints[name if name not in self.checkpoints else f"{name} ({len(self.checkpoints)})"] = folder
+        self.own, *others = self.checkpoints
         # one call at a time: two at once would each take twice as long; those that wait share the next one
-        self._lock, self._waiting, self._guard = threading.Lock(), {}, threading.Lock()
-        self._loading = threading.Lock()
+        self._lock, self._waiting, self._guard = threading.RLock(), {}, threading.Lock()
         self._pipes = {self.own: _load(self.checkpoints[self.own])}
-        self.scale, self.steps = Scale(self._pipes[self.own].dale.config), self._pipes[self.own].resolve_steps()[0]
-        for folder in list(self.checkpoints.values())[1:]:  # the others are loaded when they are first asked for
+        self.scale, self.steps = Scale(self._pipe().dale.config), self._pipe().resolve_steps()[0]
+        for folder in map(self.checkpoints.get, others):  # they are loaded when they are first asked for
             if not Path(folder, "dale").is_dir():
                 raise ValueError(NO_DALE.format(folder))
             if list(DALEModel.load_config(folder, subfolder="dale")["rating_axes"]) != self.scale.axes:
@@ -97,21 +83,13 @@ class Studio:
         name = checkpoint or self.own
         if name not in self.checkpoints:
             raise ValueError(f"There is no checkpoint {name!r}; there are {list(self.checkpoints)}.")
-        with self._loading:
-            if name not in self._pipes:
-                self._pipes[name] = _load(self.checkpoints[name])
+        if name not in self._pipes:
+            with self._lock:
+                self._pipes.setdefault(name, _load(self.checkpoints[name]))
         return self._pipes[name]
 
     def generate(self, ratings, settings=None, checkpoint=None):
-        """A texture of ratings.
-
-        Args:
-            ratings (`Sequence[float]`): z-scores, NaN = not specified.
-            settings ([`Settings`], *optional*): how.
-            checkpoint (`str`, *optional*): name of one; default: the page's own.
-
-        Returns:
-            [`Texture`]
+        """A [`Texture`] of ratings, z-scores, NaN = not specified.
 
         Raises:
             ValueError: for impossible ratings, or an unknown checkpoint.
@@ -135,10 +113,9 @@ class Studio:
         try:
             rows, seeds, _ = zip(*asked, strict=True)
             generators = [torch.Generator("cpu").manual_seed(seed) for seed in seeds]
-            pipe, how = self._pipe(checkpoint), {"guidance_scale": guidance, "duration_s": duration_s}
+            how = {"guidance_scale": guidance, "duration_s": duration_s, "num_inference_steps": steps}
             how["generator"] = generators if len(generators) > 1 else generators[0]
-            out = pipe([list(row) for row in rows], num_inference_steps=steps, **how)
-            made = self._textures(pipe, out, rows, seeds, checkpoint)
+            made = self._textures(self._pipe(checkpoint)([list(row) for row in rows], **how), rows, seeds, checkpoint)
         except Exception as error:
             for *_, answer in asked:
                 answer.set_exception(error)
@@ -146,23 +123,24 @@ class Studio:
             for (*_, answer), texture in zip(asked, made, strict=True):
                 answer.set_result(texture)
 
+    def estimate(self, samples, sampling_rate, friction_coefficient=None):
+        """Estimated ratings of (n, samples), as tuples; NaN where the checkpoint cannot tell."""
+        with self._lock:
+            if self._pipe().rating_estimator is None:
+                return [(np.nan,) * len(self.scale.axes)] * len(samples)
+            found = self._pipe().estimate_ratings(samples, sampling_rate, friction_coefficient)
+        return [tuple(float(value) for value in row) for row in found]
+
     def usual(self, ratings, settings, checkpoint=None):
         """What takes of these ratings are like: (estimated ratings (takes, axes), textures (takes, samples), Hz)."""
         with self._lock:
-            pipe, generator = self._pipe(checkpoint), torch.Generator("cpu").manual_seed(0)
-            how = {"num_textures_per_rating": USUAL_TAKES, "guidance_scale": settings.guidance, "generator": generator}
-            out = pipe(list(ratings), **how)
-            return np.array(_estimate(pipe, out, len(self.scale.axes))), out.textures, out.sampling_rate
+            how = {"num_textures_per_rating": USUAL_TAKES, "guidance_scale": settings.guidance}
+            out = self._pipe(checkpoint)(list(ratings), generator=torch.Generator("cpu").manual_seed(0), **how)
+            estimated = self.estimate(out.textures, out.sampling_rate, out.friction_coefficient)
+        return np.array(estimated), out.textures, out.sampling_rate
 
     def edit(self, texture, settings=None, checkpoint=None, **options):
-        """A texture after an edit; `options` of `TactileTextureEditPipeline`.
-
-        Returns:
-            [`Texture`]: of the delivery rate, or, where a stretch was filled, of the rate of the one that was given.
-
-        Raises:
-            ValueError: for an edit that cannot be made.
-        """
+        """A [`Texture`] after an edit; `options` of `TactileTextureEditPipeline`, which says what it raises."""
         settings = settings or Settings()
         with self._lock:
             pipe = TactileTextureEditPipeline.from_pipe(self._pipe(checkpoint))
@@ -170,18 +148,14 @@ class Studio:
             if "ratings" in options:
                 options["friction_coefficient"] = texture.friction_coefficient
             out = pipe(texture.samples, texture.sampling_rate, num_inference_steps=settings.steps, **options)
-            if np.isfinite(texture.friction_coefficient) and "ratings" not in options:
-                out.friction_coefficient = np.array([texture.friction_coefficient])
-            return self._textures(self._pipe(checkpoint), out, [texture.ratings], [settings.seed], checkpoint)[0]
+        if np.isfinite(texture.friction_coefficient) and "ratings" not in options:
+            out.friction_coefficient = np.array([texture.friction_coefficient])
+        return self._textures(out, [texture.ratings], [settings.seed], checkpoint)[0]
 
     def recorded(self, samples, sampling_rate):
         """A recording, (n,) in N and band-passed, as a [`Texture`] of the delivery rate."""
-        with self._lock:
-            pipe = self._pipe()
-            samples, unknown = resample(samples, sampling_rate, DEVICE_RATE), (np.nan,) * len(self.scale.axes)
-            out = SimpleNamespace(textures=samples[None], sampling_rate=DEVICE_RATE, friction_coefficient=None)
-            [estimated] = _estimate(pipe, out, len(unknown))
-        return Texture(samples.astype(np.float32), DEVICE_RATE, np.nan, unknown, estimated, None, np.nan)
+        samples = resample(samples, sampling_rate, DEVICE_RATE).astype(np.float32)
+        return Texture(self, samples, DEVICE_RATE, np.nan, (np.nan,) * len(self.scale.axes), None, np.nan)
 
     def search(self, axes, answers, seed):
         """A [`PreferenceSearch`] that was given these answers: (first, second, answer) each."""
@@ -194,16 +168,13 @@ class Studio:
         """Textures of points (n, dimensions) of a search."""
         with self._lock:
             out = search.space.textures(np.asarray(points))
-            ratings = [tuple(row) for row in search.space.ratings(np.asarray(points)).tolist()]
-            return self._textures(self._pipe(), out, ratings, [search.seed] * len(points), None)
+        ratings = [tuple(row) for row in search.space.ratings(np.asarray(points)).tolist()]
+        return self._textures(out, ratings, [search.seed] * len(points), None)
 
-    def _textures(self, pipe, out, ratings, seeds, checkpoint):
-        estimated = _estimate(pipe, out, len(self.scale.axes))
-        friction, speed, name = out.friction_coefficient, out.reference_speed, checkpoint or self.own
-        return [
-            Texture(samples, out.sampling_rate, float(friction[n]), ratings[n], estimated[n], seeds[n], speed, name)
-            for n, samples in enumerate(out.textures.astype(np.float32))
-        ]
+    def _textures(self, out, ratings, seeds, checkpoint):
+        rows = zip(out.textures.astype(np.float32), out.friction_coefficient.tolist(), ratings, seeds, strict=True)
+        speed, name = out.reference_speed, checkpoint or self.own
+        return [Texture(self, row, out.sampling_rate, *about, speed, name) for row, *about in rows]
 
 
 def _load(folder):
@@ -212,11 +183,3 @@ def _load(folder):
         raise ValueError(NO_DALE.format(folder))
     pipe.set_progress_bar_config(disable=True)
     return pipe
-
-
-def _estimate(pipe, out, axes):
-    """Estimated ratings of each texture, as tuples; NaN where the checkpoint cannot tell."""
-    if pipe.rating_estimator is None:
-        return [(np.nan,) * axes] * len(out.textures)
-    found = pipe.estimate_ratings(out.textures, out.sampling_rate, out.friction_coefficient)
-    return [tuple(float(value) for value in row) for row in found]

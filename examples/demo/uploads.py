@@ -11,12 +11,9 @@ from tactile_diffusers.data.folder.tables import read_table
 from tactile_diffusers.signal import band_pass
 
 KINDS = tuple(_KINDS)
-#: Seconds of a recording that are used.
-LONGEST_SECONDS = 10.0
-#: Hz: no more than recorders have.
-HIGHEST_RATE = 200_000
-#: Columns of a table, and channels of a WAV file: memory is taken for all of them.
-MOST_COLUMNS = 64
+#: Seconds of a recording that are used; Hz, no more than recorders have; columns, or channels of a WAV file, since
+#: memory is taken for all of them.
+LONGEST_SECONDS, HIGHEST_RATE, MOST_COLUMNS = 10.0, 200_000, 64
 
 
 def columns_of(path):
@@ -25,11 +22,7 @@ def columns_of(path):
     Raises:
         ValueError: for anything that is no table.
     """
-    path = Path(path)
-    try:
-        table = read_table(path, max_rows=100)
-    except ValueError as error:
-        raise ValueError(_for_visitors(error, path)) from error
+    table = _named(path, read_table, Path(path), max_rows=100)
     if len(table.names) > MOST_COLUMNS:
         raise ValueError(f"The file has {len(table.names)} columns; {MOST_COLUMNS} at most.")
     return list(table.names), table.rate is not None or len(table.names) > 1
@@ -55,26 +48,22 @@ def read_upload(path, column=None, rate=None, newtons_per_unit=1.0):
         raise ValueError("The file is empty.")
     if not (isinstance(newtons_per_unit, int | float) and 0 < newtons_per_unit < math.inf):
         raise ValueError(f"Newtons per unit must be above 0, got {newtons_per_unit}.")
-    names, has_rate = columns_of(path)
+    _, has_rate = columns_of(path)
     if column is None and path.suffix.lower() == ".wav":
         column = 0
     scale = None if newtons_per_unit == 1 else newtons_per_unit
-    try:
-        force, rate, notes = read_recording(path, column, None if has_rate else rate, scale)
-    except ValueError as error:
-        raise ValueError(_for_visitors(error, path)) from error
+    force, rate, notes = _named(path, read_recording, path, column, None if has_rate else rate, scale)
     if rate > HIGHEST_RATE:
         raise ValueError(f"The sampling rate must be at most {HIGHEST_RATE} Hz, got {rate}.")
     force = force[: int(LONGEST_SECONDS * rate)]
     if np.ptp(force) == 0:
         raise ValueError("The recording is constant: there is no texture in it.")
-    return band_pass(force - force.mean(), rate), rate, [_for_visitors(note, path) for note in notes]
+    return band_pass(force - force.mean(), rate), rate, [note.replace(str(path), path.name) for note in notes]
 
 
-def _for_visitors(text, path):
-    """A message for people who neither know the path nor give options of a command."""
-    text = str(text).replace(f"{path}", "The file").replace("give --rate, in Hz", "give the sampling rate")
-    text = text.replace("Give --newtons_per_unit", "Give newtons per unit").replace(
-        "give --newtons_per_unit", "give it"
-    )
-    return text.replace(" (--column)", "").replace(" (--recording)", "")
+def _named(path, read, *arguments, **options):
+    """What a reader returns; its errors name the file and no folder of the server."""
+    try:
+        return read(*arguments, **options)
+    except ValueError as error:
+        raise ValueError(str(error).replace(str(path), Path(path).name)) from error

@@ -92,6 +92,7 @@ def test_a_designer_s_quarter_of_an_hour(visit, tmp_path, pink_noise):
     start = time.perf_counter()
     page = visit(permissions=["clipboard-read", "clipboard-write"])
     print(f"page and first texture after {time.perf_counter() - start:.2f} s")
+    sync_api.expect(page.locator("#status")).to_contain_text("estimated to feel")
     _lanes(page, "denim")
     for control in (
         "#strip .ground",
@@ -185,8 +186,10 @@ def test_a_designer_s_quarter_of_an_hour(visit, tmp_path, pink_noise):
     # export what lies on the strip
     _tab(page, "Blend")
     _lanes(page, "A", "blend 75 %", "B")
+    page.locator("#strip .tracks button", has_text="B").last.click()
     _tab(page, "Export")
     sync_api.expect(page.locator("#lost")).to_contain_text("SNR")
+    sync_api.expect(page.locator("#export-of input")).to_have_value("B")  # the lane that is chosen on the strip
     page.locator("#write").click()
     with page.expect_download() as download:
         page.locator("#files a").first.click()

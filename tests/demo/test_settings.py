@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from make_tab import _from_link, _is_edited, _link, _remember
+from make_tab import from_link, link_of, remember, title_of
 from settings import LIMITS, Scale, Settings, blend
 
 from tactile_diffusers.pipelines import PRESETS
@@ -45,7 +45,14 @@ def test_presets_lie_among_the_training_surfaces(studio, name):
     scale, ratings = studio.scale, studio.scale.preset(name)
     assert scale.novelty(ratings) == ""
     shown = scale.from_z(ratings)
-    assert not _is_edited(scale, name, [50 if value is None else value for value in shown], [v is None for v in shown])
+    entry = (
+        *(50 if value is None else value for value in shown),
+        *(value is None for value in shown),
+        name,
+        *ENTRY[7:],
+    )
+    assert title_of(scale, entry) == name and title_of(scale, (*entry[:6], "x", *entry[7:])) == "x"
+    assert title_of(scale, (1, *entry[1:3], False, *entry[4:])) == f"{name}, edited"
 
 
 def test_blend_is_straight_in_z_and_exact_at_its_ends():
@@ -60,27 +67,27 @@ def test_a_link_holds_a_texture(studio):
 
     entry = (*ENTRY, studio.own)
     other = (1, 2, 3, False, False, False, "glass", 1, 1, 1, 1.6, 2, studio.own)
-    found = _from_link(studio.scale, dict(parse_qsl(_link(studio.scale, entry))), other)
+    found = from_link(studio.scale, dict(parse_qsl(link_of(studio.scale, entry))), other)
     assert found[3:] == entry[3:] and (found[0], found[2]) == (84, 63)
     own = (*entry[:6], None, *entry[7:])
-    assert _from_link(studio.scale, dict(parse_qsl(_link(studio.scale, own))), other)[3:] == own[3:]
-    assert _from_link(studio.scale, {"seed": "9", "else": "x"}, other) == (*other[:8], 9, *other[9:])
+    assert from_link(studio.scale, dict(parse_qsl(link_of(studio.scale, own))), other)[3:] == own[3:]
+    assert from_link(studio.scale, {"seed": "9", "else": "x"}, other) == (*other[:8], 9, *other[9:])
 
 
 @pytest.mark.parametrize("query", [{"seed": "x"}, {"preset": "<b>"}, {"steps": "nan"}, {"roughness": "rough"}])
 def test_a_link_that_is_none_is_refused(studio, query):
     with pytest.raises(ValueError):
-        _from_link(studio.scale, query, (*ENTRY, studio.own))
+        from_link(studio.scale, query, (*ENTRY, studio.own))
 
 
 def test_moves_of_one_control_are_one_entry_of_the_history():
-    log = _remember({"entries": [], "at": -1, "time": 0.0, "moved": set()}, (1, 1), apart=True)
+    log = remember({"entries": [], "at": -1, "time": 0.0, "moved": set()}, (1, 1), apart=True)
     for entry in ((2, 1), (3, 1), (4, 1), (4, 2), (4, 3), (5, 3)):
-        log = _remember(log, entry)
+        log = remember(log, entry)
     assert log["entries"] == [(1, 1), (4, 1), (4, 3), (5, 3)]
-    log = _remember(log, (9, 9), apart=True)
-    log = _remember(log, (8, 9))
+    log = remember(log, (9, 9), apart=True)
+    log = remember(log, (8, 9))
     assert log["entries"][-2:] == [(9, 9), (8, 9)], "what is chosen stands apart from what is moved after it"
-    assert _remember(log, log["entries"][-1]) == log
+    assert remember(log, log["entries"][-1]) == log
     undone = {**log, "at": 0}
-    assert _remember(undone, (9, 9))["entries"] == [(1, 1), (9, 9)]
+    assert remember(undone, (9, 9))["entries"] == [(1, 1), (9, 9)]

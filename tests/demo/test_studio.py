@@ -8,10 +8,10 @@ import threading
 import numpy as np
 import pytest
 from analysis import numbers, spectrum, waveform
-from edit_tab import ACTIONS
-from export_tab import FORMATS, MAP, write_files
+from edit_tab import ACTIONS, options_of
+from export_tab import FORMATS, MAP, file_stem, write_files
 from settings import Settings
-from strip import strip_page, strip_value
+from strip import strip_value
 from studio import Studio
 
 from tactile_diffusers import bundled_checkpoint, export
@@ -69,10 +69,17 @@ def test_analysis_holds_the_texture_and_what_is_usual(studio, texture):
     assert "this: asked" in told and "this: estimated" in told and re.search(r"<td>\d+ to \d+</td>", told)
 
 
-def test_strip_holds_the_profile_and_nothing_from_elsewhere(texture):
-    page, data = strip_page(texture), json.loads(strip_value([("a", texture)]))
-    assert "http" not in page and " src=" not in page and "<audio" not in page
-    [track] = data["tracks"]
+def test_ratings_are_estimated_only_where_somebody_looks(studio, monkeypatch):
+    calls, estimate = [], studio.estimate
+    monkeypatch.setattr(studio, "estimate", lambda *given: (calls.append(1), estimate(*given))[1])
+    texture = studio.generate(RATINGS)
+    json.loads(strip_value([("a", texture)]))
+    assert not calls
+    assert texture.estimated is texture.estimated and len(calls) == 1 and np.isfinite(texture.estimated).all()
+
+
+def test_strip_holds_the_profile(texture):
+    [track] = json.loads(strip_value([("a", texture)]))["tracks"]
     found = np.frombuffer(base64.b64decode(track["profile"]), "<f4")
     profile = TextureProfile(texture.samples, texture.sampling_rate, texture.reference_speed)
     # what the stream reads at the reference speed is that profile through the band of what is felt
@@ -88,30 +95,46 @@ def test_strip_holds_the_profile_and_nothing_from_elsewhere(texture):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_is_a_valid_file(texture, tmp_path, name):
-    paths, told = write_files(texture, name, tmp_path, 0.15)
-    assert paths[0].name.startswith("texture_1.00_0.20_-0.80_seed3.") and paths[0].stat().st_size > 500
+    paths, told = write_files(texture, name, tmp_path, 0.15, "a")
+    assert paths[0].name.startswith("a.") and paths[0].stat().st_size > 500
     assert [text[:16] for text in told] == ["Pixels 0.15 mm a"] * (name == MAP)  # what a friction map cannot hold
     for one in export.FORMATS.values():
-        if paths[0].name.endswith(f"seed3{one.suffix}"):
+        if paths[0].name.endswith(f"a{one.suffix}"):
             assert one.read(paths[0])[1]["checkpoint"] == texture.checkpoint
 
 
 def test_pitch_of_a_map_is_the_display_s(texture, tmp_path):
-    [path], told = write_files(texture, MAP, tmp_path, 0.03)
+    [path], told = write_files(texture, MAP, tmp_path, 0.03, "a")
     assert export.FORMATS["png"].read(path)[1]["pixel_pitch"] == 0.03 and not told
     for bad in (None, 0, float("nan"), "0.15"):
         with pytest.raises(ValueError, match="pitch"):
-            write_files(texture, MAP, tmp_path, bad)
+            write_files(texture, MAP, tmp_path, bad, "a")
+
+
+def test_files_are_called_as_on_the_page(studio, texture):
+    shown = "_".join(f"{value:g}" for value in studio.scale.from_z(RATINGS))
+    assert file_stem("denim, edited", texture) == f"denim_edited_{shown}_seed3"
+    recorded = studio.recorded(texture.samples.astype(float), texture.sampling_rate)
+    assert file_stem("../ä", recorded) == "texture_any_any_any"
 
 
 @pytest.mark.parametrize("action", ACTIONS)
 def test_every_edit_of_a_recording(studio, texture, action):
     recorded = studio.recorded(texture.samples.astype(float), texture.sampling_rate)
-    options = ACTIONS[action](dict.fromkeys(studio.scale.axes, 0.0) | {"roughness": -1.0}, 0.8, 0.5, 0.6)
+    deltas = dict.fromkeys(studio.scale.axes, 0.0)
+    options = options_of(action, deltas | {"roughness": -1.0}, 0.8, 0.5, 0.6)
     after = studio.edit(recorded, Settings(), **options)
     assert after.seconds == pytest.approx(recorded.seconds + ("continue_s" in options))
     if options.get("ratings"):
         assert after.estimated[0] < recorded.estimated[0] - 0.3
+
+
+@pytest.mark.parametrize(
+    ("action", "stretch"), [(ACTIONS[0], (0, 1)), (ACTIONS[1], (0.9, 0.8)), (ACTIONS[1], (-1, 0.8))]
+)
+def test_an_edit_of_nothing_is_refused(action, stretch):
+    with pytest.raises(ValueError, match="Say what to change|stretch"):
+        options_of(action, {"roughness": 0.0}, 0.8, *stretch)
 
 
 def test_a_search_goes_where_the_answers_point(studio):

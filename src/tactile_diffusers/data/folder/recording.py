@@ -74,7 +74,7 @@ def _stored(path, name, newtons_per_unit, notes):
             raise ValueError(f"{path} has no recording {name!r}; it has {few(file.names, 5)}.")
         stored = file.read(name)
     if stored.unit != "N" and newtons_per_unit is None:
-        raise ValueError(f"{path} holds uncalibrated numbers, not newtons: give --newtons_per_unit.")
+        raise ValueError(f"{path} holds uncalibrated numbers, not newtons: give `newtons_per_unit`.")
     return channels(stored, "keep").lateral * (newtons_per_unit or 1.0), stored.rate
 
 
@@ -84,7 +84,7 @@ def _column_of_table(path, column, rate, newtons_per_unit, inside, notes):
         tables = list_tables(path)
         if len(tables) > 1:
             places = few([str(other.inside) for other in tables], 5)
-            raise ValueError(f"{path} holds several tables; give one of {places} (--recording).")
+            raise ValueError(f"{path} holds several tables; give one of {places} (`recording`).")
         table = tables[0] if tables else table
     if not table.names:
         raise ValueError(f"{path} holds no table of numbers.")
@@ -95,7 +95,7 @@ def _column_of_table(path, column, rate, newtons_per_unit, inside, notes):
         found = lateral if len(lateral) == 1 else measured
         if len(found) != 1 and len(table.names) > 1:
             names = ", ".join(table.names[:12])
-            raise ValueError(f"{path} has several columns; say which one is the force: {names} (--column).")
+            raise ValueError(f"{path} has several columns; say which one is the force: {names} (`column`).")
         column = found[0].name if found else 0
         if len(table.names) > 1:
             notes.append(f"{path}: column {column!r} is used as the lateral force")
@@ -113,7 +113,7 @@ def _newtons(name, path):
     if unit in UNITS.values() and (unit not in FORCE_UNITS or unit == "1"):
         raise ValueError(
             f"{path}: column {name!r} is in {'counts' if unit == '1' else unit}, by its name; a force is needed. Give "
-            "--newtons_per_unit if it stands for one."
+            "`newtons_per_unit` if it stands for one."
         )
     return FORCE_UNITS.get(unit, 1.0)
 
@@ -123,17 +123,17 @@ def _on_its_stamps(facts, values, notes):
     table, time = facts.table, facts.measuring("time").get("")
     if time is None or time.measures == "text":
         raise ValueError(
-            f"{table.path} does not state its sampling rate, and has no column of time: give --rate, in Hz."
+            f"{table.path} does not state its sampling rate, and has no column of time: give `rate`, in Hz."
         )
     if facts.time_unit is None or facts.stamps_coarse:
         fault = "are coarser than the samples" if facts.stamps_coarse else "have no unit in the column's name"
-        raise ValueError(f"{table.path}: the time stamps of column {time.name!r} {fault}: give --rate, in Hz.")
+        raise ValueError(f"{table.path}: the time stamps of column {time.name!r} {fault}: give `rate`, in Hz.")
     stamps = table.numbers(time.name) * TIME_UNITS[facts.time_unit]
     try:
         clock = on_stamps(values[:, None], stamps, None, table.where, table.place)
     except ValueError as error:
         raise ValueError(
-            f"{table.path}: column {time.name!r} gives no sampling rate: give --rate, in Hz. {error}"
+            f"{table.path}: column {time.name!r} gives no sampling rate: give `rate`, in Hz. {error}"
         ) from None
     notes += [f"{table.path}: {count} samples {kind}, {place}" for kind, (count, place) in clock.counts.items()]
     return clock.values[:, 0], clock.rate
