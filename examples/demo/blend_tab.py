@@ -24,11 +24,12 @@ def blend_tab(desk, tab):
             gr.Markdown("All three lie on the strip. *Export* writes whichever you choose.")
     table = gr.HTML(elem_id="blend-numbers")
 
-    def show(first, second, percent, made):
+    def show(first, second, first_name, second_name, percent, made):
         settings = Settings(made[1].seed if made else Settings.seed)
-        rows = {"A": first, f"blend {percent:g} %": blend(first, second, percent / 100), "B": second}
+        rows = {f"A: {first_name or 'of Make'}": first, f"{percent:g} % of B": blend(first, second, percent / 100)}
+        rows[f"B: {second_name or 'of Make'}"] = second
         tracks = [(name, studio.generate(row, settings)) for name, row in rows.items()]
-        return *desk.put(tracks), tracks, numbers(scale, tracks)
+        return *desk.put(tracks, active=1), tracks, numbers(scale, tracks)
 
     def from_make(made):
         if not made:
@@ -38,7 +39,8 @@ def blend_tab(desk, tab):
     def from_preset(name):
         return scale.preset(name), scale.describe(scale.preset(name))
 
-    inputs, outputs = [*(end[-1] for end in ends), share, desk.made], [desk.strip, desk.shown, own, table]
+    inputs = [*(end[-1] for end in ends), *(end[0] for end in ends), share, desk.made]
+    outputs = [desk.strip, desk.shown, own, table]
     for chosen, keep, label, state in ends:
         desk.on([keep.click], from_make, desk.made, [state, label, chosen])
         desk.on([chosen.input], from_preset, chosen, [state, label])

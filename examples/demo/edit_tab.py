@@ -1,5 +1,7 @@
 """Edit: a recording, or the texture on the strip; before and after lie under one finger."""
 
+import time
+
 from analysis import numbers, waveform
 from settings import Settings
 from uploads import KINDS, columns_of, read_upload
@@ -13,6 +15,8 @@ FEEL, ANEW, LONGER, LOOP = ACTIONS = (
     "1 s longer",
     "close to a loop",
 )
+#: Seconds after which a stretch that the plot tells is one that somebody dragged.
+REDRAWN_SECONDS = 1.5
 
 
 def options_of(action, deltas, strength, start, stop):
@@ -36,7 +40,7 @@ def options_of(action, deltas, strength, start, stop):
 def edit_tab(desk, tab):
     """The tab."""
     gr, studio, scale = desk.gr, desk.studio, desk.studio.scale
-    own, source = desk.own_tracks(tab), gr.State()
+    own, versions, since = desk.own_tracks(tab), gr.State([]), gr.State(0.0)
     with gr.Row():
         with gr.Column(scale=3, min_width=260):
             take = gr.Button("Take the texture of Make", elem_id="take-made", size="sm")
@@ -45,12 +49,17 @@ def edit_tab(desk, tab):
             )
             with gr.Row():
                 column = gr.Dropdown([], label="Column", elem_id="column", min_width=120, visible=False)
-                rate = gr.Number(10_000, label="Hz, of one column", elem_id="csv-rate", min_width=120, visible=False)
-                newtons = gr.Number(1, label="N per unit", info="1 = as its name says", min_width=120, visible=False)
+                rate = gr.Number(label="Hz (0: as the file says)", elem_id="csv-rate", min_width=120, visible=False)
+                newtons = gr.Number(1, label="N per unit (1: as the file says)", min_width=120, visible=False)
             told = gr.Markdown("", elem_id="edit-told")
         with gr.Column(scale=4, min_width=300):
             wave = gr.LinePlot(
-                x="s", y="mN", height=200, label="Waveform: drag over a stretch to make it anew", elem_id="edit-wave"
+                x="s",
+                y="mN",
+                height=200,
+                tooltip="none",
+                label="Waveform: drag over a stretch to make it anew",
+                elem_id="edit-wave",
             )
             with gr.Row():
                 start = gr.Number(0.8, label="Stretch from, s", elem_id="start", min_width=100)
@@ -64,57 +73,69 @@ def edit_tab(desk, tab):
             strength = gr.Slider(0, 1, 0.6, step=0.05, label="Strength (0 = as it is, 1 = a fresh take)")
             with gr.Row():
                 make = gr.Button("Edit", variant="primary", elem_id="edit")
-                again = gr.Button("Go on from the result", elem_id="edit-again")
+                back = gr.Button("↶ Undo edit", elem_id="edit-undo")
     table = gr.HTML(elem_id="edit-numbers")
 
-    def taken(texture, words):
-        tracks = [("before", texture)]
-        return texture, words, "", waveform(texture), *desk.put(tracks), tracks
+    def show(versions, words):
+        """The last version, and the one before it."""
+        tracks = list(zip(("before", "after"), versions[-2:], strict=False))
+        table = numbers(scale, tracks) if len(tracks) > 1 else ""
+        on_strip = desk.put(tracks, active=len(tracks) - 1)
+        return versions, words, table, waveform(versions[-1]), *on_strip, tracks, time.monotonic()
 
     def from_made(made):
         if not made:
             raise ValueError("There is no texture in Make yet.")
-        return taken(made[1], "The texture of Make.")
+        return show([made[1]], "The texture of Make.")
 
     def look(path):
-        """What there is to choose of a file."""
-        names, has_rate = columns_of(path) if path else ([], True)
-        choices = gr.Dropdown(names, value=None, visible=len(names) > 1)
-        return choices, gr.Number(visible=bool(path) and not has_rate), gr.Number(visible=bool(path))
+        """What there is to choose of a file; what is wrong with it, `from_file` says."""
+        try:
+            names = columns_of(path) if path else []
+        except ValueError:
+            names = []
+        return gr.Dropdown(names, value=None, visible=len(names) > 1), *(gr.Number(visible=bool(path)),) * 2
 
     def from_file(path, column, rate, newtons):
         if not path:
             return (gr.skip(),) * len(got)
-        samples, sampling_rate, notes = read_upload(path, column, rate, newtons)
+        try:
+            samples, sampling_rate, notes = read_upload(path, column, rate or None, newtons)
+        except ValueError as error:
+            return gr.skip(), f"**{error}**", *(gr.skip(),) * (len(got) - 2)
         words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz", *notes]
-        return taken(studio.recorded(samples, sampling_rate), "; ".join(words))
+        return show([studio.recorded(samples, sampling_rate)], "; ".join(words))
 
-    def edit(texture, action, start, stop, strength, *changes):
-        if texture is None:
+    def edit(versions, action, start, stop, strength, *changes):
+        if not versions:
             raise ValueError("There is nothing to edit yet.")
         options = options_of(action, dict(zip(scale.axes, changes, strict=True)), strength, start, stop)
-        after = studio.edit(texture, Settings(), **options)
-        tracks = [("before", texture), ("after", after)]
-        return texture, numbers(scale, tracks), waveform(after), *desk.put(tracks), tracks
+        after = studio.edit(versions[-1], Settings(), **options)
+        asked = zip(scale.axes, changes, scale.from_z(after.ratings), strict=True)
+        ends = [axis for axis, change, place in asked if change and place in (0, 100)] if action == FEEL else []
+        words = f"**{' and '.join(ends)}: at the end of what was trained; asking for more changes nothing.**"
+        return show([*versions, after], words if ends else f"Edit {len(versions)}: {action}.")
 
-    def go_on(tracks):
-        if len(tracks) < 2:
-            raise ValueError("There is no result yet.")
-        return taken(tracks[1][1], "The result of the edit before.")
+    def undo(versions):
+        if len(versions) < 2:
+            raise ValueError("There is no edit to undo.")
+        return show(versions[:-1], "Undone.")
 
-    def stretch(event: gr.SelectData):
+    def stretch(event: gr.SelectData, since):
+        if time.monotonic() - since < REDRAWN_SECONDS:  # the plot tells its old stretch when it is drawn anew
+            return (gr.skip(),) * 3
         low, high = event.index
         return round(float(low), 3), round(float(high), 3), ANEW
 
-    def begin(source, made):
-        return (gr.skip(),) * len(got) if source or not made else from_made(made)
+    def begin(versions, made):
+        return (gr.skip(),) * len(got) if versions or not made else from_made(made)
 
-    got = [source, told, table, wave, desk.strip, desk.shown, own]
-    desk.on([tab.select], begin, [source, desk.made], got)
+    got = [versions, told, table, wave, desk.strip, desk.shown, own, since]
+    desk.on([tab.select], begin, [versions, desk.made], got)
     desk.on([take.click], from_made, desk.made, got)
     asked = [upload, column, rate, newtons]
     desk.on([upload.upload], look, upload, asked[1:]).then(desk.answer(from_file), asked, got, **desk.hidden)
     desk.on([column.input, rate.submit, newtons.submit], from_file, asked, got)
-    wave.select(stretch, None, [start, stop, action], **desk.hidden)
-    desk.on([make.click], edit, [source, action, start, stop, strength, *deltas], [source, *got[2:]])
-    desk.on([again.click], go_on, own, got)
+    wave.select(stretch, since, [start, stop, action], **desk.hidden)
+    desk.on([make.click], edit, [versions, action, start, stop, strength, *deltas], got, last=False)
+    desk.on([back.click], undo, versions, got)

@@ -61,7 +61,7 @@ def export_tab(desk, tab):
         texture, given = tracks[place][1], DeviceProfile(rate, (low, high), signed, bits, amplitude)
         choices = [(label, number) for number, (label, _) in enumerate(tracks)]
         loss = what_is_lost(texture.samples, texture.sampling_rate, given)
-        return gr.Dropdown(choices, value=place), f"What is lost on it:\n\n{loss}"
+        return gr.Dropdown(choices, value=place), f"What this device loses of it, whatever the file:\n\n{loss}"
 
     def download(tracks, place, format_name, millimetres, closed):
         label, texture = tracks[known(tracks, place)]
@@ -70,7 +70,9 @@ def export_tab(desk, tab):
         # a folder of its own, with a name that cannot be guessed
         folder = Path(tempfile.mkdtemp(dir=desk.folder))
         written, told = write_files(texture, format_name, folder, millimetres, file_stem(label, texture))
-        return gr.File([str(path) for path in written], visible=True), "\n\n".join(told)
+        return gr.File([str(path) for path in written], visible=True), "\n\n".join(
+            f"The file: {words}" for words in told
+        )
 
     def follow(event: gr.EventData):
         return event.lane

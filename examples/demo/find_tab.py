@@ -46,8 +46,10 @@ def find_tab(desk, tab, tabs, make):
 
     def propose(asked):
         search = searched(asked)
-        asked, done = {**asked, "pair": search.next_pair().tolist()}, len(asked["answers"])
-        tracks = list(zip("AB", studio.textures_of(search, asked["pair"]), strict=True))
+        done = len(asked["answers"])
+        points = search.next_pair() if done < ROUNDS else search.best_point()[0][None]
+        asked, names = {**asked, "pair": points.tolist()}, "AB" if done < ROUNDS else ["best"]
+        tracks = list(zip(names, studio.textures_of(search, points), strict=True))
         active = [done < ROUNDS] * 3 + [done > 0, True, True]
         return (
             asked,
@@ -99,5 +101,6 @@ def progress(scale, search, count):
         bar = f'<td style="width:40%"><div class="bar"><div style="width:{known:.0f}%"></div></div></td>'
         head = f'<th scope="row">{html.escape(name)}</th>'
         rows.append(f"<tr>{head}<td>about {shown[name]:g}</td><td>known {known:.0f} %</td>{bar}</tr>")
-    head = f'<p role="status">Round {min(count + 1, ROUNDS)} of {ROUNDS}</p>'
+    told = f"Round {count + 1} of {ROUNDS}" if count < ROUNDS else "Done. The best lies on the strip: use it in Make."
+    head = f'<p role="status">{told}</p>'
     return f'{head}<table class="numbers" style="width:100%">{"".join(rows)}</table>'

@@ -32,7 +32,7 @@ def make_tab(desk, tab, page):
                 label = " to ".join(_words(axis)).capitalize()
                 with gr.Row(elem_classes="axis"):
                     sliders.append(gr.Slider(0, 100, 50, step=1, label=label, elem_id=axis))
-                    opens.append(gr.Checkbox(label="any", elem_id=f"{axis}-open", min_width=64))
+                    opens.append(gr.Checkbox(label=f"any {axis}", elem_id=f"{axis}-open", min_width=64))
             status = gr.Markdown(elem_id="status")
             gr.Markdown("Percentiles: at 80, four of five training surfaces are less rough, bumpy or slippery.")
         with gr.Column(scale=3, min_width=260):
@@ -123,8 +123,9 @@ def make_tab(desk, tab, page):
 
     make.restore, make.with_ratings = restore, with_ratings
     desk.on([page.load], arrive, make.inputs, make.outputs)
-    moved = [control.input for control in (*sliders, *opens, take, *more)]
+    moved, chosen = ([one.input for one in controls] for controls in ([*sliders, *more], [*opens, take]))
     desk.on(moved, live, make.inputs, plain, queue=False)  # the queue looks every 50 ms whether an answer is there
+    desk.on(chosen, lambda *given: live(*given, apart=True), make.inputs, plain, queue=False)
     desk.on([pad.input], slide, [pad, *make.inputs], [*sliders, *opens, *plain[:-1]], queue=False)
     desk.on([preset.input], choose_preset, make.inputs, make.outputs)
     desk.on([dice.click], throw, make.inputs, make.outputs)

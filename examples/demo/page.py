@@ -24,7 +24,7 @@ gradio-app { display: block !important; }
 .axis .form { flex-wrap: nowrap; }
 .axis .form > :last-child { align-content: center; }
  .axis .form > .block { padding: 8px 10px; min-width: 0 !important; }
-.axis .form > :first-child { flex: 1 1 auto; } .axis .form > :last-child { flex: 0 0 74px; }
+.axis .form > :first-child { flex: 1 1 auto; } .axis .form > :last-child { flex: 0 0 112px; }
 #presets .wrap { display: grid; grid-template-columns: repeat(auto-fill, minmax(112px, 1fr)); gap: 6px; }
 :is(#presets, #takes) label { padding: 6px; justify-content: center; min-width: 34px; }
 :is(#presets, #takes) label span { margin: 0; }
@@ -36,7 +36,8 @@ gradio-app { display: block !important; }
   cursor: crosshair; touch-action: none; background: linear-gradient(45deg, #93c5fd55, #fdba7455); }
 .pad span { position: absolute; pointer-events: none; color: var(--body-text-color); font-size: 14px; }
 .pad .dot { width: 26px; height: 26px; margin: 0 0 -13px -13px; border: 3px solid #d9480f; background: #d9480f55;
-  border-radius: 50%; }
+  border-radius: 50%; left: 50%; bottom: 50%; }
+#edit-wave :is(canvas, svg) { touch-action: pan-y !important; }
 .pad .left { left: 8px; top: 46%; } .pad .right { right: 8px; top: 46%; }
 .pad :is(.bottom, .top) { left: 0; right: 0; text-align: center; } .pad .bottom { bottom: 6px; } .pad .top { top: 6px; }
 div:has(> table.numbers) { overflow-x: auto; } table.numbers caption { text-align: left; }
@@ -65,9 +66,9 @@ class Desk:
         markup, script = PARTS["main"], PARTS["script"]
         self.strip = gr.HTML(None, html_template=markup, js_on_load=script, elem_id="strip", apply_default_css=False)
 
-    def put(self, tracks, link=None):
+    def put(self, tracks, link=None, active=0):
         """Values for `strip` and `shown`."""
-        return strip_value(tracks, link), list(tracks)
+        return strip_value(tracks, link, active), list(tracks)
 
     def answer(self, function):
         """The function with its `ValueError`s, which are meant for whoever asked, shown on the page."""

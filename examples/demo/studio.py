@@ -1,9 +1,9 @@
 """From settings to textures and what is known of them, without a page: the studio behind it."""
 
+import dataclasses
 import functools
 import threading
 from concurrent.futures import Future
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ MOST_AT_ONCE, USUAL_TAKES = 8, 16
 NO_DALE = "The checkpoint {} has no `dale`: it reconstructs, it cannot generate."
 
 
-@dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Texture:
     """One texture: (n,) float32 samples in N, and what belongs to them. NaN = unknown, or not specified."""
 
@@ -150,6 +150,11 @@ class Studio:
             out = pipe(texture.samples, texture.sampling_rate, num_inference_steps=settings.steps, **options)
         if np.isfinite(texture.friction_coefficient) and "ratings" not in options:
             out.friction_coefficient = np.array([texture.friction_coefficient])
+        if moved := options.get("ratings"):  # from what is estimated, as the pipeline does
+            before = zip(self.scale.axes, texture.estimated, strict=True)
+            texture = dataclasses.replace(
+                texture, ratings=tuple(z + moved[axis] if axis in moved else np.nan for axis, z in before)
+            )
         return self._textures(out, [texture.ratings], [settings.seed], checkpoint)[0]
 
     def recorded(self, samples, sampling_rate):

@@ -17,7 +17,7 @@ LONGEST_SECONDS, HIGHEST_RATE, MOST_COLUMNS = 10.0, 200_000, 64
 
 
 def columns_of(path):
-    """Names of a file's columns, and whether the file itself, or a column of time, may state the rate.
+    """Names of a file's columns.
 
     Raises:
         ValueError: for anything that is no table.
@@ -25,7 +25,7 @@ def columns_of(path):
     table = _named(path, read_table, Path(path), max_rows=100)
     if len(table.names) > MOST_COLUMNS:
         raise ValueError(f"The file has {len(table.names)} columns; {MOST_COLUMNS} at most.")
-    return list(table.names), table.rate is not None or len(table.names) > 1
+    return list(table.names)
 
 
 def read_upload(path, column=None, rate=None, newtons_per_unit=1.0):
@@ -34,7 +34,7 @@ def read_upload(path, column=None, rate=None, newtons_per_unit=1.0):
     Args:
         path (`str`): of what `read_recording` takes.
         column (`str`, *optional*): that is the force; default: the reader's choice.
-        rate (`float`, *optional*): Hz, of a table that has neither a rate nor time stamps.
+        rate (`float`, *optional*): Hz; default: the file's, or that of its time stamps.
         newtons_per_unit (`float`): N per unit of the numbers; 1 = as the name of the column states, else N.
 
     Returns:
@@ -48,16 +48,18 @@ def read_upload(path, column=None, rate=None, newtons_per_unit=1.0):
         raise ValueError("The file is empty.")
     if not (isinstance(newtons_per_unit, int | float) and 0 < newtons_per_unit < math.inf):
         raise ValueError(f"Newtons per unit must be above 0, got {newtons_per_unit}.")
-    _, has_rate = columns_of(path)
+    columns_of(path)
     if column is None and path.suffix.lower() == ".wav":
         column = 0
     scale = None if newtons_per_unit == 1 else newtons_per_unit
-    force, rate, notes = _named(path, read_recording, path, column, None if has_rate else rate, scale)
+    force, rate, notes = _named(path, read_recording, path, column, rate, scale)
     if rate > HIGHEST_RATE:
         raise ValueError(f"The sampling rate must be at most {HIGHEST_RATE} Hz, got {rate}.")
     force = force[: int(LONGEST_SECONDS * rate)]
     if np.ptp(force) == 0:
         raise ValueError("The recording is constant: there is no texture in it.")
+    unit = ", full scale is taken for 1 N" if path.suffix.lower() == ".wav" and scale is None else ""
+    notes.append(f"the mean of {force.mean():.3g} N is taken away{unit}")
     return band_pass(force - force.mean(), rate), rate, [note.replace(str(path), path.name) for note in notes]
 
 

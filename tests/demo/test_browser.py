@@ -177,19 +177,21 @@ def test_a_designer_s_quarter_of_an_hour(visit, tmp_path, pink_noise):
 
     # blend, and the adapted checkpoint
     _tab(page, "Blend")
-    _lanes(page, "A", "blend 50 %", "B")
+    _lanes(page, "A: glass", "50 % of B", "B: denim")
     page.evaluate(_DRAG, ["share", 75])
-    _lanes(page, "A", "blend 75 %", "B")
+    _lanes(page, "A: glass", "75 % of B", "B: denim")
     _tab(page, "Your surfaces")
     _lanes(page, Path(str(page.evaluate("new URLSearchParams(location.search).get('checkpoint')"))).name, "mine")
 
     # export what lies on the strip
     _tab(page, "Blend")
-    _lanes(page, "A", "blend 75 %", "B")
-    page.locator("#strip .tracks button", has_text="B").last.click()
+    _lanes(page, "A: glass", "75 % of B", "B: denim")
     _tab(page, "Export")
     sync_api.expect(page.locator("#lost")).to_contain_text("SNR")
-    sync_api.expect(page.locator("#export-of input")).to_have_value("B")  # the lane that is chosen on the strip
+    which = page.locator("#export-of input")
+    sync_api.expect(which).to_have_value("75 % of B")  # the lane that is chosen on the strip
+    page.locator("#strip .tracks button", has_text="denim").click()
+    sync_api.expect(which).to_have_value("B: denim")
     page.locator("#write").click()
     with page.expect_download() as download:
         page.locator("#files a").first.click()

@@ -19,7 +19,7 @@ def test_a_table_gives_its_columns_force_rate_and_unit(force, tmp_path):
     path = tmp_path / "a.csv"
     rows = (f"{n / RATE:.6f},{1e3 * one:.6f},{-one:.9f}" for n, one in enumerate(force))
     path.write_text("t_s,Fx_mN,Fy_N\n" + "\n".join(rows))
-    assert columns_of(path) == (["t_s", "Fx_mN", "Fy_N"], True)
+    assert columns_of(path) == ["t_s", "Fx_mN", "Fy_N"]
     for column, sign in (("Fx_mN", 1), ("Fy_N", -1)):
         found, rate, _ = read_upload(path, column)
         assert rate == RATE
@@ -33,7 +33,6 @@ def test_one_column_needs_a_rate_and_gaps_are_told(force, tmp_path):
     path, missing = tmp_path / "a.csv", [f"{one:.9f}" for one in force]
     missing[2000:2050] = ["nan"] * 50
     path.write_text("\n".join(missing))
-    assert not columns_of(path)[1]
     found, rate, notes = read_upload(path, None, RATE, 2.0)
     assert len(found) == len(force) and any("50 samples that are missing or no number are bridged" in n for n in notes)
     with pytest.raises(ValueError, match="sampling rate"):

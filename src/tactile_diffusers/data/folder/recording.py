@@ -91,8 +91,8 @@ def _column_of_table(path, column, rate, newtons_per_unit, inside, notes):
     facts = describe_table(table)
     if column is None:
         measured = [each for each in facts.columns if each.measures not in ("time", "counter", "text")]
-        lateral = [each for each in measured if each.measures == "lateral"]
-        found = lateral if len(lateral) == 1 else measured
+        kinds = [[each for each in measured if each.measures == kind] for kind in ("lateral", "force")]
+        found = next((kind for kind in kinds if len(kind) == 1), measured)
         if len(found) != 1 and len(table.names) > 1:
             names = ", ".join(table.names[:12])
             raise ValueError(f"{path} has several columns; say which one is the force: {names} (`column`).")
