@@ -29,7 +29,7 @@ def blend_tab(desk, tab):
         rows = {f"A: {first_name or 'of Make'}": first, f"{percent:g} % of B": blend(first, second, percent / 100)}
         rows[f"B: {second_name or 'of Make'}"] = second
         tracks = [(name, studio.generate(row, settings)) for name, row in rows.items()]
-        return *desk.put(tracks, active=1), tracks, numbers(scale, tracks)
+        return *desk.put(tracks), tracks, numbers(scale, tracks)
 
     def from_make(made):
         if not made:

@@ -80,8 +80,7 @@ def edit_tab(desk, tab):
         """The last version, and the one before it."""
         tracks = list(zip(("before", "after"), versions[-2:], strict=False))
         table = numbers(scale, tracks) if len(tracks) > 1 else ""
-        on_strip = desk.put(tracks, active=len(tracks) - 1)
-        return versions, words, table, waveform(versions[-1]), *on_strip, tracks, time.monotonic()
+        return versions, words, table, waveform(versions[-1]), *desk.put(tracks), tracks, time.monotonic()
 
     def from_made(made):
         if not made:

@@ -66,9 +66,9 @@ class Desk:
         markup, script = PARTS["main"], PARTS["script"]
         self.strip = gr.HTML(None, html_template=markup, js_on_load=script, elem_id="strip", apply_default_css=False)
 
-    def put(self, tracks, link=None, active=0):
+    def put(self, tracks, link=None):
         """Values for `strip` and `shown`."""
-        return strip_value(tracks, link, active), list(tracks)
+        return strip_value(tracks, link), list(tracks)
 
     def answer(self, function):
         """The function with its `ValueError`s, which are meant for whoever asked, shown on the page."""

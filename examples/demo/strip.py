@@ -29,7 +29,7 @@ _SOURCE = Path(__file__).with_name("strip.html").read_text(encoding="utf-8")
 PARTS = {tag: _SOURCE.split(f"<{tag}>")[1].split(f"</{tag}>")[0] for tag in ("style", "main", "script")}
 
 
-def strip_value(tracks, link=None, active=0):
+def strip_value(tracks, link=None):
     """What the strip plays: JSON.
 
     A profile is the texture's first segment over position, looped and filled as in [`TextureProfile`]; the laws are
@@ -38,9 +38,9 @@ def strip_value(tracks, link=None, active=0):
     Args:
         tracks (`Sequence[tuple[str, Texture]]`): by name, at least 0.2 s each: lanes under one finger.
         link (`str`, *optional*): query that opens the page with the same texture.
-        active (`int`): the lane under the finger, where other textures lie there than before.
     """
     lanes = [_track(name, texture) for name, texture in tracks]
+    active = min(1, len(lanes) - 1)  # what comes second is a result, and lies under the finger at first
     return json.dumps({"tracks": lanes, "link": link, "active": active, **LAWS})
 
 
