@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from tactile_diffusers.data.checkpoint_fit import check_fit
+from tactile_diffusers.data.dataset import check_fit
 from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key, snr_db
 from tactile_diffusers.signal import nine_band_error_db, resample
 
