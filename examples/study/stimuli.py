@@ -9,7 +9,7 @@ from report.held_out import check_unseen
 from report.sampling import generate, noise_seeds, reconstruct
 
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.data.checkpoint_fit import check_fit
+from tactile_diffusers.data.dataset import check_fit
 from tactile_diffusers.export import write_npz, write_wav
 from tactile_diffusers.signal import RATING_AXES, rms
 from tactile_diffusers.signal.checks import check_number, check_seed

@@ -24,10 +24,10 @@ from tactile_diffusers.evaluation import (
 )
 from tactile_diffusers.evaluation.judge import Judge, explained, response_matrix
 from tactile_diffusers.evaluation.metrics.copying import TrainingEnvelopes, copied_share
+from tactile_diffusers.evaluation.metrics.distances import Reference
 from tactile_diffusers.evaluation.metrics.diversity import covered, diversity
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.rating_effects import reversal
-from tactile_diffusers.evaluation.metrics.reference import Reference
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass, nine_band_error_db, rms
 from tactile_diffusers.virtual import VirtualSurface, steady_exploration
 
