@@ -19,6 +19,10 @@ from .segments import REASONS, SegmentLimits, SegmentTable, find_windows
 from .splits import SPLITS, assign_splits
 from .turnarounds import DEFAULT_TURNAROUNDS, check_turnarounds
 
+#: A median this many times beyond a limit looks like a wrong unit (recipe).
+FAR_OFF = 5.0
+_QUANTITIES = {"normal_force": ("normal force", "N"), "speed": ("speed", "mm/s")}
+
 
 @dataclass
 class PreparationReport:
@@ -237,11 +241,6 @@ def _report(tables, splits, index, notes, reliability, wanted):
         notes.append(f"{which} with segments: evaluation needs 2 of each; prepare with --test 2 --validation 2")
     surfaces = {name: len(np.unique(found)) for name, found in owners.items()}
     return PreparationReport(segments, surfaces, seconds, notes, reliability)
-
-
-#: A median this many times beyond a limit looks like a wrong unit (recipe).
-FAR_OFF = 5.0
-_QUANTITIES = {"normal_force": ("normal force", "N"), "speed": ("speed", "mm/s")}
 
 
 class Measured:

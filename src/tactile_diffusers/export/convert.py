@@ -16,6 +16,9 @@ from .png import read_png, write_png
 from .previews import read_ahap, read_haptic, write_ahap, write_haptic
 from .wav import read_wav, sidecar_path, write_wav
 
+#: An error so far below the texture, dB, is the rounding of float32.
+EXACT_DB = 120.0
+
 
 @dataclass(frozen=True)
 class Format:
@@ -105,10 +108,6 @@ def round_trip(path, name, texture, sampling_rate, highest_frequency=BAND_HZ[1])
         snr = 10 * np.log10(np.square(texture).sum() / error) if error > 0 else np.inf
     size = sum(file.stat().st_size for file in (path, sidecar_path(path)) if file.is_file())
     return {"bytes": size, "bands": bands, "nine_band_error_db": band_error, "snr_db": float(snr)}
-
-
-#: An error so far below the texture, dB, is the rounding of float32.
-EXACT_DB = 120.0
 
 
 def format_of(path):

@@ -21,6 +21,12 @@ POWER_FLOOR = 1e-6
 PASSES = 3
 #: Largest correction in dB: more means that the decoder left a band empty, and would only lift its noise.
 LARGEST_GAIN_DB = 20.0
+#: Of the fast envelope, power relative to unit RMS that is added to both: silence has an envelope of 0.
+ENVELOPE_FLOOR = 1e-4
+#: Spread of the measured log amplitude of steady noise, times the square root of the samples per value (measured).
+NOISE_SPREAD = 0.68
+#: Least share that is believed, so that the course of a steady texture is that of noise, not nothing.
+LEAST_BELIEVED = 0.05
 
 
 @lru_cache(maxsize=8)
@@ -177,14 +183,6 @@ def impose_band_levels(waveform, levels, sampling_rate, band, window, hop, modul
         restored = power * grid.factors(gains).square()
         gains = torch.clamp(gains + 0.5 * deepened * grid.fast_modulation(restored), -limit, limit)
     return grid.invert(grid.amplify(transform, grid.factors(gains)), waveform.shape[-1])
-
-
-#: Power relative to unit RMS that is added to both: silence has an envelope of 0.
-ENVELOPE_FLOOR = 1e-4
-#: Spread of the measured log amplitude of steady noise, times the square root of the samples per value (measured).
-NOISE_SPREAD = 0.68
-#: Least share that is believed, so that the course of a steady texture is that of noise, not nothing.
-LEAST_BELIEVED = 0.05
 
 
 def measure_fast_envelope(waveform, step, sampling_rate):

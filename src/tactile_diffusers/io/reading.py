@@ -12,6 +12,9 @@ _LONGEST_REASON = 300
 #: A file may unpack to so many bytes, or to so many times its own size, whichever is more. Recordings and texts do not
 #: compress a hundredfold; a damaged header, or an archive built to fill the memory, claims more.
 MOST_UNPACKED, MOST_RATIO = 2**26, 100
+#: Lengths of the samples of a WAV file that programs write to a pipe, where they cannot come back to say the true one:
+#: ffmpeg; arecord; sox.
+UNKNOWN = (0xFFFFFFFF, 0x80000000, 0x7FFFFFFF, 0x7FFFF000)
 
 
 @contextmanager
@@ -116,11 +119,6 @@ def open_parquet(path):
     sizes = (head.row_group(number).total_byte_size for number in range(file.num_row_groups))
     check_size(path, max(8 * head.num_rows * head.num_columns, sum(sizes)))
     return file
-
-
-#: Lengths of samples that programs write to a pipe, where they cannot come back to say the true one: ffmpeg; arecord;
-#: sox.
-UNKNOWN = (0xFFFFFFFF, 0x80000000, 0x7FFFFFFF, 0x7FFFF000)
 
 
 def check_wav(file):

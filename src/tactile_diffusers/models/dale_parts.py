@@ -7,6 +7,9 @@ import torch
 from diffusers.utils import BaseOutput
 from torch import nn
 
+#: Residual blocks of `ScalarNetwork`.
+DEPTH = 3
+
 
 @dataclass
 class DALEOutput(BaseOutput):
@@ -27,10 +30,6 @@ class DALEConditions(NamedTuple):
     blocks: list
     ratings: torch.Tensor
     shift: torch.Tensor | None
-
-
-#: Residual blocks.
-DEPTH = 3
 
 
 class ScalarNetwork(nn.Module):

@@ -23,6 +23,9 @@ from ..pipelines.inputs import check_steps
 
 #: The longest patch, mm: a longer one is probably in another unit.
 LONGEST_MM = 10_000.0
+FORMAT, VERSION = "tactile-scene", "1"
+#: Largest relative difference of the mean magnitude of a parameter: 5e-4 in bfloat16, more after further training.
+SAME_WEIGHTS = 0.01
 
 
 class Patches:
@@ -99,11 +102,6 @@ def _checked(name, patch):
     if np.linalg.norm(box[half:]) > LONGEST_MM:
         raise ValueError(f"`patches[{name!r}]` must be at most {LONGEST_MM:g} mm long, got {patch!r}: give mm.")
     return box
-
-
-FORMAT, VERSION = "tactile-scene", "1"
-#: Largest relative difference of the mean magnitude of a parameter: 5e-4 in bfloat16, more after further training.
-SAME_WEIGHTS = 0.01
 
 
 class Header(BaseModel):

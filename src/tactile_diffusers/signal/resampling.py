@@ -7,6 +7,12 @@ import numpy as np
 from scipy import fft, signal
 from scipy.interpolate import CubicSpline
 
+#: Share of the new Nyquist frequency up to which `method="fourier"` keeps all; from there it fades out (half a cosine).
+KEPT_SHARE = 0.9
+#: Times as many samples, by Fourier's series, before the cubic: up to the Nyquist frequency it is then 90 dB exact
+#: (relative error about 2 (f h)^4 at f h = 1/16).
+_FINER = 8
+
 
 def resample(texture, rate_in, rate_out, samples=None, method="polyphase", dtype=np.float64):
     """Changes the sampling rate along the last axis; the time of the first sample stays.
@@ -77,13 +83,6 @@ def _upsample_float32(texture, up):
     with torch.autocast("cpu", enabled=False):  # of a caller, which would compute in half precision
         filtered = torch.nn.functional.conv1d(rows, phases, padding=phases.shape[-1] // 2)
     return filtered.transpose(1, 2).flatten(1).numpy().reshape(*texture.shape[:-1], -1)
-
-
-#: Share of the new Nyquist frequency up to which `method="fourier"` keeps all; from there it fades out (half a cosine).
-KEPT_SHARE = 0.9
-#: Times as many samples, by Fourier's series, before the cubic: up to the Nyquist frequency it is then 90 dB exact
-#: (relative error about 2 (f h)^4 at f h = 1/16).
-_FINER = 8
 
 
 def resample_by_fourier(texture, rate_in, rate_out, samples):

@@ -40,6 +40,8 @@ DEFAULTS = {
     "validation_steps": 100,
     "report_to": "none",
 }
+#: Below, an interval over surfaces says nothing.
+TOO_FEW = 8
 
 
 def adaptation_parser(description, **defaults):
@@ -251,10 +253,6 @@ def judge_recalibration(lab):
         found["mean spectrum"][out] = real[kept].mean(0)
     errors = {"zero-shot": lab.given_errors} | {name: np.abs(v - real).mean(1) for name, v in found.items()}
     return {name: Errors(own, lab.given_errors) for name, own in errors.items()}
-
-
-#: Below, an interval over surfaces says nothing.
-TOO_FEW = 8
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,21 @@ from .one_step import DecoderStep, LatentStep
 from .record import surfaces_of
 from .steps import BatchNoise
 
+#: Of the training of fields.
 BATCH, LEARNING_RATE, BETAS = 32, 2e-4, (0.9, 0.99)
 #: With fewer it can lose more than the two that are left out show: with five, the kernel distance doubled.
 LEAST_FOR_FIELDS = 20
-#: Textures of left-out surfaces at most by which the training is judged.
+#: Textures of left-out surfaces at most by which the training of fields is judged.
 JUDGED = 256
+#: Textures at most by which the decoder is judged.
+DECODED = 32
+#: By how much worse than its own textures it may give a lab's back: factor of the bands' error, and shift of the shapes
+#: of waveforms in standard deviations over textures.
+BANDS_FACTOR, SHAPE_SHIFT = 2.0, 0.5
+#: Share of the surfaces, and at least how many, that a training leaves out; with fewer than so many there is none.
+LEFT_OUT, LEAST_LEFT_OUT, LEAST_SURFACES = 0.1, 2, 5
+#: Share of textures that are decoded without detail layer, as generated ones are.
+DETAIL_DROPOUT = 0.7
 
 
 def train_fields(dale, scheduler, states, left_out, updates, seed, quiet=True):
@@ -75,17 +85,6 @@ def train_fields(dale, scheduler, states, left_out, updates, seed, quiet=True):
         return f"{text}."
     dale.load_state_dict(given)
     return f"{text}, so it stays as it is."
-
-
-#: Textures at most by which the decoder is judged.
-DECODED = 32
-#: By how much worse than its own textures it may give a lab's back: factor of the bands' error, and shift of the shapes
-#: of waveforms in standard deviations over textures.
-BANDS_FACTOR, SHAPE_SHIFT = 2.0, 0.5
-#: Share of the surfaces, and at least how many, that a training leaves out; with fewer than so many there is none.
-LEFT_OUT, LEAST_LEFT_OUT, LEAST_SURFACES = 0.1, 2, 5
-#: Share of textures that are decoded without detail layer, as generated ones are.
-DETAIL_DROPOUT = 0.7
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,10 @@ from .collection import Collection
 from .exploration import VELOCITY_RATE
 
 LICENCE = "CC0-1.0"
+#: A fork of this process would inherit the threads of torch and BLAS, which is unsafe; spawned workers would each
+#: import the package, 6 s and 0.4 GB. The fork server imports it once, and its forks share that memory. Where there is
+#: none (Windows), workers are spawned.
+START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 
 
 def generate_recordings(
@@ -66,12 +70,6 @@ def explore(collection, index):
     """Force and velocity of one surface, by all explorers of a collection: a list of pairs."""
     surface = collection.surface(index)
     return [surface.explore(number, collection.seconds) for number in range(collection.explorers)]
-
-
-#: A fork of this process would inherit the threads of torch and BLAS, which is unsafe; spawned workers would each
-#: import the package, 6 s and 0.4 GB. The fork server imports it once, and its forks share that memory. Where there is
-#: none (Windows), workers are spawned.
-START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 
 
 def run_in_order(function, tasks, workers):

@@ -29,6 +29,11 @@ GAIN_SPREAD = 0.25
 RATING_CORRELATION = (0.40, -0.50, -0.20)
 #: Smallest eigenvalue of a matrix of correlations that raters can have: below, an axis repeats the two others.
 LEAST_EIGENVALUE = 0.02
+#: Axes that can be asked for. Nothing of a friction force tells how warm a surface is.
+FURTHER_AXES = ("regularity", "fineness", "warmth")
+#: Their idiosyncrasy, taste and noise of a trial: of visual and tactile fineness raters agree as on bumpiness
+#: (recipe).
+FURTHER_IDIOSYNCRASY, FURTHER_TASTE, FURTHER_TRIAL_NOISE = 0.40, 0.65, 0.65
 
 
 def check_rating_correlation(value):
@@ -115,13 +120,6 @@ def rate_surface(rng, trial_rng, percept, raters, agreement=1.0, rating_correlat
     return np.clip(answers, low, high).astype(np.float32)
 
 
-#: Axes that can be asked for. Nothing of a friction force tells how warm a surface is.
-FURTHER_AXES = ("regularity", "fineness", "warmth")
-#: Idiosyncrasy, taste and noise of a trial, as above: of visual and tactile fineness raters agree as on bumpiness
-#: (recipe).
-_IDIOSYNCRASY, _TASTE, _TRIAL_NOISE = 0.40, 0.65, 0.65
-
-
 def check_further_axes(value):
     """Names of `FURTHER_AXES`, also as one string with commas, as a tuple.
 
@@ -144,8 +142,8 @@ def further_answers(seed, surface, axes, raters, agreement=1.0, trial=0):
             stream(seed, Stream.FURTHER_TRIAL, surface.index, number, trial),
         )
         percept = own.standard_normal() if axis == "warmth" else further_percept(surface.parameters, axis)
-        shared = (percept + _IDIOSYNCRASY * own.standard_normal()) / np.sqrt(1 + _IDIOSYNCRASY**2)
-        disagreement = _TASTE * own.standard_normal(raters) + _TRIAL_NOISE * again.standard_normal(raters)
+        shared = (percept + FURTHER_IDIOSYNCRASY * own.standard_normal()) / np.sqrt(1 + FURTHER_IDIOSYNCRASY**2)
+        disagreement = FURTHER_TASTE * own.standard_normal(raters) + FURTHER_TRIAL_NOISE * again.standard_normal(raters)
         draws = np.stack([stream(seed, Stream.FURTHER_RATER, r, number).standard_normal(2) for r in range(raters)], 1)
         gain = TYPICAL_GAIN * np.exp(GAIN_SPREAD * draws[1])
         low, high = RATING_SCALE
