@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_diffusers.features.band_levels import envelope_gain, measure_fast_envelope
+from tactile_diffusers.features.fast_envelope import envelope_gain, measure_fast_envelope
 
 RATE, STEP = 2500, 16
 

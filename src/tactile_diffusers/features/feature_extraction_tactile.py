@@ -9,16 +9,8 @@ from transformers.feature_extraction_utils import BatchFeature, FeatureExtractio
 
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
 from ..signal.checks import check_number, check_whole_number, texture_rows
-from .band_levels import (
-    band_sums,
-    check_band_levels,
-    envelope_gain,
-    gain_of_frames,
-    impose_band_levels,
-    measure_band_levels,
-    measure_fast_envelope,
-    measure_fast_modulation,
-)
+from .band_levels import band_sums, check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
+from .fast_envelope import envelope_gain, gain_of_frames, measure_fast_envelope
 from .filterbank import FILTER_SCALES, filterbank
 from .low_band import sample_low_band
 
@@ -60,7 +52,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         level_bands (`int`, *optional*, defaults to 18): logarithmic bands whose levels over time `band_levels` measures
             and `denormalize` restores; 0 = none.
         envelope_samples (`int`, *optional*, defaults to 4): values of the fast envelope in each latent frame, whose
-            samples they divide (`features/band_levels.py`); 0 = none.
+            samples they divide (`features/fast_envelope.py`); 0 = none.
         detail_samples (`int`, *optional*, defaults to 16): samples of the waveform's low end in each latent frame, half
             of whose samples they divide (`features/low_band.py`); 0 = none.
         fixed_scale (`float`, *optional*): N that are 1 for the decoder, the same for every texture: the waveform keeps

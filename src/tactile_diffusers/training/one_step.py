@@ -3,7 +3,7 @@
 import torch
 from torch import nn
 
-from ..features.band_levels import gain_of_frames
+from ..features.fast_envelope import gain_of_frames
 from ..models.calibration import scalar_shift
 from ..schedulers import VDDIMScheduler
 from .energy import energy_score, waveform_views
