@@ -21,8 +21,6 @@ from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.training.batches import make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
-from tactile_diffusers.training.decoder_step import DecoderStep
-from tactile_diffusers.training.latent_step import LatentStep
 from tactile_diffusers.training.launch import (
     at_least_one,
     make_accelerator,
@@ -34,6 +32,7 @@ from tactile_diffusers.training.launch import (
     training_parser,
 )
 from tactile_diffusers.training.loop import Trainer
+from tactile_diffusers.training.one_step import DecoderStep, LatentStep
 from tactile_diffusers.training.record import surfaces_of
 from tactile_diffusers.training.steps import BatchNoise
 from tactile_diffusers.training.validation import Reconstructions

@@ -101,7 +101,7 @@ def _prepare(arguments, state):
     from dataset.shards import open_folder
 
     from tactile_diffusers.io.locks import lock_folder
-    from tactile_diffusers.io.parquet import import_pyarrow
+    from tactile_diffusers.io.reading import import_pyarrow
     from tactile_diffusers.pipelines.inputs import warn_of_novel_ratings
 
     import_pyarrow(f"--output {arguments.output}")

@@ -2,7 +2,7 @@
 
 import sys
 
-from tactile_diffusers.cli.lengthen import main
+from tactile_diffusers.cli.edit import lengthen as main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,7 +2,7 @@
 
 import sys
 
-from tactile_diffusers.cli.loop import main
+from tactile_diffusers.cli.edit import loop as main
 
 if __name__ == "__main__":
     sys.exit(main())

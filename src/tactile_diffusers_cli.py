@@ -9,13 +9,13 @@ import importlib.metadata
 import sys
 
 NAME = "tactile-diffusers"
-#: Command -> module in `tactile_diffusers.cli` and what it does.
+#: Command -> module in `tactile_diffusers.cli`, its function where that is not `main`, and what it does.
 COMMANDS = {
     "generate": ("generate", "textures of ratings, as files"),
     "reconstruct": ("reconstruct", "a recording through encoder and decoder, and how close it comes"),
     "edit": ("edit", "a recording changed by ratings, or stretches of it made anew"),
-    "continue": ("lengthen", "a recording, longer"),
-    "loop": ("loop", "a recording whose end leads into its beginning"),
+    "continue": ("edit:lengthen", "a recording, longer"),
+    "loop": ("edit:loop", "a recording whose end leads into its beginning"),
     "export": ("export", "textures in the formats of devices"),
     "convert": ("convert", "a texture from one format to another, and what was lost"),
     "play": ("play", "the force that a finger meets along a trajectory"),
@@ -50,7 +50,8 @@ def main(argv=None):
         print(f"{NAME}: error: there is no command {argv[0]!r}\n\n{usage()}", file=sys.stderr)
         return 2
     sys.argv[0] = f"{NAME} {argv[0]}"
-    return importlib.import_module(f"tactile_diffusers.cli.{COMMANDS[argv[0]][0]}").main(argv[1:])
+    module, _, function = COMMANDS[argv[0]][0].partition(":")
+    return getattr(importlib.import_module(f"tactile_diffusers.cli.{module}"), function or "main")(argv[1:])
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ DISTRIBUTIONS = {"PIL": "pillow", "sklearn": "scikit-learn"}
 #: Extra -> what the package imports of it, and where (one call path each; the error names the extra).
 OPTIONAL = {
     "training": {"tensorboard": "training/launch.py"},
-    "parquet": {"pyarrow": "io/parquet.py"},
+    "parquet": {"pyarrow": "io/reading.py"},
 }
 #: Imported by nobody here: pandas needs it for xlsx, and huggingface_hub for model cards.
 INDIRECT = {"openpyxl", "jinja2"}

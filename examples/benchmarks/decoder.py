@@ -13,8 +13,8 @@ from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import existing_file, load_pipeline, refuse
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.data.checkpoint_fit import check_fit
-from tactile_diffusers.evaluation.metrics.reference import Reference
+from tactile_diffusers.data.dataset import check_fit
+from tactile_diffusers.evaluation.metrics.distances import Reference
 from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.signal import nine_band_error_db, resample
 

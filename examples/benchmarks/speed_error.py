@@ -15,11 +15,11 @@ from speed import RATINGS
 from tqdm.auto import tqdm
 
 from tactile_diffusers.cli.program import existing_file, existing_folder, load_pipeline, refuse
-from tactile_diffusers.evaluation.baselines import BaselineRequest
 from tactile_diffusers.pipelines import TactileTexturePipeline
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
+from report.baselines import BaselineRequest
 from report.figures import figure_panels, leaf_mean
 from report.sampling import generate
 from report.sections.context import FULL, make_context

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from tactile_diffusers.export.generated import find_shards
 from tactile_diffusers.io.files import write_text
-from tactile_diffusers.io.parquet import open_parquet
-from tactile_diffusers.io.reading import reading
+from tactile_diffusers.io.reading import open_parquet, reading
 
 from .shards import CARD
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_diffusers.export.generated import KEY, facts_of, find_shards, plan_shards, reading_shard
 from tactile_diffusers.io.files import atomic_path, clear_left_behind
-from tactile_diffusers.io.parquet import import_pyarrow, open_parquet
+from tactile_diffusers.io.reading import import_pyarrow, open_parquet
 
 CARD = "README.md"
 UNITS = {"texture": "N", "level": "natural log of the RMS in N", "friction_coefficient": "1"}

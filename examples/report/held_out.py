@@ -7,9 +7,10 @@ import numpy as np
 
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.data.splits import SPLITS
-from tactile_diffusers.evaluation.baselines import BaselineRequest, TrainingTextures
-from tactile_diffusers.evaluation.metrics.reference import Reference
+from tactile_diffusers.evaluation.metrics.distances import Reference
 from tactile_diffusers.signal import band_edges, band_levels_db
+
+from .baselines import BaselineRequest, TrainingTextures
 
 
 def random_generator(seed, purpose):

@@ -1,7 +1,8 @@
 """Columns of the tables of a report: key of a metric -> heading, or (heading, digits after the point)."""
 
-from tactile_diffusers.evaluation.baselines import NAMES
 from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key
+
+from .baselines import NAMES
 
 #: Names of LCTG and of what stands in for it.
 DECODERS = {

@@ -12,14 +12,9 @@ from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits
 from tactile_diffusers.evaluation.truth import CHUNK, RatedTextures, joined, log_kernel, recorded_truth
 from tactile_diffusers.signal.checks import check_whole_number
 from tactile_diffusers.signal.constants import VIRTUAL_SOURCE
-from tactile_diffusers.virtual import (
-    FIRST_FRESH,
-    RECIPE_VERSION,
-    Collection,
-    VirtualSurface,
-    fresh_ratings,
-    fresh_textures,
-)
+from tactile_diffusers.virtual import RECIPE_VERSION, Collection, VirtualSurface
+
+from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
 
 
 def draw_surfaces(ratings, requests, count, seed=0):

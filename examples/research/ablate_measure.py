@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from tactile_diffusers.data.checkpoint_fit import check_fit
-from tactile_diffusers.evaluation.baselines import BaselineRequest, Decimated, latent_rate
-from tactile_diffusers.evaluation.envelopes import Grid
+from tactile_diffusers.data.dataset import check_fit
 from tactile_diffusers.evaluation.metrics.errors import SIGNED_BANDS_HZ, signed_band_key, snr_db
 from tactile_diffusers.signal import nine_band_error_db, resample
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
+from report.baselines import BaselineRequest, Decimated, latent_rate
+from report.envelopes import Grid
 from report.held_out import open_held_out
 from report.sampling import noise_seeds, reconstruct
 from report.sections import Context, Settings

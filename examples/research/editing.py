@@ -14,7 +14,6 @@ from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.judge import Judge, response_matrix
 from tactile_diffusers.evaluation.metrics.embedding import SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.statistics import leaf
-from tactile_diffusers.evaluation.second_judge import tell_apart
 from tactile_diffusers.evaluation.truth import LEAST_EFFECTIVE_SIZE, recorded_truth
 from tactile_diffusers.pipelines.pipeline_tactile_texture_edit import VARIATION
 from tactile_diffusers.signal import RATING_AXES, level, resample
@@ -23,6 +22,7 @@ sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.held_out import open_held_out
 from report.sampling import noise_seeds
+from report.second_judge import tell_apart
 from report.tables import markdown_table, text
 
 from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures

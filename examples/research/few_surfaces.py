@@ -27,7 +27,6 @@ from sklearn.linear_model import Ridge
 
 from tactile_diffusers import LCTGModel, TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.envelopes import surface_means
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.evaluation.truth import LEAST_EFFECTIVE_SIZE
 from tactile_diffusers.signal import band_levels_db, level
@@ -36,6 +35,7 @@ from tactile_diffusers.training.adapting import adapt
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.changes import against_real, comparisons, counted
+from report.envelopes import surface_means
 from report.held_out import open_held_out
 from report.sampling import generate, noise_seeds
 from report.sections.generation import surface_correlation, unseen_errors

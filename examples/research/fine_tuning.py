@@ -22,7 +22,7 @@ from tqdm.auto import tqdm
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
-from tactile_diffusers.training.latent_step import LatentStep
+from tactile_diffusers.training.one_step import LatentStep
 from tactile_diffusers.training.steps import BatchNoise
 
 SURFACES, UPDATES, BATCH, SEED = 50, 300, 32, 0

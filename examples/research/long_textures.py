@@ -8,7 +8,7 @@ import torch
 from scipy.signal import fftconvolve
 
 from tactile_diffusers.cli.program import Parser, add_checkpoint_argument, add_seed_argument, count, load_pipeline
-from tactile_diffusers.pipelines.windows import Windows
+from tactile_diffusers.pipelines.velocities import Windows
 from tactile_diffusers.signal import band_edges, band_levels_db
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`

@@ -20,13 +20,14 @@ from tactile_diffusers.cli.program import (
     load_pipeline,
 )
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.metrics.reference import Reference
+from tactile_diffusers.evaluation.metrics.distances import Reference
 from tactile_diffusers.schedulers import VDDIMScheduler
-from tactile_diffusers.virtual import Collection, fresh_textures
+from tactile_diffusers.virtual import Collection
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.figures import figure_panels
+from report.fresh import fresh_textures
 from report.result_files import write_results
 from report.tables import markdown_table
 

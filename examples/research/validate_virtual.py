@@ -5,7 +5,6 @@ from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 
-from laws import LAWS, hands, measured, page
 from tqdm import tqdm
 
 from tactile_diffusers.cli.program import Parser, program
@@ -13,6 +12,7 @@ from tactile_diffusers.virtual import RECIPE_VERSION
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
+from laws import LAWS, hands, measured, page
 from report.result_files import write_results
 
 #: Where the project keeps the measured data, beside the repository.

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas
+from report.baselines import SLUGS, BaselineRequest, TrainingTextures, default_baselines
 from report.held_out import check_unseen
 from report.sampling import generate, noise_seeds, reconstruct
 
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.data.checkpoint_fit import check_fit
-from tactile_diffusers.evaluation import SLUGS, BaselineRequest, TrainingTextures, default_baselines
+from tactile_diffusers.data.dataset import check_fit
 from tactile_diffusers.export import write_npz, write_wav
 from tactile_diffusers.signal import RATING_AXES, rms
 from tactile_diffusers.signal.checks import check_number, check_seed

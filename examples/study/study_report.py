@@ -3,10 +3,10 @@
 import json
 
 import numpy as np
+from report.baselines import NAMES
 from report.figures import figure_panels
 from report.tables import markdown_table, title
 
-from tactile_diffusers.evaluation.baselines import NAMES
 from tactile_diffusers.io.files import write_text
 
 from .analysis import LEAST_PARTICIPANTS, RESAMPLES, abx_proportion_correct, abx_scores, describe, similarity_scores

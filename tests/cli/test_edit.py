@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactile_diffusers.cli import edit, lengthen, loop
+from tactile_diffusers.cli import edit
 from tactile_diffusers.export import write_npz, write_wav
 from tactile_diffusers.export.lossless import read_npz
 from tactile_diffusers.signal import DEVICE_RATE, band_pass, rms
@@ -81,13 +81,13 @@ def test_what_is_saturated_is_repaired(recording, capsys):
 
 def test_longer_and_closed(recording):
     path, texture = recording
-    assert lengthen.main(_words(path, "--seconds", 0.3, "--quiet")) == 0
+    assert edit.lengthen(_words(path, "--seconds", 0.3, "--quiet")) == 0
     made, _ = _made(path, "continued")
     assert len(made) == 8192 + 3000
     np.testing.assert_array_equal(made[:8192], texture)
     for file in (path.parent / "out").iterdir():
         file.unlink()
-    assert loop.main(_words(path, "--quiet")) == 0
+    assert edit.loop(_words(path, "--quiet")) == 0
     made, _ = _made(path, "loop")
     np.testing.assert_array_equal(made[1000:-1000], texture[1000:-1000])
     assert abs(made[0] - made[-1]) < np.abs(np.diff(texture)).max()

@@ -43,7 +43,7 @@ def test_help_of_every_command(name, capsys):
         entry.main([name, "--help"])
     assert stop.value.code == 0
     assert capsys.readouterr().out.startswith(f"usage: tactile-diffusers {name}")
-    assert (ROOT / "examples" / f"{entry.COMMANDS[name][0]}.py").is_file()
+    assert (ROOT / "examples" / f"{entry.COMMANDS[name][0].rpartition(':')[2]}.py").is_file()
 
 
 def test_a_command_refuses_under_its_name(tmp_path, capsys):

@@ -5,10 +5,8 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from scipy import signal
-
-from tactile_diffusers.evaluation import envelopes, out_of_band_ratio_db, snr_db
-from tactile_diffusers.evaluation.baselines import (
+from report import envelopes
+from report.baselines import (
     SLUGS,
     BaselineRequest,
     Decimated,
@@ -20,6 +18,9 @@ from tactile_diffusers.evaluation.baselines import (
     default_baselines,
     latent_rate,
 )
+from scipy import signal
+
+from tactile_diffusers.evaluation import out_of_band_ratio_db, snr_db
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, nine_band_error_db, rms
 
 GRID = envelopes.Grid(SEGMENT_SAMPLES, DEVICE_RATE)

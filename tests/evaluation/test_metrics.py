@@ -19,9 +19,8 @@ from tactile_diffusers.evaluation import (
     signed_band_error_db,
     snr_db,
 )
-from tactile_diffusers.evaluation.metrics.distances import within_similarity
+from tactile_diffusers.evaluation.metrics.distances import Reference, within_similarity
 from tactile_diffusers.evaluation.metrics.errors import power_difference
-from tactile_diffusers.evaluation.metrics.reference import Reference
 from tactile_diffusers.evaluation.metrics.statistics import is_leaf, leaf, number
 from tactile_diffusers.signal import DEVICE_RATE, rms
 

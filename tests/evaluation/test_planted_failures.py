@@ -9,25 +9,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from report import second_judge
+from report.baselines import BaselineRequest, TrainingTextures, default_baselines
 from report.sampling import encode
+from report.second_judge import SecondJudge, tell_apart
 from scipy import signal
 
 from tactile_diffusers import TactileTexturePipeline, bundled_checkpoint
 from tactile_diffusers.evaluation import (
     goodness_of_fit,
     out_of_band_ratio_db,
-    second_judge,
     signed_band_error_db,
     snr_db,
 )
-from tactile_diffusers.evaluation.baselines import BaselineRequest, TrainingTextures, default_baselines
 from tactile_diffusers.evaluation.judge import Judge, explained, response_matrix
 from tactile_diffusers.evaluation.metrics.copying import TrainingEnvelopes, copied_share
+from tactile_diffusers.evaluation.metrics.distances import Reference
 from tactile_diffusers.evaluation.metrics.diversity import covered, diversity
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.rating_effects import reversal
-from tactile_diffusers.evaluation.metrics.reference import Reference
-from tactile_diffusers.evaluation.second_judge import SecondJudge, tell_apart
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_levels_db, band_pass, nine_band_error_db, rms
 from tactile_diffusers.virtual import VirtualSurface, steady_exploration
 

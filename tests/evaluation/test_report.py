@@ -10,6 +10,7 @@ import pytest
 import torch
 from matplotlib.figure import Figure
 from report import virtual_truth
+from report.baselines import SLUGS
 from report.page import report_markdown
 from report.running import run_sections
 from report.sections import QUICK, SECTIONS, make_context, speed
@@ -18,7 +19,6 @@ from report.sections.reconstruction import fewest_steps, power_percent
 from report.tables import markdown_table, text
 
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
-from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.metrics.statistics import is_leaf
 from tactile_diffusers.pipelines.folders import folder_digest
 from tactile_diffusers.virtual import generate_recordings

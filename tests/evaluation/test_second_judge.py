@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from report.afferents import AFFERENT_FLOORS, AFFERENT_NAMES, TUNING, afferent_features
+from report.second_judge import FOLDS, SecondJudge, tell_apart
 from report.sections.second_judge import Takes
 from scipy import signal
 
 import tactile_diffusers
-from tactile_diffusers.evaluation import FEATURE_NAMES, SecondJudge, tactile_features, tell_apart
+from tactile_diffusers.evaluation import FEATURE_NAMES, tactile_features
 from tactile_diffusers.evaluation.metrics.embedding import SCALE_FLOORS
-from tactile_diffusers.evaluation.second_judge import FOLDS
 from tactile_diffusers.signal import DEVICE_RATE, SEGMENT_SAMPLES, band_pass
 
 SURFACES, TAKES, FEATURES = 60, 3, 12
@@ -93,7 +93,7 @@ def test_a_judge_refuses_what_it_was_fitted_on(takes):
 def test_a_leak_would_be_seen_at_chance(monkeypatch):
     """Fitted on its own test surfaces, a judge of many features tells even real takes apart: the row of chance shows
     it. The penalty keeps it from that, so it is all but lifted here."""
-    monkeypatch.setattr("tactile_diffusers.evaluation.second_judge.C", 10.0)
+    monkeypatch.setattr("report.second_judge.C", 10.0)
     rng = np.random.default_rng(5)
     real, other = rng.standard_normal((2, 30, TAKES, 80))
     names, least = np.arange(30), np.full(80, 0.05)

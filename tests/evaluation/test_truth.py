@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 from report import virtual_truth as virtual
+from report.fresh import FIRST_FRESH, fresh_ratings, fresh_textures
 from report.virtual_truth import draw_surfaces, truth_of, virtual_truth
 from scipy import stats
 
@@ -11,14 +12,7 @@ from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prep
 from tactile_diffusers.evaluation import truth
 from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, RatedTextures, recorded_truth
 from tactile_diffusers.signal import level
-from tactile_diffusers.virtual import (
-    FIRST_FRESH,
-    Collection,
-    VirtualSurface,
-    fresh_ratings,
-    fresh_textures,
-    generate_recordings,
-)
+from tactile_diffusers.virtual import Collection, VirtualSurface, generate_recordings
 
 FREE = np.nan
 POPULATION = [FREE, FREE, FREE]

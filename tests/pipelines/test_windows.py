@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from tactile_diffusers.pipelines.windows import Windows, in_chunks
+from tactile_diffusers.pipelines.velocities import Windows, in_chunks
 
 
 def _normal(*shape, seed=0):

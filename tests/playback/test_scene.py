@@ -183,7 +183,7 @@ def test_the_later_surface_lies_above(scene):
 
 def test_near_equals_a_search_along_the_way():
     """The formula again, as many small steps."""
-    from tactile_diffusers.playback.patches import Patches
+    from tactile_diffusers.playback.scene_files import Patches
 
     rng = np.random.default_rng(0)
     corners, sizes = rng.uniform(0, 200, (30, 2)), rng.uniform(2, 40, (30, 2))

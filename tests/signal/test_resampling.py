@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from tactile_diffusers.signal import resample
-from tactile_diffusers.signal.fourier import KEPT_SHARE, num_samples
+from tactile_diffusers.signal.resampling import KEPT_SHARE, num_samples
 
 
 def resample_freely(*arguments):

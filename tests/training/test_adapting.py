@@ -12,12 +12,11 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline
 from tactile_diffusers.cli import adapt as command
-from tactile_diffusers.data.checkpoint_fit import check_fit
-from tactile_diffusers.data.dataset import PreparedDataset
+from tactile_diffusers.data.dataset import PreparedDataset, check_fit
 from tactile_diffusers.models.calibration import own_calibration, products, scalar_shift
-from tactile_diffusers.training import adapting, decoder_fit, recalibration
-from tactile_diffusers.training.adapting import adapt, trains_decoder
-from tactile_diffusers.training.decoder_fit import DecoderFit
+from tactile_diffusers.training import adapting, further_training, recalibration
+from tactile_diffusers.training.adapting import Errors, adapt, trains_decoder
+from tactile_diffusers.training.further_training import DecoderFit
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.recalibration import (
     Recalibration,
@@ -27,7 +26,6 @@ from tactile_diffusers.training.recalibration import (
     generate_trusting,
     recalibrate,
 )
-from tactile_diffusers.training.verdict import Errors
 
 SHORT = {"train_batch_size": 4, "lr_warmup_steps": 1, "checkpointing_steps": 2, "validation_steps": 2}
 SHORT |= {"max_train_steps": 4, "quiet": True}
@@ -260,7 +258,7 @@ def dataset(prepared):
 @pytest.fixture
 def distilled_pipe(make_pipeline, monkeypatch):
     """`distilled_pipe()`: a tiny pipeline with a decoder of one step; the four surfaces are enough to train it."""
-    for module in (decoder_fit, adapting):
+    for module in (further_training, adapting):
         monkeypatch.setattr(module, "LEAST_SURFACES", 4)
 
     def make():
@@ -352,8 +350,8 @@ def test_segments_fit_within_a_sample_of_the_recordings(make_pipeline, rate, sam
 def test_a_decoder_that_knows_textures_less_well_is_named(make_pipeline, dataset, monkeypatch):
     for ours, word in (((0.6, 0.2), "less well"), ((0.3, 0.9), "less well"), ((0.3, 0.3), "0.20 dB and 0.2.")):
         errors = iter([ours, (0.2, 0.2)])
-        monkeypatch.setattr(decoder_fit, "decoder_errors", lambda *args, errors=errors: next(errors))
-        assert word in decoder_fit.judge_decoder(make_pipeline(), dataset, 0).words()
+        monkeypatch.setattr(further_training, "decoder_errors", lambda *args, errors=errors: next(errors))
+        assert word in further_training.judge_decoder(make_pipeline(), dataset, 0).words()
 
 
 class TestRefusals:

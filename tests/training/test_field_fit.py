@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from tactile_diffusers import VDDIMScheduler
-from tactile_diffusers.training import field_fit
-from tactile_diffusers.training.field_fit import train_fields
+from tactile_diffusers.training import further_training
+from tactile_diffusers.training.further_training import train_fields
 
 LEFT_OUT = np.arange(40) >= 32
 
@@ -41,7 +41,7 @@ def test_it_trains_the_fields_alone_and_the_same_seed_gives_the_same_weights(dal
 
 
 def test_what_does_not_help_surfaces_left_out_is_undone(dale, states, monkeypatch):
-    monkeypatch.setattr(field_fit, "LEARNING_RATE", 3.0)
+    monkeypatch.setattr(further_training, "LEARNING_RATE", 3.0)
     before = copy.deepcopy(dale.state_dict())
     assert "stays as it is" in train_fields(dale, VDDIMScheduler(), states, LEFT_OUT, updates=5, seed=0)
     assert not _changed(before, dale)

@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from tactile_diffusers.data.checkpoint_fit import check_fit
-from tactile_diffusers.evaluation.baselines import default_baselines, latent_rate
+from tactile_diffusers.data.dataset import check_fit
 
+from ..baselines import default_baselines, latent_rate
 from ..held_out import HeldOutData, open_held_out, random_generator
 from ..sampling import encode, generate, noise_seeds
 

@@ -9,15 +9,15 @@ from functools import partial
 import numpy as np
 
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.baselines import BaselineRequest
-from tactile_diffusers.evaluation.envelopes import surface_means
 from tactile_diffusers.evaluation.judge import FEWEST_SURFACES, Judge, explained, response_matrix
 from tactile_diffusers.evaluation.metrics.rating_effects import shape_change_db, texture_measures
 from tactile_diffusers.evaluation.metrics.statistics import estimate, jackknife, leaf, number
 from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
 from tactile_diffusers.signal import level
 
+from ..baselines import BaselineRequest
 from ..changes import against_real, comparisons, counted, no_change, null_counts, paired
+from ..envelopes import surface_means
 from ..figures import plot_control, plot_curves
 from ..virtual_truth import truth_of
 from .regression import best_polynomial

@@ -4,11 +4,11 @@ import numpy as np
 import torch
 from scipy import optimize
 
-from tactile_diffusers.evaluation.baselines import latent_rate
 from tactile_diffusers.evaluation.metrics.errors import snr_db
 from tactile_diffusers.evaluation.metrics.statistics import leaf, number
 from tactile_diffusers.signal import nine_band_error_db
 
+from ..baselines import latent_rate
 from ..sampling import encode, reconstruct
 from ..stand_ins import NoNetwork, NothingImposed, used_channels, with_stand_in
 from .context import HALF_PRECISION, spaced_training

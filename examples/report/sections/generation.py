@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from tactile_diffusers.evaluation.baselines import BaselineRequest
-from tactile_diffusers.evaluation.envelopes import surface_means
 from tactile_diffusers.evaluation.metrics.copying import TrainingEnvelopes, copied_share
 from tactile_diffusers.evaluation.metrics.diversity import covered, diversity, rating_diversity
 from tactile_diffusers.evaluation.metrics.errors import out_of_band_ratio_db, rmse
 from tactile_diffusers.evaluation.metrics.statistics import estimate, leaf, number
 from tactile_diffusers.signal import band_levels_db, level
 
+from ..baselines import BaselineRequest
+from ..envelopes import surface_means
 from .variation import measure_variation, surface_correlation
 
 #: Of precision and recall.

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from tactile_diffusers.evaluation.baselines import SLUGS
 from tactile_diffusers.evaluation.metrics import errors
 from tactile_diffusers.evaluation.metrics.errors import (
     SIGNED_BANDS_HZ,
@@ -13,6 +12,7 @@ from tactile_diffusers.evaluation.metrics.errors import (
 from tactile_diffusers.evaluation.metrics.statistics import estimate, leaf, number
 from tactile_diffusers.signal import nine_band_error_db, rms
 
+from ..baselines import SLUGS
 from ..figures import plot_overlays
 from ..sampling import reconstruct
 from .decoders import measure_decoders

@@ -10,10 +10,10 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
 
 from tactile_diffusers.data import PreparedDataset
-from tactile_diffusers.evaluation.envelopes import surface_means
 from tactile_diffusers.evaluation.metrics.statistics import leaf, number
 from tactile_diffusers.signal import band_levels_db
 
+from ..envelopes import surface_means
 from ..virtual_truth import can_be_continued, virtual_truth
 from .generation import unseen_errors
 

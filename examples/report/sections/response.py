@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from tactile_diffusers.evaluation.baselines import BaselineRequest
 from tactile_diffusers.evaluation.metrics.errors import DB_PER_NEPER
 from tactile_diffusers.evaluation.metrics.rating_effects import reversal
 from tactile_diffusers.evaluation.metrics.statistics import estimate, leaf, number
 from tactile_diffusers.pipelines.inputs import LARGEST_RATING
 from tactile_diffusers.signal import level, power_spectral_density
+
+from ..baselines import BaselineRequest
 
 #: Ratings of the curves: nearly all surfaces of training lie within ±2.
 RATINGS = (-LARGEST_RATING, -4.0, -3.0, -2.5, -2.0, -1.0, 0.0, 1.0, 2.0, 2.5, 3.0, 4.0, LARGEST_RATING)

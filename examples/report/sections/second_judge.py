@@ -6,14 +6,14 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactile_diffusers.evaluation.baselines import BaselineRequest
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, SCALE_FLOORS, tactile_features
 from tactile_diffusers.evaluation.metrics.statistics import leaf, number
-from tactile_diffusers.evaluation.second_judge import FOLDS, tell_apart
 
 from ..afferents import AFFERENT_FLOORS, AFFERENT_NAMES, afferent_features
+from ..baselines import BaselineRequest
 from ..figures import plot_told_apart
 from ..sampling import reconstruct
+from ..second_judge import FOLDS, tell_apart
 from ..stand_ins import NoNetwork, with_stand_in
 
 #: Feature sets: name -> features of textures, their names and their least spreads.

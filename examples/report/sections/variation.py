@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from tactile_diffusers.evaluation.envelopes import surface_means
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, tactile_features
 from tactile_diffusers.evaluation.metrics.statistics import estimate, number
+
+from ..envelopes import surface_means
 
 #: What is compared: label -> the features whose mean it is.
 MEASURES = {

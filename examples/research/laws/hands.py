@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from report.fresh import FIRST_FRESH, fresh_textures
 
 from tactile_diffusers.signal import DEVICE_RATE, band_pass, level
 from tactile_diffusers.signal.waveform_shape import waveform_shape
 from tactile_diffusers.virtual.collection import Collection
 from tactile_diffusers.virtual.exploration import EXPLORERS, VELOCITY_RATE, explorer, free_exploration
-from tactile_diffusers.virtual.fresh import FIRST_FRESH, fresh_textures
 from tactile_diffusers.virtual.percepts import percept_correlation, percepts
 from tactile_diffusers.virtual.raters import IDIOSYNCRASY
 from tactile_diffusers.virtual.relief import PERIOD_MM

@@ -1,6 +1,7 @@
 """Statistics over many surfaces and explorations."""
 
 import numpy as np
+from report.fresh import FIRST_FRESH, fresh_textures
 
 from tactile_diffusers.data.segments import SegmentLimits, bridge_gaps, select_windows
 from tactile_diffusers.virtual.collection import Collection
@@ -12,7 +13,6 @@ from tactile_diffusers.virtual.exploration import (
     VELOCITY_RATE,
     free_exploration,
 )
-from tactile_diffusers.virtual.fresh import FIRST_FRESH, fresh_textures
 from tactile_diffusers.virtual.percepts import reference_friction
 from tactile_diffusers.virtual.recipe import CLASSES, LOAD_EXPONENT, SPEED_EXPONENT, draw_surface
 from tactile_diffusers.virtual.streams import Stream, stream

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from ..export.convert import convert, read_texture
+from ..export.convert import FORMATS, convert, read_texture
 from ..export.device import DeviceProfile, what_is_lost
-from ..export.formats import FORMATS
 from .program import Parser, command, existing_file, positive_number, program
 
 

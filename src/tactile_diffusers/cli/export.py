@@ -5,8 +5,7 @@ import math
 import warnings
 from pathlib import Path
 
-from ..export.convert import format_of, read_texture
-from ..export.formats import FORMATS
+from ..export.convert import FORMATS, format_of, read_texture
 from ..export.generated import find_shards, read_generated
 from ..export.metadata import ABOUT
 from ..export.png import HEIGHT, PIXEL_PITCH

@@ -3,7 +3,7 @@
 import math
 import time
 
-from ..pipelines.presets import PRESETS
+from ..pipelines import PRESETS
 from ..signal.constants import RATING_AXES
 from .program import (
     AXIS_ARGUMENTS,

@@ -9,8 +9,7 @@ from ..data.folder import convert_folder, draft_layout, inspect_folder
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
-from ..virtual.further_axes import FURTHER_AXES
-from ..virtual.raters import RATERS, RATING_CORRELATION
+from ..virtual.raters import FURTHER_AXES, RATERS, RATING_CORRELATION
 from .program import Parser, command, count, existing_file, existing_folder, positive_number, program, seed
 
 #: Options of each source with their defaults; `None` = required.

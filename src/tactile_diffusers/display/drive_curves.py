@@ -9,7 +9,7 @@ device (Wiertlewski et al., PNAS 2016).
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ..signal.rows import check_rows
+from ..signal.checks import check_rows
 
 #: Kind of display and the unit of its drive: volts, or vibration amplitude relative to the largest.
 DRIVE_UNITS = {"electroadhesion": "V", "ultrasonic": "1"}

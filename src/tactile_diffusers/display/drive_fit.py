@@ -7,9 +7,8 @@ import numpy as np
 from scipy import optimize, signal
 
 from ..signal import BAND_HZ, band_edges
-from ..signal.checks import check_number
+from ..signal.checks import check_number, check_samples
 from ..signal.constants import LARGEST_FORCE_N
-from ..signal.rows import check_samples
 from .drive_curves import check_kind, check_lookup, friction_change
 from .drive_profile import DriveProfile
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from ..io.reading import reading
 from ..signal import DEVICE_RATE
-from ..signal.checks import check_number
-from ..signal.rows import check_rows
+from ..signal.checks import check_number, check_rows
 from .drive_curves import DRIVE_UNITS, check_kind, check_lookup, friction_change, inverse_table
 from .drive_files import read_profile, write_profile
 from .drive_stream import DriveStream

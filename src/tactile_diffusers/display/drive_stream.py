@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..signal.checks import check_number
+from ..signal.checks import check_number, check_samples
 from ..signal.constants import LARGEST_FORCE_N
-from ..signal.rows import check_samples
 
 #: Up to this finger speed (mm/s) nothing is inverted, above the second all is, with a smooth step in between. A finger
 #: that hardly moves sticks and slips; 20 mm/s is the slowest at which the low-pass was measured (arXiv 2505.11162).

@@ -1,15 +1,13 @@
-"""Evaluation: metrics of single textures and of sets, baselines, judges, and the truth of ratings."""
+"""Evaluation: metrics of single textures and of sets, a judge, and the truth of ratings."""
 
 from importlib import import_module
 
 _PLACES = {
-    "baselines": ("SLUGS", "BaselineRequest", "TrainingTextures", "default_baselines"),
     "judge": ("Judge", "response_matrix"),
     "truth": ("RatedTextures",),
     "metrics.copying": ("TrainingEnvelopes", "copied_share"),
     "metrics.distances": ("frechet_tactile_distance", "kernel_tactile_distance"),
     "metrics.diversity": ("covered", "diversity"),
-    "second_judge": ("SecondJudge", "tell_apart"),
     "metrics.embedding": ("EMBEDDING_VERSION", "FEATURE_NAMES", "TactileEmbedding", "tactile_features"),
     "metrics.errors": (
         *("goodness_of_fit", "level_error_db", "log_spectral_distance_db", "out_of_band_ratio_db"),

@@ -1,9 +1,8 @@
 """Textures as files: `FORMATS`, the table of formats, and a function to write and one to read each."""
 
-from .convert import convert, format_of, read_texture
+from .convert import FORMATS, Format, convert, format_of, read_texture, round_trip
 from .device import BandLoss, DeviceLoss, DeviceProfile, what_is_lost
 from .figure import write_figure
-from .formats import FORMATS, Format, round_trip
 from .generated import read_generated
 from .hjif import read_hjif, write_hjif
 from .lossless import read_hdf5, read_npz, write_hdf5, write_npz

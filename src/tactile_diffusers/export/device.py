@@ -8,7 +8,7 @@ import numpy as np
 from ..io.reading import read_json, reading
 from ..signal import BAND_HZ, band_edges, band_levels_db, resample
 from ..signal.checks import check_number, check_whole_number
-from ..signal.fourier import low_pass_for
+from ..signal.resampling import low_pass_for
 from .metadata import check_texture
 
 #: Level change, dB, and ratio of a band to the error in it, dB, from which a band counts as held.

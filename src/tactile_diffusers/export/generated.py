@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..io.parquet import open_parquet
-from ..io.reading import reading
+from ..io.reading import open_parquet, reading
 
 #: The key of our metadata in a shard.
 KEY = "tactile_diffusers"

@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from ..signal import BAND_HZ, RATING_AXES, REFERENCE_FORCE
-from ..signal.checks import check_number, check_seed, check_whole_number
-from ..signal.rows import check_samples
+from ..signal.checks import check_number, check_samples, check_seed, check_whole_number
 
 #: Key under which a file of another's format holds what is stored with the texture, as JSON.
 METADATA_KEY = "tactile_diffusers"

@@ -13,7 +13,7 @@ from scipy import signal
 
 from ..signal import BAND_HZ, REFERENCE_FORCE, resample
 from ..signal.checks import check_number, check_whole_number
-from ..signal.fourier import low_pass_for
+from ..signal.resampling import low_pass_for
 from .metadata import check_texture, full_scale_of
 
 #: Share of the device's Nyquist frequency that the low-pass of a stream keeps: an elliptic filter of this order, ripple

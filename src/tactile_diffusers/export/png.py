@@ -10,7 +10,7 @@ from ..io.files import atomic_path
 from ..io.reading import MOST_UNPACKED, check_size, reading
 from ..signal import BAND_HZ, REFERENCE_FORCE, resample, rms
 from ..signal.checks import check_number, check_whole_number
-from ..signal.fourier import KEPT_SHARE, low_pass_for, num_samples
+from ..signal.resampling import KEPT_SHARE, low_pass_for, num_samples
 from .metadata import (
     METADATA_KEY,
     check_known_speed,

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..io.files import atomic_path
-from ..io.reading import read_json, reading
-from ..io.wav_header import check_wav
+from ..io.reading import check_wav, read_json, reading
 from ..signal.checks import check_number
 from .metadata import check_read, describe_texture, from_json, full_scale_of, to_json
 

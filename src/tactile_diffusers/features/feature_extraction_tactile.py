@@ -8,8 +8,7 @@ from transformers.feature_extraction_sequence_utils import SequenceFeatureExtrac
 from transformers.feature_extraction_utils import BatchFeature, FeatureExtractionMixin  # noqa: F401 (diffusers' loader looks for the base class in this module)
 
 from ..signal import BAND_HZ, DEVICE_RATE, WORKING_RATE, level, resample, rms
-from ..signal.checks import check_number, check_whole_number
-from ..signal.rows import texture_rows
+from ..signal.checks import check_number, check_whole_number, texture_rows
 from .band_levels import band_sums, check_band_levels, impose_band_levels, measure_band_levels, measure_fast_modulation
 from .fast_envelope import envelope_gain, gain_of_frames, measure_fast_envelope
 from .filterbank import FILTER_SCALES, filterbank

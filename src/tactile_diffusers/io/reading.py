@@ -1,5 +1,6 @@
 """Refusals of damaged files. Every room reads files through this module; it imports nothing heavy."""
 
+import io
 import json
 import os
 import zipfile
@@ -11,6 +12,9 @@ _LONGEST_REASON = 300
 #: A file may unpack to so many bytes, or to so many times its own size, whichever is more. Recordings and texts do not
 #: compress a hundredfold; a damaged header, or an archive built to fill the memory, claims more.
 MOST_UNPACKED, MOST_RATIO = 2**26, 100
+#: Lengths of the samples of a WAV file that programs write to a pipe, where they cannot come back to say the true one:
+#: ffmpeg; arecord; sox.
+UNKNOWN = (0xFFFFFFFF, 0x80000000, 0x7FFFFFFF, 0x7FFFF000)
 
 
 @contextmanager
@@ -92,3 +96,54 @@ def check_archive(path):
     """`check_size` of a zip archive: npz, xlsx."""
     with zipfile.ZipFile(path) as archive:
         check_size(path, sum(member.file_size for member in archive.infolist()))
+
+
+def import_pyarrow(path):
+    """The module `pyarrow` with `pyarrow.parquet`; a `ValueError` for the Parquet file `path` where it is missing."""
+    try:
+        import pyarrow.parquet
+    except ImportError as error:
+        raise ValueError(f'{path}: Parquet files need pyarrow: pip install "tactile-diffusers[parquet]"') from error
+    return pyarrow
+
+
+def open_parquet(path):
+    """Opens a Parquet file: a `pyarrow.parquet.ParquetFile`, which verifies checksums where the file has them.
+
+    Raises:
+        ValueError: if pyarrow is missing, or the header claims absurdly much.
+    """
+    file = import_pyarrow(path).parquet.ParquetFile(path, page_checksum_verification=True)
+    head = file.metadata
+    # rows of equal values take no room; columns are not asked: a damaged one ends the process (pyarrow 26)
+    sizes = (head.row_group(number).total_byte_size for number in range(file.num_row_groups))
+    check_size(path, max(8 * head.num_rows * head.num_columns, sum(sizes)))
+    return file
+
+
+def check_wav(file):
+    """Raises a `ValueError` unless the samples that the header of a WAV file promises are all there.
+
+    A length of `UNKNOWN`, which the length of the whole file confirms, promises nothing: the samples go on to the end.
+
+    Args:
+        file: binary, open for reading. What begins like no RIFF file (RF64, for example) is left to the reader.
+    """
+    size = file.seek(0, io.SEEK_END)
+    file.seek(0)
+    if file.read(4) != b"RIFF":
+        return
+    whole, place = int.from_bytes(file.read(4), "little"), 12
+    while place + 8 <= size:
+        file.seek(place)
+        name, length = file.read(4), int.from_bytes(file.read(4), "little")
+        if name == b"data":
+            if length in UNKNOWN and whole in (0xFFFFFFFF, length + place) and size > place + 8:
+                return
+            if place + 8 + length > size:
+                raise ValueError(
+                    f"its header promises {length} bytes of samples, it holds {size - place - 8}: cut off?"
+                )
+            return
+        place += 8 + length + length % 2  # chunks are padded to even lengths
+    raise ValueError("it has no samples: cut off?")

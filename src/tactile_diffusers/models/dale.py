@@ -11,8 +11,7 @@ from ..schedulers.angles import to_angle
 from ..signal import RATING_AXES
 from ..signal.checks import check_whole_number
 from .calibration import check_calibration, check_network_axes, network_ratings, scalar_shift
-from .compiling import CompileMixin
-from .dale_output import DALEConditions, DALEOutput
+from .dale_parts import DALEConditions, DALEOutput, ScalarNetwork
 from .dale_state import (
     MODULATIONS,
     QUANTILES,
@@ -29,10 +28,8 @@ from .dale_state import (
     with_quantiles,
 )
 from .embeddings import RatingEmbedder, TimestepEmbedder, expand_timestep
-from .hooks import HookMixin
+from .mixins import CompileMixin, HookMixin, SafeLoadingMixin
 from .rating_statistics import RatingStatistics
-from .safe_loading import SafeLoadingMixin
-from .scalar_network import ScalarNetwork
 from .unet_1d import UNet1D, from_patches, to_patches
 
 #: scalars that are generated with the latents: level and log friction coefficient

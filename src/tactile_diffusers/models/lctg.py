@@ -14,10 +14,8 @@ from torch import nn
 from ..features.low_band import synthesize
 from ..schedulers.angles import to_angle
 from ..signal.checks import check_whole_number
-from .compiling import CompileMixin
 from .embeddings import TimestepEmbedder, expand_timestep
-from .hooks import HookMixin
-from .safe_loading import SafeLoadingMixin
+from .mixins import CompileMixin, HookMixin, SafeLoadingMixin
 from .unet_1d import ChannelRMSNorm, UNet1D
 
 

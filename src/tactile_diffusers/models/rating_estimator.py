@@ -7,7 +7,7 @@ from torch import nn
 
 from ..signal import RATING_AXES
 from .dale import NUM_SCALARS
-from .safe_loading import SafeLoadingMixin
+from .mixins import SafeLoadingMixin
 
 
 class RatingEstimator(SafeLoadingMixin, ModelMixin, ConfigMixin):

@@ -11,7 +11,7 @@ from diffusers.utils import replace_example_docstring
 
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
-from ..models.hooks import has_hooks
+from ..models.mixins import has_hooks
 from ..schedulers import VDDIMScheduler, draw_noise
 from ..signal import level as measured_level
 from ..signal.checks import check_number, check_whole_number

@@ -10,8 +10,7 @@ from ..models.calibration import scalar_shift
 from ..schedulers import draw_noise
 from ..signal import level as measured_level
 from ..signal import resample
-from ..signal.checks import check_number, check_whole_number
-from ..signal.rows import texture_rows
+from ..signal.checks import check_number, check_whole_number, texture_rows
 from .filling import LEAST_SECONDS, guessed, joined, lay_out, share_drawn
 from .inputs import LARGEST_RATING, check_generator, parse_ratings
 from .pipeline_tactile_texture import TactileTexturePipeline

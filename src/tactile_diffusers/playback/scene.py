@@ -11,9 +11,8 @@ import torch
 from ..pipelines import TactileTexturePipeline
 from ..pipelines.inputs import parse_ratings
 from ..signal.checks import check_seed, check_whole_number
-from .patches import Patches
 from .profile import LOOP_SHARE, TextureProfile
-from .scene_files import SceneState, read_scene, write_scene
+from .scene_files import Patches, SceneState, read_scene, write_scene
 
 #: Distance from a patch, mm, and time before it is reached, s, from which on `prepare` decodes it: a finger moves up to
 #: 0.2 m/s, mostly, and a segment takes 0.1 s to decode on one slow core.

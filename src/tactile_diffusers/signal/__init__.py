@@ -9,8 +9,8 @@ from .constants import (
     SEGMENT_SECONDS,
     WORKING_RATE,
 )
-from .coverage import coverage_distance
 from .filters import band_pass
+from .rating_scales import coverage_distance
 from .resampling import resample
 from .spectra import band_edges, band_levels_db, level, nine_band_error_db, power_spectral_density, rms
 

@@ -1,4 +1,4 @@
-"""The scales of ratings: z-scores, raw answers (0-8) and percentiles of the training surfaces."""
+"""The scales of ratings (z-scores, raw answers, percentiles), and how far ratings lie from those of surfaces."""
 
 import numpy as np
 
@@ -24,3 +24,15 @@ def from_percentile(percentiles, quantiles):
     percentiles, quantiles = np.asarray(percentiles, dtype=np.float64), np.asarray(quantiles)
     steps = np.linspace(0, 100, quantiles.shape[1])
     return np.stack([np.interp(percentiles[..., a], steps, row) for a, row in enumerate(quantiles)], axis=-1)
+
+
+def coverage_distance(ratings, centre, covariance):
+    """Mahalanobis distance of ratings (n, axes) from the centre over the axes that each specifies: (n,), NaN = none."""
+    ratings, centre, covariance = (np.asarray(values, dtype=np.float64) for values in (ratings, centre, covariance))
+    distances = np.full(len(ratings), np.nan)
+    for row, rating in enumerate(ratings):
+        specified = np.flatnonzero(np.isfinite(rating))
+        if len(specified):
+            away = rating[specified] - centre[specified]
+            distances[row] = np.sqrt(away @ np.linalg.solve(covariance[np.ix_(specified, specified)], away))
+    return distances

@@ -10,20 +10,18 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy import stats
 from sklearn.linear_model import Ridge
 
-from ..data.checkpoint_fit import check_fit
+from ..data.dataset import check_fit
 from ..data.ratings import check_axes
 from .card import finish
 from .dale_data import encode_dataset, mean_and_std, training_states
-from .decoder_fit import LEAST_SURFACES, judge_decoder, left_out, train_decoder
-from .field_fit import LEAST_SURFACES as LEAST_FOR_FIELDS
-from .field_fit import train_fields
+from .further_training import LEAST_FOR_FIELDS, LEAST_SURFACES, judge_decoder, left_out, train_decoder, train_fields
 from .launch import make_accelerator, training_parser
 from .new_axes import add_axes, carried_words
 from .recalibration import TAKES, Surfaces, generate_trusting, recalibrate, scalars_of, spectra_db
 from .record import surfaces_of, write_record
-from .verdict import Errors, verdict_of
 
 #: Parts that are left out in turn.
 FOLDS = 10
@@ -42,6 +40,8 @@ DEFAULTS = {
     "validation_steps": 100,
     "report_to": "none",
 }
+#: Below, an interval over surfaces says nothing.
+TOO_FEW = 8
 
 
 def adaptation_parser(description, **defaults):
@@ -253,3 +253,47 @@ def judge_recalibration(lab):
         found["mean spectrum"][out] = real[kept].mean(0)
     errors = {"zero-shot": lab.given_errors} | {name: np.abs(v - real).mean(1) for name, v in found.items()}
     return {name: Errors(own, lab.given_errors) for name, own in errors.items()}
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of the mean spectra of n surfaces from their ratings, dB, of a method and of the given checkpoint."""
+
+    own: np.ndarray
+    given: np.ndarray
+
+    def words(self, name):
+        """The mean error, with its interval where there are enough surfaces."""
+        interval = "" if len(self.own) < TOO_FEW else " [{:.2f}, {:.2f}]".format(*_interval(self.own))
+        return (
+            f"{name}: mean spectra of {len(self.own)} surfaces from their ratings are off by {self.own.mean():.2f} dB"
+            f"{interval}."
+        )
+
+    def against(self, name):
+        """A sentence on whether it is better than the given checkpoint, and whether one can tell."""
+        gain, count = self.given - self.own, len(self.own)
+        better = int((self.own < self.given).sum())
+        text = f"{name} is better than the given checkpoint on {better} of {count} surfaces left out"
+        text += f" ({self.own.mean():.2f} against {self.given.mean():.2f} dB)"
+        if count < TOO_FEW:
+            return f"{text}; too few to say more."
+        low, high = _interval(gain)
+        if low > 0:
+            return f"{text}: by {gain.mean():.2f} dB [{low:.2f}, {high:.2f}]."
+        told = "it is worse" if high < 0 else "no difference that can be told"
+        return f"{text}: {told} ({low:.2f} to {high:.2f} dB)."
+
+
+def _interval(values):
+    """95 % interval of the mean of values (n,), by Student's t."""
+    reach = stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / len(values) ** 0.5
+    return values.mean() - reach, values.mean() + reach
+
+
+def verdict_of(judged):
+    """What the recalibration is worth, a paragraph in words."""
+    return (
+        f"{judged['recalibrated'].against('Recalibrated, it')} A ridge regression on the same surfaces is off by "
+        f"{judged['ridge'].own.mean():.2f} dB, their mean spectrum by {judged['mean spectrum'].own.mean():.2f} dB."
+    )

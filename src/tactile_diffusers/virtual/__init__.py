@@ -5,14 +5,12 @@ They prove the machinery (controllability, spectra, dependence on speed), not pe
 
 from .collection import Collection
 from .exploration import VELOCITY_RATE, Exploration, Explorer, explorer, free_exploration, steady_exploration
-from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
 from .generate_recordings import generate_recordings
 from .raters import RATING_CORRELATION
 from .recipe import RECIPE_VERSION, SurfaceParameters
 from .surface import VirtualSurface
 
 __all__ = [
-    "FIRST_FRESH",
     "RATING_CORRELATION",
     "RECIPE_VERSION",
     "VELOCITY_RATE",
@@ -23,8 +21,6 @@ __all__ = [
     "VirtualSurface",
     "explorer",
     "free_exploration",
-    "fresh_ratings",
-    "fresh_textures",
     "generate_recordings",
     "steady_exploration",
 ]

@@ -8,8 +8,14 @@ import numpy as np
 from ..signal import RATING_AXES, SEGMENT_SECONDS
 from ..signal.checks import check_number, check_seed, check_whole_number
 from .exploration import VELOCITY_RATE
-from .further_axes import check_further_axes, further_answers
-from .raters import RATERS, RATING_CORRELATION, check_rating_correlation, draw_raters
+from .raters import (
+    RATERS,
+    RATING_CORRELATION,
+    check_further_axes,
+    check_rating_correlation,
+    draw_raters,
+    further_answers,
+)
 from .recipe import RECIPE_VERSION
 from .surface import VirtualSurface
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..signal import RATING_AXES
 from ..signal.rating_scales import RATING_SCALE
-from .percepts import percept_correlation
+from .percepts import further_percept, percept_correlation
 from .streams import Stream, stream
 
 RATERS = 12
@@ -29,6 +29,11 @@ GAIN_SPREAD = 0.25
 RATING_CORRELATION = (0.40, -0.50, -0.20)
 #: Smallest eigenvalue of a matrix of correlations that raters can have: below, an axis repeats the two others.
 LEAST_EIGENVALUE = 0.02
+#: Axes that can be asked for. Nothing of a friction force tells how warm a surface is.
+FURTHER_AXES = ("regularity", "fineness", "warmth")
+#: Their idiosyncrasy, taste and noise of a trial: of visual and tactile fineness raters agree as on bumpiness
+#: (recipe).
+FURTHER_IDIOSYNCRASY, FURTHER_TASTE, FURTHER_TRIAL_NOISE = 0.40, 0.65, 0.65
 
 
 def check_rating_correlation(value):
@@ -113,3 +118,35 @@ def rate_surface(rng, trial_rng, percept, raters, agreement=1.0, rating_correlat
     low, high = RATING_SCALE
     answers = np.round((low + high) / 2 + offset + gain * perceived)
     return np.clip(answers, low, high).astype(np.float32)
+
+
+def check_further_axes(value):
+    """Names of `FURTHER_AXES`, also as one string with commas, as a tuple.
+
+    Raises:
+        ValueError: for another name, or one that comes twice.
+    """
+    names = tuple(name.strip() for name in value.split(",") if name.strip()) if isinstance(value, str) else tuple(value)
+    if len(set(names)) < len(names) or not set(names) <= set(FURTHER_AXES):
+        raise ValueError(f"`further_axes` must be different names of {list(FURTHER_AXES)}, got {value!r}.")
+    return names
+
+
+def further_answers(seed, surface, axes, raters, agreement=1.0, trial=0):
+    """Answers of so many raters about one `VirtualSurface` on further axes: (raters, axes) float32, 0 to 8."""
+    columns = []
+    for axis in axes:
+        number = FURTHER_AXES.index(axis)
+        own, again = (
+            stream(seed, Stream.FURTHER_ANSWERS, surface.index, number),
+            stream(seed, Stream.FURTHER_TRIAL, surface.index, number, trial),
+        )
+        percept = own.standard_normal() if axis == "warmth" else further_percept(surface.parameters, axis)
+        shared = (percept + FURTHER_IDIOSYNCRASY * own.standard_normal()) / np.sqrt(1 + FURTHER_IDIOSYNCRASY**2)
+        disagreement = FURTHER_TASTE * own.standard_normal(raters) + FURTHER_TRIAL_NOISE * again.standard_normal(raters)
+        draws = np.stack([stream(seed, Stream.FURTHER_RATER, r, number).standard_normal(2) for r in range(raters)], 1)
+        gain = TYPICAL_GAIN * np.exp(GAIN_SPREAD * draws[1])
+        low, high = RATING_SCALE
+        answers = (low + high) / 2 + OFFSET_SPREAD * draws[0] + gain * (shared + disagreement / agreement)
+        columns.append(np.clip(np.round(answers), low, high))
+    return np.stack(columns, axis=-1).astype(np.float32)

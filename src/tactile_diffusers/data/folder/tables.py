@@ -16,9 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ...io.parquet import open_parquet
-from ...io.reading import check_archive, check_size, reading
-from ...io.wav_header import check_wav
+from ...io.reading import check_archive, check_size, check_wav, open_parquet, reading
 from .trees import Tree, open_tree
 
 #: Kind of a file by its extension (lower case).

@@ -5,15 +5,15 @@ from numbers import Integral
 
 import numpy as np
 
-from ..data.projection import channels, filtered_with_gaps
-from ..data.ratings import pool_ratings
-from ..data.recordings import RaterScores, Recording
-from ..data.segments import SegmentLimits, find_windows
-from ..data.turnarounds import DEFAULT_TURNAROUNDS
-from ..signal import BAND_HZ, DEVICE_RATE
-from ..signal.checks import check_whole_number
-from .exploration import VELOCITY_RATE
-from .streams import Stream, stream
+from tactile_diffusers.data.projection import channels, filtered_with_gaps
+from tactile_diffusers.data.ratings import pool_ratings
+from tactile_diffusers.data.recordings import RaterScores, Recording
+from tactile_diffusers.data.segments import SegmentLimits, find_windows
+from tactile_diffusers.data.turnarounds import DEFAULT_TURNAROUNDS
+from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE
+from tactile_diffusers.signal.checks import check_whole_number
+from tactile_diffusers.virtual.exploration import VELOCITY_RATE
+from tactile_diffusers.virtual.streams import Stream, stream
 
 #: Numbers of fresh surfaces start here: no recorded collection is as large.
 FIRST_FRESH = 1_000_000

@@ -2,18 +2,12 @@
 
 import numpy as np
 import pytest
+from report.fresh import FIRST_FRESH, fresh_ratings, fresh_textures
 from scipy.spatial.distance import pdist
 
 from tactile_diffusers.data import PreparedDataset, RecordingsWriter, SegmentLimits, prepare_recordings
 from tactile_diffusers.signal import DEVICE_RATE, RATING_AXES
-from tactile_diffusers.virtual import (
-    FIRST_FRESH,
-    VELOCITY_RATE,
-    Collection,
-    VirtualSurface,
-    fresh_ratings,
-    fresh_textures,
-)
+from tactile_diffusers.virtual import VELOCITY_RATE, Collection, VirtualSurface
 from tactile_diffusers.virtual.raters import draw_raters
 from tactile_diffusers.virtual.recipe import draw_surface
 from tactile_diffusers.virtual.relief import profile_tables

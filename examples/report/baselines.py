@@ -11,11 +11,12 @@ import numpy as np
 from scipy import fft
 from sklearn.utils import check_consistent_length
 
-from ..signal import BAND_HZ, rms
-from ..signal.checks import check_number
+from tactile_diffusers.evaluation.metrics.distances import covariance_root
+from tactile_diffusers.evaluation.metrics.texture_checks import check_textures
+from tactile_diffusers.signal import BAND_HZ, rms
+from tactile_diffusers.signal.checks import check_number
+
 from . import envelopes
-from .metrics.distances import covariance_root
-from .metrics.texture_checks import check_textures
 
 #: Ratings closer than this count as equally close: the mean over raters is not more precise.
 _LEAST_DISTANCE = 0.1

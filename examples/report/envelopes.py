@@ -10,11 +10,19 @@ from scipy import fft, linalg
 from scipy.interpolate import make_interp_spline
 from sklearn import linear_model
 
-from ..signal import BAND_HZ, WORKING_RATE, band_edges, band_levels_db, power_spectral_density, resample, rms
-from ..signal.spectra import POWER_FLOOR
-from .metrics.distances import covariance_root
-from .metrics.errors import OUT_OF_BAND_HZ
-from .metrics.texture_checks import in_blocks
+from tactile_diffusers.evaluation.metrics.distances import covariance_root
+from tactile_diffusers.evaluation.metrics.errors import OUT_OF_BAND_HZ
+from tactile_diffusers.evaluation.metrics.texture_checks import in_blocks
+from tactile_diffusers.signal import (
+    BAND_HZ,
+    WORKING_RATE,
+    band_edges,
+    band_levels_db,
+    power_spectral_density,
+    resample,
+    rms,
+)
+from tactile_diffusers.signal.spectra import POWER_FLOOR
 
 LPC_ORDER = 20
 #: White noise under the autocorrelation, as a share of its power (-60 dB): what a filter leaves empty makes the normal
