@@ -97,3 +97,14 @@ def test_what_wears_an_adapter_is_not_saved_until_it_is_fused(pipe, tmp_path):
     pipe.save_pretrained(tmp_path / "saved")
     again = type(pipe).from_pretrained(tmp_path / "saved")
     torch.testing.assert_close(_velocity(again.dale), _velocity(pipe.dale), rtol=0, atol=1e-6)
+
+
+def test_an_adapter_that_the_decoder_of_few_steps_does_not_wear_is_told(pipe, make_lctg, recorded_warnings):
+    few = make_lctg(distilled_steps=1)
+    pipe.register_modules(lctg_distilled=few)
+    pipe.lctg.add_adapter(_lora("lctg"), adapter_name="rough")
+    with recorded_warnings() as found:
+        assert pipe.decoder_of(2) is pipe.lctg and not found
+        assert pipe.decoder_of(1) is few and "the adapter does nothing" in found[0]
+        pipe.decoder_of(1)
+    assert len(found) == 1

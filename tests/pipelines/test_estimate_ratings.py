@@ -72,3 +72,12 @@ def test_it_is_optional_and_may_be_left_out_on_loading(make_pipeline, pipe, text
     for folder, options in (("without", {}), ("with", {"rating_estimator": None})):
         again = TactileTexturePipeline.from_pretrained(tmp_path / folder, **options)
         assert again.rating_estimator is None and again.dale is not None
+
+
+def test_an_adapted_checkpoint_says_that_its_estimator_was_not(pipe, textures, recorded_warnings):
+    from tactile_diffusers.models.calibration import own_calibration
+
+    pipe.dale.register_to_config(calibration=own_calibration(pipe.dale.config, pipe.dale.num_scalars))
+    with recorded_warnings() as found:
+        pipe.estimate_ratings(textures, RATE, 0.6)
+    assert len(found) == 1 and "The checkpoint was adapted" in found[0]

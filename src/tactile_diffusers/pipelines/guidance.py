@@ -4,8 +4,12 @@ from dataclasses import dataclass
 
 import torch
 
+from ..models.calibration import scalar_shift
+
 #: How far guidance moves a value of a one-step DALE's state at most, in standard deviations of the training set.
 LARGEST_PUSH = 3.0
+#: Draws over which scalars are averaged.
+DRAWS = 64
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,8 @@ class Guidance:
         velocities = dale(states, t, conditions, return_dict=False)[0].chunk(len(weights))
         guided = sum(weight * velocity for weight, velocity in zip(weights, velocities, strict=True))
         if dale.scalar_network is not None:
-            guided = _held(dale, guided, velocities[-1])
+            ratings = getattr(conditions, "ratings", conditions)
+            guided = _held(dale, _along_means(dale, guided, velocities[-1], ratings, weights), velocities[-1])
         return self._rescaled(dale, scheduler, state, t, guided, velocities[-1]) if self.rescale else guided
 
     def _rescaled(self, dale, scheduler, state, t, guided, plain):
@@ -71,6 +76,26 @@ class Guidance:
         angle = scheduler.angle(t).to(state)
         # at angle 0, the clean end, the velocity does not determine the clean state; no step is evaluated there
         return (angle.cos() * state - factor[..., None] * clean[0]) / angle.sin().clamp_min(1e-3)
+
+
+def mean_scalars(dale, ratings):
+    """Mean of what DALE's scalar network draws for ratings (batch, axes), the same noise for each: (batch, scalars)."""
+    noise = torch.randn(DRAWS, dale.num_scalars, generator=torch.Generator("cpu").manual_seed(0))
+    noise = noise.to(ratings.device, dale.dtype).repeat(len(ratings), 1)
+    means = dale.scalar_network(noise, dale._held(ratings).repeat_interleave(DRAWS, dim=0))
+    means, shift = means.unflatten(0, (-1, DRAWS)).mean(1), scalar_shift(dale.config, ratings)
+    return means if shift is None else means + shift
+
+
+def _along_means(dale, guided, plain, ratings, weights):
+    """A guided velocity whose scalars move as their means over takes do.
+
+    The same noise means another quantile with ratings than without: what is extrapolated take by take moves some takes
+    the wrong way, and spreads them.
+    """
+    means = mean_scalars(dale, ratings).chunk(len(weights))
+    push = sum(weight * (mean - means[-1]) for weight, mean in zip(weights, means, strict=True))
+    return dale.append_scalars(dale.split_scalars(guided)[0], dale.split_scalars(plain)[1] - push.to(plain))
 
 
 def _held(dale, guided, plain):

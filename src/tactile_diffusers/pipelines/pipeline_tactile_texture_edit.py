@@ -6,12 +6,12 @@ import numpy as np
 import torch
 from diffusers.utils import replace_example_docstring
 
-from ..models.calibration import scalar_shift
 from ..schedulers import draw_noise
 from ..signal import level as measured_level
 from ..signal import resample
 from ..signal.checks import check_number, check_whole_number, texture_rows
 from .filling import LEAST_SECONDS, guessed, joined, lay_out, share_drawn
+from .guidance import mean_scalars
 from .inputs import LARGEST_RATING, check_generator, parse_ratings
 from .pipeline_tactile_texture import TactileTexturePipeline
 from .reconstruction import friction_of
@@ -25,8 +25,8 @@ COURSE_POWER, CHARACTER_POWER = 5, 20
 GAIN = 1.25
 #: The strength at which a take's scalars differ from the recording's as those of two real takes of a surface do.
 VARIATION = 0.95
-#: Draws over which the scalars of ratings are averaged: by a network of their own, or by all of DALE.
-DRAWS, FEW_DRAWS = 64, 8
+#: Draws over which the scalars of ratings are averaged where all of DALE draws them.
+FEW_DRAWS = 8
 #: Latent frames over which what is drawn anew takes over inside of a gap: of band levels, which are slow, 0.4 s; of the
 #: rest, 0.1 s.
 LEVEL_RAMP, RAMP = 16, 4
@@ -244,13 +244,9 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
 
     def _mean_scalars(self, ratings, latent_steps):
         """Mean of the scalars that DALE generates for ratings (n, axes), over the same noise for each: (n, scalars)."""
-        dale, device, random = self.dale, self._execution_device, torch.Generator("cpu").manual_seed(0)
+        dale, random = self.dale, torch.Generator("cpu").manual_seed(0)
         if dale.scalar_network is not None:
-            noise = torch.randn(DRAWS, dale.num_scalars, generator=random).to(device, dale.dtype)
-            held = dale._held(ratings.to(device)).repeat_interleave(DRAWS, dim=0)
-            means = dale.scalar_network(noise.repeat(len(ratings), 1), held).unflatten(0, (-1, DRAWS)).mean(1)
-            shift = scalar_shift(dale.config, ratings.to(device))
-            return means if shift is None else means + shift
+            return mean_scalars(dale, ratings.to(self._execution_device))
         noise = draw_noise((FEW_DRAWS, dale.config.in_channels, dale.config.latent_frames), random, "cpu", dale.dtype)
         options = {"num_latent_inference_steps": latent_steps, "num_textures_per_rating": FEW_DRAWS}
         takes = super().__call__(ratings, latents=noise.repeat(len(ratings), 1, 1), output_type="latent", **options)

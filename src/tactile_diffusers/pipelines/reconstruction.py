@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import torch
+from diffusers.utils import logging
 
 from .components import check_scheduler
 from .inputs import (
@@ -19,6 +20,14 @@ from .pipeline_output import TactileLatents
 #: and KTD of held-out textures stop improving at 3; at 5 the solver's error is half of DDIM's at 10, and weak bands
 #: have settled. Of models that are not distilled.
 DEFAULT_STEPS = 5
+_ADAPTER = (
+    "`lctg` has an adapter, but `lctg_distilled` decodes in so few steps: the adapter does nothing. Ask for "
+    "`num_inference_steps=5`, or add it to `pipe.lctg_distilled`."
+)
+_ESTIMATOR = (
+    "The checkpoint was adapted, its `rating_estimator` was not: it estimates by the surfaces that it was trained on."
+)
+logger = logging.get_logger(__name__)
 
 
 class ReconstructionMixin:
@@ -50,7 +59,11 @@ class ReconstructionMixin:
     def decoder_of(self, steps):
         """The [`LCTGModel`] that decodes in so many steps: `lctg_distilled` in few, `lctg` in more."""
         few = self.lctg_distilled
-        return self.lctg if few is None or steps > few.config.distilled_steps else few
+        if few is None or steps > few.config.distilled_steps:
+            return self.lctg
+        if getattr(self.lctg, "peft_config", None) and not getattr(few, "peft_config", None):
+            self._warn_once("adapter", True, logger.warning, _ADAPTER)
+        return few
 
     @torch.no_grad()
     def encode(self, texture, sampling_rate):
@@ -156,6 +169,8 @@ class ReconstructionMixin:
             raise ValueError(
                 "This checkpoint has no `rating_estimator`: examples/train_dale.py trains one along with DALE."
             )
+        if self.dale.config.calibration is not None:
+            self._warn_once("estimator", True, logger.warning, _ESTIMATOR)
         return self._estimate(self.encode(texture, sampling_rate), friction_coefficient)
 
     def _estimate(self, encoded, friction_coefficient):
