@@ -161,10 +161,19 @@ def test_a_report_of_other_weights_is_stale(first_pages, tmp_path, monkeypatch, 
     assert first_pages.main(["--check"]) == 1 and "run results/run.py" in capsys.readouterr().err
 
 
+def test_pages_of_a_check_go_to_its_folder_and_pages_without_figures_are_left_out(first_pages, tmp_path, capsys):
+    for name in ("judges/report.json", "real_time/endless.json", "speed/peers.json"):
+        (tmp_path / name).parent.mkdir()
+        shutil.copy(RESULTS.parent / name, tmp_path / name)
+    assert first_pages.main(["--results", str(tmp_path)]) == 0
+    assert "27 of 36" in (tmp_path / "steering.md").read_text() and (tmp_path / "README.md").exists()
+    assert not (tmp_path / "hard_cases.md").exists() and "hard_cases.md is left out" in capsys.readouterr().err
+
+
 def test_rows_with_other_figures_are_stale(first_pages):
-    text, files = RESULTS.read_text(encoding="utf-8"), {None: first_pages.REPORT}
-    files |= {name: RESULTS.parent / path for name, path in (first_pages.OTHERS | first_pages.DATA).items()}
-    reports = {name: json.loads(path.read_text(encoding="utf-8")) for name, path in files.items()}
+    text, files = RESULTS.read_text(encoding="utf-8"), {None: "judges/report.json"}
+    files |= {name: path for name, (path, _) in first_pages.OTHERS.items()}
+    reports = {name: json.loads((RESULTS.parent / path).read_text(encoding="utf-8")) for name, path in files.items()}
     assert first_pages.page_with_figures(text, reports, True) == text
     reports[None]["generation"]["1.0"]["ktd_excess"]["mean"] += 1
     assert first_pages.page_with_figures(text, reports, True) != text

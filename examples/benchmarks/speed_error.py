@@ -22,7 +22,8 @@ sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 from report.baselines import BaselineRequest
 from report.figures import figure_panels, leaf_mean
 from report.sampling import generate
-from report.sections.context import FULL, make_context
+from report.sections.context import FULL, QUICK, make_context
+from report.sections.generation import matching_rows
 from report.sections.second_judge import Takes
 from report.tables import markdown_table, title
 
@@ -42,31 +43,41 @@ def pipelines(pipe, anchor=None):
 
 
 class Quality:
-    """KTD over real, and the second judge's share of right answers, of textures made for the test surfaces."""
+    """KTD over real, of the textures that evaluate.py generates, and the second judge's share of right answers."""
 
     def __init__(self, context):
         self.context, self.takes = context, Takes(context)
-        self.owners = np.repeat(self.takes.surfaces, self.takes.each)
-        self.ratings = context.data.dataset.ratings.mean[self.owners]
-        self.real = context.data.reference.embed(self.takes.textures), self.owners
+        ratings, owners = context.requests
+        first = np.concatenate([np.flatnonzero(owners == one)[: self.takes.each] for one in self.takes.surfaces])
+        rows = np.union1d(matching_rows(context), first)
+        self.ratings, self.seeds, owners = ratings[rows], context.seeds(1, len(ratings))[rows], owners[rows]
+        # KTD is that of evaluate.py; the judge is given as many takes of its surfaces as there are real ones
+        self.counted, self.judged = np.isin(rows, matching_rows(context)), np.searchsorted(rows, first)
+        self.owners, self.request = owners[self.counted], BaselineRequest(self.ratings)
+        self.real = context.data.points, context.data.surfaces
 
-    def of(self, textures):
-        """A row of the table, with 95 % intervals over surfaces."""
+    def of(self, textures, judged=None):
+        """A row of the table, with 95 % intervals over surfaces; `judged` in place of those among the textures."""
         reference = self.context.data.reference
-        ktd = reference.distances(reference.embed(textures), self.owners, self.real)["ktd_excess"]
-        _, _, judge, _ = next(self.takes.judge(textures))  # features of the signal, two takes alone
+        counted = textures if judged is not None else textures[self.counted]
+        ktd = reference.distances(reference.embed(counted), self.owners, self.real)["ktd_excess"]
+        judged = textures[self.judged] if judged is None else judged
+        _, _, judge, _ = next(self.takes.judge(judged))  # features of the signal, two takes alone
         return {KTD: ktd, TOLD: judge["all"]}
 
-    def model(self, pipe, steps, seed):
+    def model(self, pipe, steps):
         """The row of a pipeline in a number of steps."""
-        data, seeds = self.context.data, self.context.seeds(seed, len(self.owners))
-        steps = steps or pipe.resolve_steps()[0]
-        return self.of(generate(pipe, self.ratings, seeds, data.rate, data.dataset.segment_samples, steps).textures)
+        data, steps = self.context.data, steps or pipe.resolve_steps()[0]
+        grid = (data.rate, data.dataset.segment_samples, steps)
+        return self.of(generate(pipe, self.ratings, self.seeds, *grid).textures)
+
+    def take(self):
+        """The row of other takes of the held-out segments, and of real takes in the place of real ones."""
+        return self.of(self.context.baseline_textures["other_take"], self.takes.textures)
 
     def blend(self):
         """The row of a blend of the training textures with the nearest ratings."""
-        rng = self.context.rng("speed against error")
-        return self.of(self.context.baselines["knn_blend"].sample(BaselineRequest(self.ratings), rng))
+        return self.of(self.context.baselines["knn_blend"].sample(self.request, self.context.rng("knn_blend")))
 
 
 def summary(rows):
@@ -113,20 +124,21 @@ def main(argv=None):
     add = parser.add_argument
     add("--data", type=existing_file, required=True, metavar="PREPARED.h5", help="from examples/prepare_data.py")
     add("--anchor", type=existing_folder, metavar="FOLDER", help="checkpoint of the paper's configuration, with a DALE")
+    add("--few", action="store_true", help="measure as few textures as evaluate.py --quick")
     arguments = parse(parser, argv)
     pipe = load_pipeline(arguments.checkpoint)
     anchor = None if arguments.anchor is None else load_pipeline(arguments.anchor)
     try:
-        settings = replace(FULL, judge_takes=1)
+        settings = replace(QUICK if arguments.few else FULL, judge_takes=1)
         context = make_context(pipe, arguments.data, "test", settings, arguments.seed, arguments.output)
     except ValueError as error:
         return refuse("speed_error.py", error)
     quality, runs = Quality(context), {}
-    rows = {TAKE: quality.of(quality.takes.textures), BLEND: quality.blend()}
+    rows = {TAKE: quality.take(), BLEND: quality.blend()}
     for model, (one, counts) in pipelines(pipe, anchor).items():
         for steps in tqdm(counts, desc=model, disable=arguments.quiet):
             name = model if steps is None else f"{model}, {steps} step{'s' * (steps > 1)}"
-            rows[name] = quality.model(one, steps, arguments.seed) | {"model": model, "steps": steps or "1 + 1"}
+            rows[name] = quality.model(one, steps) | {"model": model, "steps": steps or "1 + 1"}
             runs[name] = partial(one, [RATINGS], num_inference_steps=steps)
     for name, seconds in seconds_of(runs, REPEATS).items():
         rows[name]["s"] = seconds

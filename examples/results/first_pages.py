@@ -17,23 +17,33 @@ from pathlib import Path
 from tactile_diffusers import bundled_checkpoint
 from tactile_diffusers.pipelines.folders import folder_digest
 
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.result_files import stamp
+
 HERE = Path(__file__).parent
-REPORT = HERE / "judges" / "report.json"
-#: Other files of figures, by the name that stands before a path: {peers:batches/Batch 1/...}.
+#: Other files of figures, by the name that stands before a path, {peers:batches/Batch 1/...}, and the step of run.py
+#: that makes them.
 OTHERS = {
-    "peers": "speed/peers.json",
-    "call": "speed/speed.json",
-    "many": "speed/dataset.json",
-    "endless": "real_time/endless.json",
-    "stream": "real_time/stream.json",
-    "scene": "real_time/scene.json",
-    "hard": "hard_cases/stability.json",
-    "decoder": "steps/decoder.json",
-    "preparation": "preparation/data.json",
-    "biotac": "biotac/report.json",
+    "peers": ("speed/peers.json", "speed"),
+    "call": ("speed/speed.json", "speed of a call"),
+    "many": ("speed/dataset.json", "many textures"),
+    "against": ("speed/speed_error.json", "speed against error"),
+    "endless": ("real_time/endless.json", "without end"),
+    "stream": ("real_time/stream.json", "other speeds"),
+    "scene": ("real_time/scene.json", "a scene"),
+    "hard": ("hard_cases/stability.json", "hard cases"),
+    "decoder": ("steps/decoder.json", "steps"),
+    "preparation": ("preparation/data.json", "preparing"),
+    "biotac": ("biotac/report.json", "real recordings"),
 }
 #: Such that are of no checkpoint, or of one of their own.
-DATA = {"card": "data/card.json", "trained": "biotac/trained/report.json"}
+DATA = {
+    "card": ("data/card.json", "data card"),
+    "trained": ("biotac/trained/report.json", "real recordings"),
+    "ablation": ("ablation/ablation.json", "design"),
+    "paper": ("paper_rows/ablation.json", "paper's configuration"),
+}
 PAGES = (HERE.parents[1] / "README.md", HERE / "README.md")
 #: Templates of whole pages, which are written beside their folder.
 TEMPLATES = HERE / "pages"
@@ -129,19 +139,42 @@ def page_with_figures(text, reports, intervals):
     return "\n".join(lines)
 
 
+def stamps(template, found):
+    """Under which conditions the figures of a template were measured: a line for each step of run.py."""
+    names = dict.fromkeys(match[0] for match in FIELD.findall(template))
+    steps = dict.fromkeys("judges" if not name else (OTHERS | DATA)[name][1] for name in names)
+    return "".join(f"\n{stamp(found[step])}\n" for step in steps if step in found)
+
+
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="change nothing; fail if a page is stale")
+    parser.add_argument("--results", type=Path, default=HERE, help="figures, and where pages go; default: ours")
     args = parser.parse_args(argv)
-    files = {None: REPORT} | {name: HERE / path for name, path in (OTHERS | DATA).items()}
+    files = {None: ("judges/report.json", "judges")} | OTHERS | DATA
     reports, digest, stale = {}, folder_digest(bundled_checkpoint()), []
-    for name, path in files.items():
+    for name, (path, _) in files.items():
+        path = args.results / path
+        if not path.exists():  # a check leaves steps out; a page that needs it says so
+            continue
         reports[name] = json.loads(path.read_text())
         if name not in DATA and (reports[name] | reports[name].get("conditions", {}))["checkpoint"]["sha256"] != digest:
             stale.append(f"{path.name} is of another checkpoint than the bundled one: run results/run.py.")
-    written = {path: page_with_figures(path.read_text(), reports, intervals=path == PAGES[1]) for path in PAGES}
-    for template in TEMPLATES.iterdir():
-        written[HERE / template.name] = filled(template.read_text(), reports, intervals=True)
+    record = args.results / "run.json"
+    found = json.loads(record.read_text()) if record.exists() else {}
+    written = {}
+    for template in [*TEMPLATES.iterdir(), *PAGES]:
+        text, page = template.read_text(), args.results / template.name
+        try:
+            if template in PAGES:
+                page = template if args.results == HERE else page
+                written[page] = page_with_figures(text, reports, intervals=template == PAGES[1])
+            else:
+                written[page] = filled(text, reports, intervals=True) + stamps(text, found)
+        except KeyError as missing:
+            if args.results == HERE:
+                raise
+            print(f"{page.name} is left out: {missing} was not measured.", file=sys.stderr)
     for path, made in written.items():
         text = path.read_text() if path.exists() else ""
         if made != text and args.check:

@@ -2,17 +2,20 @@
 """Measures what the results pages state, of the bundled checkpoint, one step after the other on an idle machine.
 
     python examples/results/run.py                     # what is missing or stale: a night on two cores
+    python examples/results/run.py --quick             # a check in 15 minutes: few textures, pages in runs/quick
     python examples/results/run.py --only speed --again
     python examples/results/run.py --check             # runs nothing; 1 if a figure is of other weights
 
 Data sets are made from their seeds in --data. Each step writes its files, and `run.json` keeps under which conditions:
-digest of the checkpoint, command, machine, load before it began, commit, date, seconds. A step that is done with the
-present weights is not done again. Steps that time something wait until nothing else runs.
+digest of the checkpoint, command, data, machine, load before it began, commit, date, seconds. A step that is done with
+the present weights is not done again. Steps that time something wait until nothing else runs.
 """
 
 import argparse
 import json
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -20,36 +23,47 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactile_diffusers import bundled_checkpoint
+from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.pipelines.folders import folder_digest
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
-from report.result_files import IDLE, conditions
+from report.result_files import IDLE, conditions, stamp
 
 HERE = Path(__file__).parent
-EXAMPLES, RECORD = HERE.parent, HERE / "run.json"
+EXAMPLES = HERE.parent
 #: Longest time to wait for an idle machine, s.
 PATIENCE = 1800
 
 
 class Step(NamedTuple):
-    """One command: its words after `python examples/`, what it makes, and whether it needs the machine for itself.
+    """Commands, their words after `python examples/` with "; " between them, and what they make.
 
-    {data} is the folder of data sets, {here} that of the results, {anchor} an option where one is given.
+    {data} is the folder of data sets, {out} that of the results. `quick` are further words of the last command for a
+    check, `None` = it is left out there. `page` is a page that the commands write, to which a line of conditions is
+    added; `shown` a folder whose files, not folders, are copied beside what is made.
     """
 
     words: str
     makes: str
+    quick: str | None = None
     timed: bool = False
+    page: str | None = None
+    shown: str | None = None
 
 
 VIRTUAL = "prepare_data.py --source virtual"
+EVALUATE = "evaluate.py --checkpoint bundled --data"
+ABLATE = "research/ablate.py --data {data}/prepared.h5 --seeds 0 1 --threads 2 --quiet"
+ANCHOR = "--anchor {data}/paper/as_published-seed-0/dale"
+WORLDS = '"another world={data}/other.h5" "recipe 3, other settings={data}/settings.h5"'
 STEPS = {
     "data": Step(
         f"{VIRTUAL} --surfaces 600 --seconds 40 --workers 2 --output {{data}}/recordings.h5 "
         "--prepared {data}/prepared.h5",
         "{data}/prepared.h5",
+        "--surfaces 80 --seconds 12 --validation 8 --test 12",
     ),
     "data, six axes": Step(
         f"{VIRTUAL} --surfaces 250 --seconds 20 --seed 11 --further_axes regularity fineness warmth --validation 0 "
@@ -61,65 +75,110 @@ STEPS = {
         "-0.7 0.0 --validation 10 --test 50 --output {data}/settings_recordings.h5 --prepared {data}/settings.h5",
         "{data}/settings.h5",
     ),
-    "recordings of another world": Step(
-        "research/other_world.py --surfaces 260 {data}/other_recordings.h5", "{data}/other_recordings.h5"
-    ),
     "data of another world": Step(
-        "prepare_data.py --source recordings --recordings {data}/other_recordings.h5 --prepared {data}/other.h5 "
-        "--validation 10 --test 50",
+        "research/other_world.py --surfaces 260 {data}/other_recordings.h5; prepare_data.py --source recordings "
+        "--recordings {data}/other_recordings.h5 --prepared {data}/other.h5 --validation 10 --test 50",
         "{data}/other.h5",
     ),
     "data card": Step(
-        "inspect_data.py --recordings {data}/recordings.h5 --prepared {data}/prepared.h5 --output {here}/data",
-        "{here}/data/card.json",
+        "inspect_data.py --recordings {data}/recordings.h5 --prepared {data}/prepared.h5 --output {out}/data",
+        "{out}/data/card.json",
+        "",
     ),
-    "laws": Step("research/validate_virtual.py --output {here}/laws", "{here}/laws/validation.json"),
-    "judges": Step(
-        "evaluate.py --checkpoint bundled --data {data}/prepared.h5 --steps 1 2 3 5 10 --output {here}/judges",
-        "{here}/judges/report.json",
+    "laws": Step("research/validate_virtual.py --output {out}/laws", "{out}/laws/validation.json", "--quick"),
+    "paper's configuration": Step(
+        f"{ABLATE} --rows examples/configs/paper --only as_published all_mends --shorten 8 --output {{data}}/paper",
+        "{out}/paper_rows/ablation.json",
+        shown="{data}/paper",
     ),
-    "steps": Step("benchmarks/decoder.py --data {data}/prepared.h5 --output {here}/steps", "{here}/steps/decoder.json"),
     "speed": Step(
-        "benchmarks/peers.py --batches 1 16 --repeats 5 --output {here}/speed{anchor}",
-        "{here}/speed/peers.json",
+        f"benchmarks/peers.py --batches 1 16 --repeats 5 --output {{out}}/speed {ANCHOR}",
+        "{out}/speed/peers.json",
         timed=True,
     ),
-    "speed of a call": Step("benchmarks/speed.py --output {here}/speed", "{here}/speed/speed.json", timed=True),
+    "speed of a call": Step(
+        "benchmarks/speed.py --output {out}/speed", "{out}/speed/speed.json", "--repeats 2", timed=True
+    ),
     "speed against error": Step(
-        "benchmarks/speed_error.py --data {data}/prepared.h5 --output {here}/speed{anchor}",
-        "{here}/speed/speed_error.json",
+        f"benchmarks/speed_error.py --data {{data}}/prepared.h5 --output {{out}}/speed {ANCHOR}",
+        "{out}/speed/speed_error.json",
         timed=True,
     ),
     "preparing": Step(
-        "benchmarks/data_loading.py --recordings {data}/recordings.h5 --output {here}/preparation",
-        "{here}/preparation/data.json",
+        "benchmarks/data_loading.py --recordings {data}/recordings.h5 --output {out}/preparation",
+        "{out}/preparation/data.json",
+        "",
         timed=True,
     ),
-    "many textures": Step("benchmarks/many_textures.py --output {here}/speed", "{here}/speed/dataset.json", timed=True),
-    "without end": Step("benchmarks/endless.py --output {here}/real_time", "{here}/real_time/endless.json", timed=True),
-    "other speeds": Step("benchmarks/stream.py --output {here}/real_time", "{here}/real_time/stream.json", timed=True),
-    "a scene": Step("benchmarks/scene.py --output {here}/real_time", "{here}/real_time/scene.json", timed=True),
+    "many textures": Step(
+        "benchmarks/many_textures.py --output {out}/speed", "{out}/speed/dataset.json", "--textures 64", timed=True
+    ),
+    "without end": Step(
+        "benchmarks/endless.py --output {out}/real_time", "{out}/real_time/endless.json", "--minutes 0.3", timed=True
+    ),
+    "other speeds": Step(
+        "benchmarks/stream.py --output {out}/real_time",
+        "{out}/real_time/stream.json",
+        "--surfaces 8 --minutes 0.3",
+        timed=True,
+    ),
+    "a scene": Step(
+        "benchmarks/scene.py --output {out}/real_time", "{out}/real_time/scene.json", "--repeats 2", timed=True
+    ),
     "hard cases": Step(
-        "benchmarks/stability.py --threads 1 --output {here}/hard_cases", "{here}/hard_cases/stability.json"
+        "benchmarks/stability.py --threads 1 --output {out}/hard_cases", "{out}/hard_cases/stability.json", "--quick"
+    ),
+    "judges": Step(
+        f"{EVALUATE} {{data}}/prepared.h5 --steps 1 2 3 5 10 --output {{out}}/judges",
+        "{out}/judges/report.json",
+        "--quick --steps 1 2",
+    ),
+    "steps": Step(
+        "benchmarks/decoder.py --data {data}/prepared.h5 --output {out}/steps", "{out}/steps/decoder.json", "--few"
+    ),
+    "solvers": Step(
+        "research/sampler.py --data {data}/prepared.h5 --segments 24 --quiet --output {out}/scheduler",
+        "{out}/scheduler/scheduler.json",
+        page="{out}/scheduler/scheduler.md",
+    ),
+    "design": Step(
+        f"{ABLATE} --shorten 2 --output {{data}}/ablation", "{out}/ablation/ablation.json", shown="{data}/ablation"
     ),
     "few surfaces": Step(
-        'research/few_surfaces.py "another world={data}/other.h5" "recipe 3, other settings={data}/settings.h5" '
-        "--output {here}/adaptation",
-        "{here}/adaptation/figures.json",
+        f"research/few_surfaces.py {WORLDS} --output {{out}}/adaptation",
+        "{out}/adaptation/figures.json",
+        page="{out}/adaptation/figures.md",
     ),
     "fine tuning": Step(
-        'research/fine_tuning.py "another world={data}/other.h5" "recipe 3, other settings={data}/settings.h5" '
-        "--own {data}/prepared.h5 --output {here}/fine_tuning",
-        "{here}/fine_tuning/figures.json",
+        f"research/fine_tuning.py {WORLDS} --own {{data}}/prepared.h5 --output {{out}}/fine_tuning",
+        "{out}/fine_tuning/figures.json",
+        page="{out}/fine_tuning.md",
     ),
-    "a new axis": Step("research/new_axis.py {data}/axes.h5 --output {here}/new_axis", "{here}/new_axis/figures.json"),
-    "first pages": Step("results/first_pages.py", "{here}/README.md"),
+    "a new axis": Step("research/new_axis.py {data}/axes.h5 --output {out}/new_axis", "{out}/new_axis/figures.json"),
+    "editing": Step(
+        "research/editing.py --data {data}/prepared.h5 --output {out}/editing",
+        "{out}/editing/editing.json",
+        page="{out}/editing.md",
+    ),
+    "comparisons": Step(
+        "research/preference.py --output {out}",
+        "{out}/preference.md",
+        "--people 8 --listeners 1",
+        page="{out}/preference.md",
+    ),
+    "sensitivity": Step(
+        "research/sensitivity.py --output {out}/sensitivity",
+        "{out}/sensitivity/sensitivity.json",
+        page="{out}/sensitivity/sensitivity.md",
+    ),
+    "first pages": Step("results/first_pages.py --results {out}", "{out}/README.md", ""),
 }
 
 
-def record():
+def record(out):
     """What `run.json` holds: step -> conditions."""
-    return json.loads(RECORD.read_text()) if RECORD.is_file() else {}
+    path = out / "run.json"
+    return json.loads(path.read_text()) if path.is_file() else {}
 
 
 def stale(found, digest):
@@ -134,52 +193,81 @@ def wait_until_idle():
         time.sleep(5)
 
 
-def run(name, data, anchor):
-    """Runs a step: its conditions, or `None` if it failed."""
-    import shlex
+def measured_on(words):
+    """The prepared data set that a command is given, or `None`."""
+    for word in words[1:]:
+        path = Path(word.rpartition("=")[2])
+        if path.suffix == ".h5" and path.is_file():
+            try:
+                return PreparedDataset(path, "train")
+            except ValueError:  # recordings
+                continue
+    return None
 
+
+def run(name, data, out, quick):
+    """Runs a step: its conditions, or `None` if it failed."""
     step = STEPS[name]
-    words = shlex.split(step.words.format(data=data, here=HERE, anchor=f" --anchor {anchor}" if anchor else ""))
-    if step.timed:
+    commands = step.words.split("; ")
+    if quick:
+        commands[-1] += f" {step.quick}"
+    commands = [shlex.split(command.format(data=data, out=out)) for command in commands]
+    if step.timed and not quick:
         wait_until_idle()
-    found = conditions(bundled_checkpoint()) | {
-        "command": "python examples/"
-        + step.words.format(data="DATA", here=HERE.name, anchor=" --anchor FOLDER" if anchor else "")
-    }
-    print(f"== {name}: {' '.join(words)}", flush=True)
-    begin, made = time.time(), Path(step.makes.format(data=data, here=HERE))
-    done = subprocess.run([sys.executable, EXAMPLES / words[0], *words[1:]])
-    # a benchmark that wrote its figures and returns 1 says that a bound is missed: that is a result
-    if done.returncode and not (made.exists() and made.stat().st_mtime >= begin):
-        return None
+    found = conditions(bundled_checkpoint(), measured_on(commands[-1]))
+    found["command"] = "; ".join(f"python examples/{one}" for one in step.words.split("; ")).format(
+        data="DATA", out=out.name
+    )
+    begin, made = time.time(), Path(step.makes.format(data=data, out=out))
+    writes = Path(step.shown.format(data=data)) / made.name if step.shown else made
+    for words in commands:
+        print(f"== {name}: {shlex.join(words)}", flush=True)
+        done = subprocess.run([sys.executable, EXAMPLES / words[0], *words[1:]])
+        # a benchmark that wrote its figures and returns 1 says that a bound is missed: that is a result
+        if done.returncode and not (writes.exists() and writes.stat().st_mtime >= begin):
+            return None
+    if step.shown:
+        made.parent.mkdir(parents=True, exist_ok=True)
+        for path in filter(Path.is_file, writes.parent.iterdir()):
+            shutil.copy(path, made.parent)
+    if step.page:
+        page = Path(step.page.format(out=out))
+        write_text(page, f"{page.read_text().rstrip()}\n\n{stamp(found)}\n")
     return found | {"seconds": round(time.time() - begin, 1)}
 
 
 def main(argv=None):
     """Runs the command; 1 if a step failed or, with `--check`, figures are stale."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=Path("runs") / "results", help="folder of the data sets")
-    parser.add_argument("--anchor", type=Path, help="checkpoint of the paper's configuration, for the tables of speed")
+    parser.add_argument("--data", type=Path, help="folder of the data sets; default: runs/results, runs/quick/data")
+    parser.add_argument("--output", type=Path, help="default: the committed pages; with --quick: runs/quick/results")
+    parser.add_argument("--quick", action="store_true", help="a check of what takes less than a quarter of an hour")
     parser.add_argument("--only", nargs="+", choices=STEPS, metavar="STEP", help=f"of {', '.join(STEPS)}")
     parser.add_argument("--again", action="store_true", help="also what is done with the present weights")
     parser.add_argument("--check", action="store_true", help="run nothing: are figures of other weights?")
     args = parser.parse_args(argv)
-    found, digest = record(), folder_digest(bundled_checkpoint())
+    out = args.output or (Path("runs/quick/results") if args.quick else HERE)
+    data = args.data or Path("runs/quick/data" if args.quick else "runs/results")
+    found, digest = record(out), folder_digest(bundled_checkpoint())
     old = stale(found, digest)
     if args.check:
         print("\n".join(f"stale: {name}" for name in old) or "All figures are of the bundled checkpoint.")
         return int(bool(old))
-    args.data.mkdir(parents=True, exist_ok=True)
+    data.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     for name in args.only or STEPS:
-        made = Path(STEPS[name].makes.format(data=args.data, here=HERE)).exists()
-        if made and name in found and name not in old and not args.again:
+        made = Path(STEPS[name].makes.format(data=data, out=out)).exists()
+        if (made and name in found and name not in old and not args.again) or (
+            args.quick and STEPS[name].quick is None
+        ):
             continue
-        result = run(name, args.data, args.anchor)
+        result = run(name, data, out, args.quick)
         if result is None:
             print(f"{name} failed; the same command goes on here.", file=sys.stderr)
             return 1
         found[name] = result
-        write_text(RECORD, json.dumps(found, indent=1) + "\n")
+        write_text(out / "run.json", json.dumps(found, indent=1) + "\n")
+    print(f"{sum(one['seconds'] for one in found.values()) / 60:.0f} minutes in all.")
     return 0
 
 
