@@ -15,7 +15,9 @@ from report.tables import markdown_table
 RATINGS = [1.5, 0.0, -1.0]
 BATCHES = (1, 2, 4, 8, 16, 64)
 DURATIONS = (SEGMENT_SECONDS, 5.0, 10.0, 20.0, 30.0, 60.0)
-STEPS = (1, 3, 10, 25)
+STEPS = (1, 3, 10, 25, 50)
+#: Latent frames of a block of 0.1 s, and steps whose difference tells what one costs.
+BLOCK_FRAMES, TIMED_STEPS = 4, (5, 25)
 #: what a child process does, so that its peak memory is that of generating one texture
 _CHILDREN = {
     "import only": "import tactile_diffusers",
@@ -49,6 +51,22 @@ def by_steps(pipe, repeats):
     return rows
 
 
+def in_time(pipe, repeats):
+    """Steps of LCTG that last as long as what they decode, a segment and a block: what the paper calls real time."""
+    latents, runs, rows = pipe([RATINGS], output_type="latent"), {}, {}
+    for frames in (latents.latents.shape[-1], BLOCK_FRAMES):
+        for steps in TIMED_STEPS:
+            decoded = latents.latents[..., :frames], latents.level, None, steps
+            runs[frames, steps] = lambda given=decoded: pipe.decode(*given)
+    times, hop = seconds_of(runs, repeats), pipe.lctg.config.latent_hop / pipe.feature_extractor.sampling_rate
+    few, many = TIMED_STEPS
+    for frames in dict.fromkeys(frames for frames, _ in runs):
+        step, seconds = (times[frames, many] - times[frames, few]) / (many - few), frames * hop
+        rest = times[frames, few] - few * step
+        rows[f"{seconds:.4g} s"] = {"s of a step": step, "s beside": rest, "steps in time": (seconds - rest) // step}
+    return rows
+
+
 def by_batch(pipe, repeats):
     """Seconds against the number of textures at once."""
     times = seconds_of({n: lambda n=n: pipe([RATINGS] * n) for n in BATCHES}, repeats)
@@ -75,6 +93,7 @@ def main(argv=None):
     pipe = load_pipeline(arguments.checkpoint)
     tables = {
         "One segment": by_steps(pipe, arguments.repeats),
+        "Steps that keep time": in_time(pipe, arguments.repeats),
         "Batch, default steps": by_batch(pipe, arguments.repeats),
         "Duration": by_duration(pipe, max(1, arguments.repeats // 2)),
         "Memory": memory(arguments.checkpoint),
