@@ -18,11 +18,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import soundfile
 
-from tactile_diffusers.data.folder import load_layout
+from tactile_diffusers.data.folder import load_layout, read_recording
 from tactile_diffusers.data.folder.tables import list_tables
 from tactile_diffusers.display import DriveProfile
-from tactile_diffusers.export import FORMATS
+from tactile_diffusers.export import FORMATS, DeviceProfile
 from tactile_diffusers.playback import TextureScene
 
 TINY_PIPELINE = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
@@ -199,6 +200,25 @@ def _read_tables(path):
             assert table.numbers(name).dtype == np.float64
 
 
+def _recordings():
+    """Tables of 0.3 s that `edit`, `reconstruct` and the demo read: with stamps, and with decimal commas."""
+    rows = [(n / 5000, 300 + 20 * np.sin(n)) for n in range(1500)]
+    plain = "t_s,Fx_mN,note\n" + "\n".join(f"{t:.4f},{x:.3f},a" for t, x in rows)
+    comma = "# rig 2\nZeit (ms);Kraft (N)\n" + "\n".join(f"{1e3 * t:.1f};{x / 1e3:.5f}" for t, x in rows)
+    return [plain.encode(), comma.replace(".", ",").encode()]
+
+
+def _wav(samples):
+    made = io.BytesIO()
+    soundfile.write(made, _texture(samples), COMMON["sampling_rate"], subtype="PCM_16", format="WAV")
+    return made.getvalue()
+
+
+def _read_recording(path):
+    force, rate, notes = read_recording(path)
+    assert force.ndim == 1 and np.isfinite(force).all() and rate >= 2500 and all(isinstance(n, str) for n in notes)
+
+
 LATERAL_LAYOUT = b"""format = "tactile-layout"
 version = 1
 source = "s"
@@ -265,6 +285,11 @@ TARGETS = {
     ),
     "tables-hdf5": Target(".h5", _read_tables, lambda: [_written("hdf5")]),
     "tables": Target(".csv", _read_tables, lambda: CSV),
+    "recording": Target(".csv", _read_recording, _recordings),
+    "recording-wav": Target(".wav", _read_recording, lambda: [_wav(3000)]),
+    "device": Target(
+        ".json", DeviceProfile.load, lambda: [b'{"rate": 1000, "band": [40, 400], "bits": 12}'], structured=True
+    ),
     "layout": Target(".toml", load_layout, _layouts),
     "drive": Target(".json", DriveProfile.load, lambda: [json.dumps(PROFILE).encode()], structured=True),
 }
