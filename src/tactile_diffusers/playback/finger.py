@@ -208,11 +208,8 @@ class FingerPath:
         return parts[0] if len(parts) == 1 else tuple(map(np.concatenate, zip(*parts, strict=True)))
 
     def _reported(self, wanted, lines):
-        """Lowest and highest velocity that was reported over the last `latency`: (samples, dimensions + 1) each.
-
-        The last column is the speed. All is 0 where the finger went so little that it rests, and its sensor trembles.
-        """
-        # after the last report it rests; so that two rows back from the first one is 0, too, two of them
+        """Lowest and highest velocity and speed of the last `latency`, 0 at rest: (samples, dimensions + 1) each."""
+        # after the last report it rests; the second row stands before the first
         slopes = np.concatenate([self._slopes, np.zeros((2, self.dimensions + 1))])
         find = partial(self._times.searchsorted, side="right")
         known = find(wanted + (self._wait - _MARGIN))
@@ -222,16 +219,12 @@ class FingerPath:
         ahead = slopes + 2 * (slopes - slopes[np.arange(len(slopes)) - 1])
         lowest = np.minimum(lowest, np.maximum(ahead, 0).take(known - 1, axis=0))
         highest = np.maximum(highest, np.minimum(ahead, 0).take(known - 1, axis=0))
-        gone = np.maximum.reduce(lines) - np.minimum.reduce(lines)
-        gone = np.sqrt(np.square(gone).sum(axis=1)) / self.latency
+        gone = np.sqrt(np.square(np.ptp(lines, axis=0)).sum(axis=1)) / self.latency
         moving = direction_length(np.maximum(2 * gone - TURNING_SPEED, 0))[:, None]
         return lowest * moving, highest * moving
 
     def _smooth(self, line, lowest, highest):
-        """Place and velocity along a line without breaks, the velocity within what was reported.
-
-        Led ahead alone, it would overshoot where the finger starts, and run back where it stops.
-        """
+        """Place and velocity along a line without breaks; led ahead alone, velocity would overshoot and run back."""
         if self._state is None:
             self._state, self._last = self._settled * line[0], line[0]
             self._eased = np.zeros((1, self.dimensions))
