@@ -179,8 +179,13 @@ class TestVelocityStaysWithinWhatWasReported:
         velocity = path.advance(29_000)[1]
         assert (velocity @ heading.T).min() > -0.1 and np.linalg.norm(velocity, axis=1).max() < 1.01 * 80
 
-    def test_what_comes_too_late_to_be_felt_is_warned_of(self):
-        path = FingerPath(RATE, 125.0)
-        path.advance(1500)
-        with pytest.warns(UserWarning, match="another moment"):
-            path.report(0.0, 0.0)
+    @pytest.mark.parametrize("late", [0.02, 0.05, 0.15])
+    def test_reports_that_come_late_are_followed_late(self, late):
+        path, made, number = FingerPath(RATE, 125.0), [], 0
+        while path.time < 2:
+            while number / 125 + late <= path.time:
+                path.report(number / 125, 80 * number / 125)
+                number += 1
+            made.append(path.advance(32)[1][:, 0])
+        made = np.concatenate(made)[6000:]
+        assert 70 < made.min() and made.max() < 90

@@ -88,7 +88,7 @@ class FingerPath:
         self._times, self._places = np.empty(0), np.empty((0, dimensions))
         # of the way from the report before to each one: velocity and, as the last column, speed
         self._slopes = np.empty((0, dimensions + 1))
-        self._looked_back = self.latency * np.array([[0.0], [0.5], [1.0]])
+        self._behind = 0.0  # of the reports, s, beyond what is waited for
         self._ease = 1 - np.exp(-1 / (_EASE * sampling_rate))
         self._state = self._last = self._eased = None
         self._landings, self.breaks = [], []
@@ -130,6 +130,7 @@ class FingerPath:
                 f"{_CLOCK}"
             )
         self._append(times, places)
+        self._behind = max(0.0, now - times[-1] - self._wait)
         self._watch(times, last, now)
 
     def _append(self, times, places):
@@ -139,10 +140,9 @@ class FingerPath:
         before = np.flatnonzero((far > FASTEST * passed) | ((far > 0) & (passed > LIFTED_SECONDS)))
         landed = before + len(times) - len(passed)  # of the new reports
         self._landings.extend(times[landed].tolist())
-        slopes = np.zeros((len(times), self.dimensions + 1))
-        moved = slopes[len(times) - len(passed) :]
-        moved[:, :-1], moved[:, -1] = np.diff(seen, axis=0) / passed[:, None], far / passed
-        moved[before] = 0
+        slopes = np.column_stack([np.diff(seen, axis=0), far]) / passed[:, None]
+        slopes = np.concatenate([np.zeros((len(times) - len(passed), self.dimensions + 1)), slopes])
+        slopes[landed] = 0
         if len(landed):  # until then it rests where it was
             times = np.insert(times, landed, np.nextafter(times[landed], -np.inf))
             places = np.insert(places, landed, seen[before], axis=0)
@@ -153,7 +153,7 @@ class FingerPath:
 
     def _watch(self, times, last, now):
         """Warns, once each, of reports that drift away from the clock, or do not come at the sensor's rate."""
-        if times[0] - now > FAR_SECONDS or now - times[-1] > self.latency:  # what came so late is not felt
+        if abs(times[0] - now) > FAR_SECONDS:
             self._warn(
                 "clock",
                 f"The finger is reported for {times[0]:.2f} s while the stream is at {now:.2f} s: what is read belongs "
@@ -189,10 +189,10 @@ class FingerPath:
         self._samples += samples
         if not len(self._times):
             return tuple(np.zeros((2, samples, self.dimensions)))
-        looked = wanted - self._looked_back
-        # now, and half a latency and a latency ago: (3, samples, dimensions)
+        seen = wanted - self._behind
+        looked = np.stack([wanted, seen - 0.5 * self.latency, seen - self.latency])  # lines: (3, samples, dimensions)
         lines = np.stack([np.interp(looked, self._times, axis) for axis in self._places.T], axis=-1)
-        lowest, highest = self._reported(wanted, lines)
+        lowest, highest = self._reported(seen, lines)
         landed = [when for when in self._landings if when <= wanted[-1]]
         self._landings = self._landings[len(landed) :]
         self.breaks = sorted({int(np.searchsorted(wanted, when)) for when in landed})
@@ -207,13 +207,13 @@ class FingerPath:
         self._times, self._places, self._slopes = self._times[old:], self._places[old:], self._slopes[old:]
         return parts[0] if len(parts) == 1 else tuple(map(np.concatenate, zip(*parts, strict=True)))
 
-    def _reported(self, wanted, lines):
+    def _reported(self, seen, lines):
         """Lowest and highest velocity and speed of the last `latency`, 0 at rest: (samples, dimensions + 1) each."""
         # after the last report it rests; the second row stands before the first
         slopes = np.concatenate([self._slopes, np.zeros((2, self.dimensions + 1))])
         find = partial(self._times.searchsorted, side="right")
-        known = find(wanted + (self._wait - _MARGIN))
-        within = np.stack([find(wanted - self.latency), np.maximum(find(wanted) + 1, known)], axis=1).ravel()
+        known = find(seen + (self._wait - _MARGIN))
+        within = np.stack([find(seen - self.latency), np.maximum(find(seen) + 1, known)], axis=1).ravel()
         lowest, highest = (extreme.reduceat(slopes, within)[::2] for extreme in (np.minimum, np.maximum))
         # a finger that brakes is expected at rest before it is reported there, but not on its way back
         ahead = slopes + 2 * (slopes - slopes[np.arange(len(slopes)) - 1])

@@ -35,8 +35,7 @@ class TextureStream:
 
     Reports of the finger (`report`), another profile (`replace`) and blocks (`read`) may come from different threads.
     Read as many samples as time passes, whether reports come or not. Reports may come unevenly, their times count. A
-    block's length plus a report's lateness should stay below 5 ms; beyond, the finger slows down until its next report,
-    and what comes later than `latency` is not felt.
+    block's length plus a report's lateness should stay below 5 ms; beyond, the finger slows down until its next report.
 
     Args:
         profile (`TextureProfile`): what is under the finger.
