@@ -58,8 +58,11 @@ def test_one_file_holds_when_where_what_and_the_drive(play, capsys):
     _display()
     assert play("--output drive.npz --drive_profile display.json") == 0
     with np.load("drive.npz") as file:
-        assert set(file) == names | {"drive", "drive_unit", "max_drive"} and file["drive_unit"] == "V"
+        beside = {"drive", "drive_unit", "max_drive", "gain", "bias", "normal_force", "clipped_share"}
+        assert set(file) == names | beside and file["drive_unit"] == "V"
         assert 0 <= file["drive"].min() < file["drive"].max() <= 200
+        assert (file["gain"], file["bias"], file["normal_force"], file["clipped_share"]) == (1, 0.2, 0.5, 0)
+        assert max(file["drive"][0], file["drive"][-1]) < 1 < 100 < file["drive"][200]  # 20 ms
 
 
 def test_what_the_display_cannot_make_is_said_once_and_fitted(play, capsys, recwarn):
@@ -84,6 +87,26 @@ def test_a_drive_is_a_file_of_sixteen_bits(play):
     with np.load("drive.npz") as file:
         np.testing.assert_allclose(samples * about["drive_per_count"], file["drive"], atol=0.51 * 200 / 32767)
     assert rate == about["sampling_rate"] == 10000 and about["unit"] == "V"
+    assert (about["gain"], about["bias"], about["normal_force"], about["clipped_share"]) == (1, 0.2, 0.5, 0)
+
+
+def test_another_normal_force_than_the_calibration_is_warned_of(play, capsys):
+    _display()
+    for force, warned in ((0.55, 0), (2, 1)):
+        assert play(f"--output drive.npz --drive_profile display.json --normal_force {force}") == 0
+        assert capsys.readouterr().err.count("the display was calibrated at 0.5 N") == warned
+
+
+@pytest.mark.parametrize(("unit", "warned"), [(1.0, 0), (1e-3, 1), (1e3, 1)])
+def test_what_the_finger_did_is_told_so_that_another_unit_is_seen(play, capsys, unit, warned):
+    time, place = np.loadtxt("t.csv", delimiter=",", skiprows=1).T
+    np.savetxt("t.csv", np.column_stack([time, unit * place]), delimiter=",", header="time,position", comments="")
+    assert play("--output force.npz") == 0
+    told = capsys.readouterr()
+    assert told.err.count("positions must be mm") == warned
+    if not warned:
+        assert "88.3 mm/s where they move" in told.out and "followed at 0 to 126 mm/s, at rest or lifted " in told.out
+        assert "peaks: force 0." in told.out and "friction about its mean 0." in told.out
 
 
 def test_a_plane(play):

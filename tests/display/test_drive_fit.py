@@ -51,6 +51,23 @@ def test_the_fit_finds_what_made_the_recording(recording, kind, shape, cutoff):
     assert profile.max_drive == (140.0 if kind == "electroadhesion" else pytest.approx(0.7))  # the largest calibrated
 
 
+@pytest.mark.parametrize("saturates", [False, True])
+@pytest.mark.parametrize("levels", [(60, 100, 130, 160), tuple(range(161))])
+def test_a_display_that_saturates_is_noticed(levels, saturates, recwarn):
+    rng = np.random.default_rng(0)
+    volts = np.repeat(rng.choice(np.array(levels, dtype=float), 30_000), 2)
+    steady = 0.12 * np.tanh((volts / 140) ** 2) if saturates else 6e-6 * volts**2
+    force = 0.3 + signal.lfilter([0.17], [1, -0.83], steady) + rng.normal(0, 0.005, len(volts))
+    options = {"kind": "electroadhesion", "normal_force": 0.5, "speed": 80.0}
+    fit_drive_profile(volts, np.roll(force, 30), RATE, **options)  # 3 ms late
+    assert ["does not follow the square of the drive" in str(one.message) for one in recwarn] == [True] * saturates
+    if saturates:
+        table = [(v, 0.12 * np.tanh((v / 140) ** 2)) for v in range(0, 161, 20)]
+        recwarn.clear()
+        fit = fit_drive_profile(volts, force, RATE, lookup=table, **options)
+        assert not recwarn and fit.profile.steady_force(80) == pytest.approx(0.0379, rel=0.02)
+
+
 @pytest.mark.parametrize("shape", ["random", "sweep"])
 @pytest.mark.parametrize("cutoff", [300.0, 900.0])
 def test_noise_and_a_delay_do_not_bias_the_fit(recording, shape, cutoff):

@@ -78,7 +78,7 @@ def test_memory_is_bounded():
     for number in range(500):
         path.report(path.time, float(number))
         path.advance(10)
-    assert len(path._times) < 30
+    assert len(path._times) < 100  # those of the last `latency`
 
 
 @pytest.mark.parametrize(
@@ -109,3 +109,83 @@ class TestLiftedFinger:
         place, velocity = path.advance(RATE)
         assert set(np.abs(np.round(place[:, 0], 6))) == {0.0, 20.0}
         assert np.abs(velocity).max() < 1e-6  # rounding of the filter
+
+
+#: Speed in mm/s over time in s, with a beginning and an end at rest.
+_STOPS = {
+    "abrupt": lambda t: 80.0 * ((t > 0.3) & (t < 1)),
+    "braking": lambda t: 80.0 * np.clip((t - 0.3) / 0.1, 0, 1) * np.clip((1.1 - t) / 0.1, 0, 1),
+    "reach": lambda t: 3750 * (u := np.clip((t - 0.3) / 0.8, 0, 1)) ** 2 * (1 - u) ** 2,  # 100 mm, minimum jerk
+}
+
+
+def _moved(speed, drop=(), **options):
+    """True speed and the path's velocity, (n,) each, of a finger of this speed; reports of these numbers are lost."""
+    fine = np.arange(0, 3, 1 / RATE)
+    true = speed(fine)
+    travelled = np.concatenate([[0], np.cumsum(true)[:-1]]) / RATE
+    path, made, number = FingerPath(RATE, 125.0, **options), [], 0
+    for _ in range(len(fine) // 32):
+        while number / 125 <= path.time:
+            if number not in drop:
+                path.report(number / 125, np.interp(number / 125, fine, travelled))
+            number += 1
+        made.append(path.advance(32)[1][:, 0])
+    made = np.concatenate(made)
+    return true[: len(made)], made
+
+
+class TestVelocityStaysWithinWhatWasReported:
+    @pytest.mark.parametrize("cutoff", [8.0, 16.0])
+    @pytest.mark.parametrize("stop", list(_STOPS))
+    def test_a_finger_that_stops_is_not_pushed_on(self, stop, cutoff):
+        true, made = _moved(_STOPS[stop], cutoff=cutoff)
+        # friction of 0.6 N turns with the direction: 0.02 N forwards are a velocity of -0.1 mm/s
+        assert made.min() > -0.1
+        assert made.max() < 1.1 * true.max()
+        still = np.flatnonzero(true > 0.1)[-1]
+        assert np.abs(made[still + 1000 :]).max() < 0.1  # 0.1 s later it is at rest, and stays there
+
+    def test_a_finger_that_slows_down_is_not_stopped(self):
+        true, made = _moved(lambda t: np.where(t < 1, 160.0, 40.0) * (t > 0.2))
+        assert 39 < made[8000:].min() and made.max() < 161
+
+    @pytest.mark.parametrize("lost", [5, 8, 10])
+    def test_lost_reports_neither_turn_nor_drive_the_finger(self, lost):
+        _, made = _moved(lambda t: np.full_like(t, 80.0), drop=range(125, 125 + lost))
+        assert -1e-9 < made[5000:].min() and made[5000:].max() < 1.15 * 80
+
+    @pytest.mark.parametrize("shift", [0.0, 0.002, 0.004, 0.006])
+    def test_a_reversal_is_felt_within_20_ms(self, shift):
+        true, made = _moved(lambda t: -40 * np.pi * np.sin(np.pi * (t + shift)))
+        for turn in (10_000, 20_000):
+            turn -= round(shift * RATE)
+            after = made[turn : turn + 500] * np.sign(true[turn + 50])
+            assert np.argmax(after > 0.1) < 200 and after.min() > -5
+
+    @pytest.mark.parametrize(("noise", "most"), [(0.02, 1e-9), (0.05, 0.2)])
+    def test_a_sensor_that_trembles_does_not_turn_friction(self, noise, most):
+        rng, times = np.random.default_rng(0), np.arange(375) / 125
+        path = FingerPath(RATE, 125.0)
+        path.report(times, np.round((10 + noise * rng.standard_normal(375)) / 0.05) * 0.05)
+        assert np.sqrt(np.mean(path.advance(29_000)[1][3000:] ** 2)) <= most  # mm/s; friction turns through 5
+
+    @pytest.mark.parametrize("degrees", [0, 30, 45, 75])
+    def test_a_corner_on_a_plane_is_alike_in_all_directions(self, degrees):
+        angle, times = np.radians(degrees), np.arange(375) / 125
+        heading = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        path = FingerPath(RATE, 125.0, dimensions=2)
+        path.report(times, np.stack([80 * np.minimum(times, 1), 80 * np.clip(times - 1, 0, 1)], axis=1) @ heading)
+        velocity = path.advance(29_000)[1]
+        assert (velocity @ heading.T).min() > -0.1 and np.linalg.norm(velocity, axis=1).max() < 1.01 * 80
+
+    @pytest.mark.parametrize("late", [0.02, 0.05, 0.15])
+    def test_reports_that_come_late_are_followed_late(self, late):
+        path, made, number = FingerPath(RATE, 125.0), [], 0
+        while path.time < 2:
+            while number / 125 + late <= path.time:
+                path.report(number / 125, 80 * number / 125)
+                number += 1
+            made.append(path.advance(32)[1][:, 0])
+        made = np.concatenate(made)[6000:]
+        assert 70 < made.min() and made.max() < 90

@@ -9,11 +9,15 @@ import numpy as np
 
 from ..export.convert import read_texture
 from ..signal import DEVICE_RATE, REFERENCE_FORCE
-from .program import Parser, command, existing_file, positive_number, program
+from .program import Parser, command, existing_file, positive_number, program, warn
 
 SUFFIXES = (".wav", ".npz")
 #: Counts of a 16-bit file at full scale.
 _COUNTS = 2**15 - 1
+#: A drive rises and falls over this time, s, at the ends of its file.
+RAMP_SECONDS = 0.02
+#: Slowest and fastest median speed, mm/s, of reports that move: beyond, positions are in another unit.
+MOVING_SPEEDS = (1.0, 2000.0)
 
 
 def gain(word):
@@ -71,53 +75,64 @@ def main(argv=None):
     profile = TextureProfile(texture, about["sampling_rate"], about["reference_speed"])
     friction = 0.0 if math.isnan(about["friction_coefficient"]) else about["friction_coefficient"]
     played = play_trajectory(profile, friction, time, position, arguments.rate, arguments.normal_force)
-    values, unit, display = (played.force if arguments.mean_friction else played.friction), "N", None
+    values, beside = (played.force if arguments.mean_friction else played.friction), {}
     if arguments.drive_profile:
-        values, display = _drive(arguments.drive_profile, played, arguments.gain)
-        unit = display.drive_unit
-    (_write_wav if wav else _write_npz)(arguments.output, values, display, played, about)
-    steps = np.diff(time)
+        values, beside = _drive(arguments, played)
+    (_write_wav if wav else _write_npz)(arguments.output, values, beside, played, about)
+    unit, steps = beside.get("drive_unit", "N"), np.diff(time)
+    speed = np.linalg.norm(np.diff(position.reshape(len(time), -1), axis=0), axis=1) / steps
+    usual = float(np.median(speed[speed > 0])) if speed.any() else 0.0
+    if usual and not MOVING_SPEEDS[0] <= usual <= MOVING_SPEEDS[1]:
+        warn("play.py", f"the finger moves at {usual:.3g} mm/s, its median: positions must be mm")
     print(
-        f"{len(time)} reports, {1 / np.median(steps):.0f} Hz, longest gap {1e3 * steps.max():.0f} ms\n"
+        f"{len(time)} reports, {1 / np.median(steps):.0f} Hz, longest gap {1e3 * steps.max():.0f} ms, {usual:.3g} mm/s "
+        f"where they move; followed at 0 to {played.speed.max():.3g} mm/s, at rest or lifted "
+        f"{100 * (played.speed < 1).mean():.0f} % of the time\n"
+        f"peaks: force {np.abs(played.force).max():.3g} N, friction about its mean "
+        f"{np.abs(played.friction).max():.3g} N\n"
         f"{arguments.output}: {len(values) / played.sampling_rate:.2f} s at {played.sampling_rate:g} Hz, the last "
         f"{1e3 * played.latency:.0f} ms after the last report, because a change of speed is felt so much later; peak "
         f"{np.abs(values).max():.3g} {'of full amplitude' if unit == '1' else unit}"
     )
 
 
-def _drive(path, played, gain):
-    """The drive of a display, and the display; says what was clipped, and the gain at which nothing would be."""
+def _drive(arguments, played):
+    """The drive of a display, and what is written beside it; says what was clipped, and the gain that clips nothing."""
     from ..display import DriveProfile
 
-    display = DriveProfile.load(path)
+    display, fits = DriveProfile.load(arguments.drive_profile), arguments.gain == "fit"
+    if abs(arguments.normal_force / display.normal_force - 1) > 0.2:
+        warn("play.py", f"--normal_force is {arguments.normal_force:g} N, the display was calibrated at "
+            f"{display.normal_force:g} N: what its drive does to friction depends on it")  # fmt: skip
+    gain, stream = 1.0 if fits else arguments.gain, display.stream(sampling_rate=played.sampling_rate)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of what was clipped so far: the report has the last word
-        drive, report = display.drive(
-            played.friction * (1.0 if gain == "fit" else gain), played.speed, sampling_rate=played.sampling_rate
-        )
-        if gain == "fit" and report.fitting_scale < 1:
-            print(f"gain {report.fitting_scale:.3g}")
-            drive, report = display.drive(
-                played.friction * report.fitting_scale, played.speed, sampling_rate=played.sampling_rate
-            )
-    if gain != "fit" and report.clipped:
-        print(f"{report}: --gain {gain * report.fitting_scale:.3g}, or --gain fit")
-    return drive, display
+        drive = stream.push(played.friction * gain, played.speed)
+        if fits and stream.report.fitting_scale < 1:
+            gain, stream = stream.report.fitting_scale, display.stream(sampling_rate=played.sampling_rate)
+            print(f"gain {gain:.3g}")
+            drive = stream.push(played.friction * gain, played.speed)
+    if not fits and stream.report.clipped:
+        print(f"{stream.report}: --gain {gain * stream.report.fitting_scale:.3g}, or --gain fit")
+    ramp = (1 + np.arange(len(drive))) / (RAMP_SECONDS * played.sampling_rate)
+    beside = {"drive_unit": display.drive_unit, "max_drive": display.max_drive, "normal_force": arguments.normal_force}
+    beside |= {"gain": gain, "bias": stream.bias, "clipped_share": stream.report.share}
+    return drive * np.minimum(1, np.minimum(ramp, ramp[::-1])), beside
 
 
-def _write_npz(path, values, display, played, about):
+def _write_npz(path, values, beside, played, about):
     from ..io.files import atomic_path
 
     names = ("time", "position", "speed", "force", "friction", "sampling_rate", "latency")
     arrays = {name: getattr(played, name) for name in names}
-    if display is not None:
-        arrays |= {"drive": values, "drive_unit": display.drive_unit, "max_drive": display.max_drive}
+    if beside:
+        arrays |= {"drive": values, **beside}
     with atomic_path(path) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, **arrays)
 
 
-def _write_wav(path, values, display, played, about):
-    if display is None:
+def _write_wav(path, values, beside, played, about):
+    if not beside:
         from ..export.wav import write_wav
 
         known = {name: about[name] for name in ("friction_coefficient", "ratings", "seed", "checkpoint")}
@@ -128,8 +143,10 @@ def _write_wav(path, values, display, played, about):
     from ..export.wav import sidecar_path
     from ..io.files import atomic_path, write_text
 
-    scale = {"drive_per_count": display.max_drive / _COUNTS, "unit": display.drive_unit, "latency": played.latency}
+    scale = {"drive_per_count": beside["max_drive"] / _COUNTS, "unit": beside["drive_unit"], "latency": played.latency}
     with atomic_path(path) as temporary:
         samples = np.round(values / scale["drive_per_count"]).astype(np.int16)
         soundfile.write(temporary, samples, round(played.sampling_rate), subtype="PCM_16", format="WAV")
-    write_text(sidecar_path(path), json.dumps({"sampling_rate": played.sampling_rate, **scale}, indent=1) + "\n")
+    write_text(
+        sidecar_path(path), json.dumps({"sampling_rate": played.sampling_rate, **scale, **beside}, indent=1) + "\n"
+    )

@@ -1,6 +1,7 @@
 """A drive profile from a recording of a finger on the display under a pseudo-random or swept command."""
 
 import math
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ SHORTEST_SECONDS = 2.1
 #: coherence c from n windows has a random error of sqrt((1 - c) / (2 c n)) (Bendat & Piersol, Random Data): 5 % a bin
 #: for 20 s at 0.5.
 LEAST_COHERENCE = 0.5
+#: Share of its range by which the force may bend away from the static curve, half-way, without a warning.
+LARGEST_BEND = 0.05
 #: Friction coefficients of fingers lie within 0.05 (on a film of air) and 3 (soft and moist on glass, lightly pressed):
 #: beyond these wide limits a unit is wrong.
 FRICTION_COEFFICIENTS = (0.01, 10.0)
@@ -53,7 +56,8 @@ def fit_drive_profile(command, measured, sampling_rate, *, kind, normal_force, s
     Excite 20-1000 Hz: pseudo-random levels held for one to five samples, or a sweep, both about the middle of the
     drive's range (pseudo-random as in Osgouei, Kim, Choi, IEEE ToH 2020, for an electrovibration display). The command
     goes through the known static curve first; what is left is linear, and its response is estimated as
-    H1 = S_xy / S_xx, which noise in the force does not bias.
+    H1 = S_xy / S_xx, which noise in the force does not bias. A UserWarning says where the curve does not hold, which
+    two levels alone cannot tell: send four or more.
 
     Args:
         command (`np.ndarray`): (samples,) drive as commanded, V or relative amplitude (0-1).
@@ -63,8 +67,8 @@ def fit_drive_profile(command, measured, sampling_rate, *, kind, normal_force, s
         kind (`str`): `"electroadhesion"` or `"ultrasonic"`.
         normal_force (`float`): mean normal force, N.
         speed (`float`): mean finger speed, mm/s, 1-3000.
-        lookup (`Sequence[tuple[float, float]]`, *optional*): for ultrasonic displays, see `DriveProfile`; the fitted
-            gain scales it.
+        lookup (`Sequence[tuple[float, float]]`, *optional*): for every display that saturates, and all ultrasonic
+            ones, see `DriveProfile`; the fitted gain scales it.
 
     Returns:
         `DriveFit`: its `profile` has one cutoff, at `speed`, and as its `max_drive` the largest drive in `command`,
@@ -87,6 +91,7 @@ def fit_drive_profile(command, measured, sampling_rate, *, kind, normal_force, s
     frequencies, response, coherence = _transfer(change, measured, rate)
     _check_coherence(frequencies, coherence)
     _check_sign(response, kind)
+    _check_curve(change, measured, rate, response, lookup)
     gain, cutoff, misfit_db = _fit_low_pass(frequencies, response, coherence, rate)
     profile = DriveProfile(
         kind=kind,
@@ -176,6 +181,25 @@ def _check_sign(response, kind):
         raise ValueError(
             f"`measured` falls where the friction of an {kind} display rises. Give the force along the sliding "
             "direction as positive, or check `kind`."
+        )
+
+
+def _check_curve(change, measured, rate, response, lookup):
+    """Warns where the force answers also to the square of the change, apart from what it has in common with it."""
+    x = (change - change.mean()) / np.ptp(change)
+    square = x**2 - np.polyval(np.polyfit(x, x**2, 1), x)
+    if np.ptp(square) < 1e-6:
+        return  # two levels
+    to_force, to_change = (_transfer(square, values, rate)[1] for values in (measured, change))
+    bend = 0.25 * np.vdot(response, to_force - response * to_change).real / np.vdot(response, response).real
+    bend = abs(bend) / np.ptp(change)
+    if bend > LARGEST_BEND:
+        curve = "`lookup`" if lookup else "the square of the drive"
+        warnings.warn(
+            f"The force does not follow {curve}: half-way it is {100 * bend:.0f} % of its range off, as of a display "
+            "that saturates. Give as `lookup` what friction steady drives add or take away.",
+            UserWarning,
+            stacklevel=3,
         )
 
 

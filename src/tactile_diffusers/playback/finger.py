@@ -1,12 +1,13 @@
 """Where a finger is at device rate, from a touch sensor that is slow and coarse."""
 
 import warnings
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy import signal
 
 from ..signal.checks import check_number, check_whole_number
+from .force_laws import TURNING_SPEED, direction_length
 
 #: Low-pass of the path, Hz. The jitter that it leaves of a sensor of 125 Hz and 0.1 mm puts 20 dB less energy into the
 #: force than the texture has (examples/benchmarks/stream.py); a higher one is quicker and coarser.
@@ -18,6 +19,8 @@ _LEAD_SHARE = 0.5
 #: Time beyond a sensor's period in which the newest report is expected, s: blocks of up to 50 samples at 10 kHz then
 #: give the same path whatever their length.
 _MARGIN = 0.005
+#: Time in which the velocity takes what a new report allows, s: without it the force would click.
+_EASE = 0.002
 #: Faster than this between two reports, mm/s, no finger slides: it was lifted and put down elsewhere.
 FASTEST = 3000.0
 #: After this time without a report, s, the path begins anew where the finger is seen next: it rested or was lifted.
@@ -40,6 +43,11 @@ class FingerPath:
 
     Reports are joined by straight lines, low-passed by a Bessel filter, and led ahead by the delay of both at the
     present, smoothed velocity: a finger of steady speed is followed without delay, a change of speed `latency` later.
+    Velocity stays within what was reported over the last `latency`: it neither overshoots where the finger starts nor
+    turns before the reports do, 9 to 17 ms after the finger at 125 Hz. Position alone does both, within 0.2 s: until it
+    has caught up with a start at full speed, a texture sounds up to 1.6 times too high. Below 2.5 mm/s the finger
+    rests, so that a sensor which trembles by 0.1 mm does not turn friction to and fro.
+
     Before the first report, and when reports stop, the finger rests where it was last seen. After more than 0.1 s
     without a report, or a jump at more than 3 m/s, the path begins anew, at rest, where the finger is then seen.
 
@@ -78,7 +86,11 @@ class FingerPath:
         self._settled = signal.sosfilt_zi(self._sections)[..., None]
         self._samples = 0
         self._times, self._places = np.empty(0), np.empty((0, dimensions))
-        self._state = self._last = None
+        # of the way from the report before to each one: velocity and, as the last column, speed
+        self._slopes = np.empty((0, dimensions + 1))
+        self._behind = 0.0  # of the reports, s, beyond what is waited for
+        self._ease = 1 - np.exp(-1 / (_EASE * sampling_rate))
+        self._state = self._last = self._eased = None
         self._landings, self.breaks = [], []
         self._intervals, self._warned = [], set()
 
@@ -118,6 +130,7 @@ class FingerPath:
                 f"{_CLOCK}"
             )
         self._append(times, places)
+        self._behind = max(0.0, now - times[-1] - self._wait)
         self._watch(times, last, now)
 
     def _append(self, times, places):
@@ -127,11 +140,16 @@ class FingerPath:
         before = np.flatnonzero((far > FASTEST * passed) | ((far > 0) & (passed > LIFTED_SECONDS)))
         landed = before + len(times) - len(passed)  # of the new reports
         self._landings.extend(times[landed].tolist())
-        # until then it rests where it was
-        times = np.insert(times, landed, np.nextafter(times[landed], -np.inf))
-        places = np.insert(places, landed, seen[before], axis=0)
+        slopes = np.column_stack([np.diff(seen, axis=0), far]) / passed[:, None]
+        slopes = np.concatenate([np.zeros((len(times) - len(passed), self.dimensions + 1)), slopes])
+        slopes[landed] = 0
+        if len(landed):  # until then it rests where it was
+            times = np.insert(times, landed, np.nextafter(times[landed], -np.inf))
+            places = np.insert(places, landed, seen[before], axis=0)
+            slopes = np.insert(slopes, landed, 0, axis=0)
         self._times = np.concatenate([self._times, times])
         self._places = np.concatenate([self._places, places])
+        self._slopes = np.concatenate([self._slopes, slopes])
 
     def _watch(self, times, last, now):
         """Warns, once each, of reports that drift away from the clock, or do not come at the sensor's rate."""
@@ -171,7 +189,10 @@ class FingerPath:
         self._samples += samples
         if not len(self._times):
             return tuple(np.zeros((2, samples, self.dimensions)))
-        line = np.stack([np.interp(wanted, self._times, axis) for axis in self._places.T], axis=1)
+        seen = wanted - self._behind
+        looked = np.stack([wanted, seen - 0.5 * self.latency, seen - self.latency])  # lines: (3, samples, dimensions)
+        lines = np.stack([np.interp(looked, self._times, axis) for axis in self._places.T], axis=-1)
+        lowest, highest = self._reported(seen, lines)
         landed = [when for when in self._landings if when <= wanted[-1]]
         self._landings = self._landings[len(landed) :]
         self.breaks = sorted({int(np.searchsorted(wanted, when)) for when in landed})
@@ -180,19 +201,41 @@ class FingerPath:
             if begin in self.breaks:
                 self._state = None
             if end > begin:
-                parts.append(self._smooth(line[begin:end]))
-        # one report before what is still wanted is needed for the line
-        old = max(0, np.searchsorted(self._times, wanted[-1], side="right") - 1)
-        self._times, self._places = self._times[old:], self._places[old:]
+                parts.append(self._smooth(lines[0, begin:end], lowest[begin:end], highest[begin:end]))
+        # one report before what is looked at is needed for the line
+        old = max(0, np.searchsorted(self._times, looked[-1, -1], side="right") - 1)
+        self._times, self._places, self._slopes = self._times[old:], self._places[old:], self._slopes[old:]
         return parts[0] if len(parts) == 1 else tuple(map(np.concatenate, zip(*parts, strict=True)))
 
-    def _smooth(self, line):
-        """Place and velocity along a line without breaks."""
+    def _reported(self, seen, lines):
+        """Lowest and highest velocity and speed of the last `latency`, 0 at rest: (samples, dimensions + 1) each."""
+        # after the last report it rests; the second row stands before the first
+        slopes = np.concatenate([self._slopes, np.zeros((2, self.dimensions + 1))])
+        find = partial(self._times.searchsorted, side="right")
+        known = find(seen + (self._wait - _MARGIN))
+        within = np.stack([find(seen - self.latency), np.maximum(find(seen) + 1, known)], axis=1).ravel()
+        lowest, highest = (extreme.reduceat(slopes, within)[::2] for extreme in (np.minimum, np.maximum))
+        # a finger that brakes is expected at rest before it is reported there, but not on its way back
+        ahead = slopes + 2 * (slopes - slopes[np.arange(len(slopes)) - 1])
+        lowest = np.minimum(lowest, np.maximum(ahead, 0).take(known - 1, axis=0))
+        highest = np.maximum(highest, np.minimum(ahead, 0).take(known - 1, axis=0))
+        gone = np.sqrt(np.square(np.ptp(lines, axis=0)).sum(axis=1)) / self.latency
+        moving = direction_length(np.maximum(2 * gone - TURNING_SPEED, 0))[:, None]
+        return lowest * moving, highest * moving
+
+    def _smooth(self, line, lowest, highest):
+        """Place and velocity along a line without breaks; led ahead alone, velocity would overshoot and run back."""
         if self._state is None:
             self._state, self._last = self._settled * line[0], line[0]
+            self._eased = np.zeros((1, self.dimensions))
         place, self._state = signal.sosfilt(self._sections, line, axis=0, zi=self._state)
         moved = np.diff(place, axis=0, prepend=self._last[None]) * self.sampling_rate
         self._last = place[-1]
+        moved = np.minimum(np.maximum(moved, lowest[:, :-1]), highest[:, :-1])
+        if self.dimensions > 1:
+            speed = np.sqrt(np.square(moved).sum(axis=1))
+            moved *= np.minimum(1, highest[:, -1] / np.maximum(speed, 1e-12))[:, None]
+        moved, self._eased = signal.lfilter([self._ease], [1, self._ease - 1], moved, axis=0, zi=self._eased)
         return place, moved
 
 

@@ -27,14 +27,15 @@ class TextureStream:
     The texture is a profile over position ([`TextureProfile`]): the same place feels the same in both directions, and
     every frequency follows the speed. Direction turns smoothly through 5 mm/s. On a plane (`dimensions=2`) the surface
     is alike in all directions: it consists of the profile along three axes 60 degrees apart, weighted by how the finger
-    moves; a stroke between two axes reads both, 13 % more slowly.
+    moves; a stroke between two axes reads both, 13 % more slowly, and of a pure tone, unlike of noise, anything from
+    silence to 3 dB more, by its phases there.
 
     Events of stick-slip (`TextureProfile.events`) are not fixed in space. They go forwards however the finger turns, at
     a rate of the speed times the contact's stiffness over (Fn / 0.5 N)^(2/3), and with laws of level of their own.
 
     Reports of the finger (`report`), another profile (`replace`) and blocks (`read`) may come from different threads.
     Read as many samples as time passes, whether reports come or not. Reports may come unevenly, their times count. A
-    block's length plus a report's lateness should stay below 5 ms; beyond, the finger rests until its next report.
+    block's length plus a report's lateness should stay below 5 ms; beyond, the finger slows down until its next report.
 
     Args:
         profile (`TextureProfile`): what is under the finger.

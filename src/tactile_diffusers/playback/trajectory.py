@@ -7,6 +7,7 @@ import numpy as np
 from ..io.reading import read_table, reading
 from ..signal import DEVICE_RATE, REFERENCE_FORCE
 from ..signal.checks import check_number
+from .finger import LIFTED_SECONDS
 from .stream import TextureStream
 
 #: What a display that follows the finger reads at once, s.
@@ -56,6 +57,8 @@ def play_trajectory(
 ):
     """Moves a finger over a texture as a stream would have followed it: it starts, turns and stops as there.
 
+    Only dropped reports do no harm: the finger goes straight on between two that are up to 0.1 s apart.
+
     Args:
         profile (`TextureProfile`): what is under the finger.
         friction_coefficient (`float`): of the mean friction.
@@ -91,7 +94,8 @@ def play_trajectory(
     block, parts, reported = max(1, round(_BLOCK_SECONDS * sampling_rate)), [], 0
     for begin in range(0, count, block):
         samples = min(block, count - begin)
-        due = int(np.searchsorted(time, begin / sampling_rate, side="right"))  # no stream knows a report before it
+        # ahead of its time, so that the line between two reports is known
+        due = int(np.searchsorted(time, begin / sampling_rate + LIFTED_SECONDS, side="right"))
         if due > reported:
             stream.report(time[reported:due], position[reported:due])
             reported = due
