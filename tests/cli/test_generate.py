@@ -16,6 +16,7 @@ from tactile_diffusers.cli.generate import main, parse_arguments
 from tactile_diffusers.pipelines import PRESETS
 
 #: a small checkpoint of an earlier version, with the typical rater's statistics but without quantiles
+AXES = ("roughness", "bumpiness", "slipperiness")
 TINY = Path(__file__).parents[1] / "fixtures" / "tiny_pipeline"
 
 
@@ -27,6 +28,7 @@ class RecordingPipeline:
         self.folder = None
         self.progress_bar = {}
         self.error = None
+        self.dale = SimpleNamespace(config=SimpleNamespace(rating_axes=AXES))
 
     def from_pretrained(self, folder):
         self.folder = folder
@@ -77,7 +79,8 @@ def _parse(*arguments):
     ],
 )
 def test_ratings_by_row_by_axis_or_by_name(words, expected):
-    np.testing.assert_array_equal(_parse(*words.split()).ratings, expected)
+    ratings = _parse(*words.split()).ratings
+    np.testing.assert_array_equal([ratings.get(axis, math.nan) for axis in AXES], expected)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +111,7 @@ def test_one_take_writes_its_files(pipeline, tmp_path, capsys):
     assert sorted(path.name for path in output.iterdir()) == names
     # what was not asked for is left to the pipeline
     common = {"num_textures_per_rating": 1, "rating_scale": "z", "guidance_scale": 1.0}
-    assert pipeline.call == {"ratings": [1.5, 0, -1], **common}
+    assert pipeline.call == {"ratings": dict(zip(AXES, (1.5, 0, -1), strict=True)), **common}
     assert pipeline.folder == bundled_checkpoint()
     with np.load(output / "texture.npz") as file:
         assert (file["seed"], file["sampling_rate"], file["reference_speed"]) == (0, 10000, 80)
@@ -161,11 +164,10 @@ def test_a_refusal_is_one_line_and_writes_nothing(pipeline, tmp_path, capsys, er
 
 def test_the_rating_scale_is_passed_on_and_files_hold_z_scores(pipeline, tmp_path, capsys):
     statistics = {"mean": [4.0, 3.0, 5.0], "std": [2.0, 1.0, 1.0]}
-    axes = ["roughness", "bumpiness", "slipperiness"]
-    pipeline.dale = SimpleNamespace(config=SimpleNamespace(rating_axes=axes, rating_statistics=statistics))
+    pipeline.dale = SimpleNamespace(config=SimpleNamespace(rating_axes=AXES, rating_statistics=statistics))
     assert main(["--ratings", "7", "nan", "4", "--rating_scale", "raw", "--output", str(tmp_path)]) == 0
     asked = pipeline.call.pop("ratings")
-    assert (asked[0], asked[2]) == (7, 4) and math.isnan(asked[1])
+    assert (asked["roughness"], asked["slipperiness"]) == (7, 4) and math.isnan(asked["bumpiness"])
     assert pipeline.call == {"num_textures_per_rating": 1, "rating_scale": "raw", "guidance_scale": 1.0}
     with np.load(tmp_path / "texture.npz") as file:
         np.testing.assert_allclose(file["ratings"], [1.5, np.nan, -1.0])
@@ -200,3 +202,20 @@ def test_an_axis_by_its_name():
     assert _parse("--rating", "fineness", "1.5", "--roughness", "1").ratings == {"roughness": 1.0, "fineness": 1.5}
     with pytest.raises(SystemExit):
         _parse("--rating", "fineness", "much")
+    with pytest.raises(SystemExit):
+        _parse("--ratings", "1", "0", "0", "--rating", "roughness", "1")
+
+
+@pytest.mark.parametrize(
+    "words", ["--roughness 1", "--ratings 1 0 0", "--preset denim", "--preset denim --rating soft 1"]
+)
+def test_a_checkpoint_with_a_further_axis_takes_every_way_of_asking(pipeline, tmp_path, monkeypatch, words):
+    titles = []
+    monkeypatch.setattr("matplotlib.figure.Figure.suptitle", lambda self, title, **_: titles.append(title))
+    pipeline.dale.config = SimpleNamespace(rating_axes=(*AXES, "soft"), rating_statistics=None)
+    assert main([*words.split(), "--output", str(tmp_path)]) == 0
+    asked = pipeline.call["ratings"]
+    assert asked["roughness"] in (1, PRESETS["denim"][0]) and asked.get("soft") == (1 if "soft" in words else None)
+    assert ("soft +1" if "soft" in words else "soft not specified") in titles[0]
+    with np.load(tmp_path / "texture.npz") as file:
+        assert len(file["ratings"]) == 4

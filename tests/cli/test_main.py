@@ -62,7 +62,7 @@ def test_it_is_declared():
 @pytest.mark.parametrize("spelling", ("--num-inference-steps=7", "--num_inference_steps=7"))
 def test_hyphens_and_underscores_are_the_same(spelling, tmp_path):
     found = generate.parse_arguments(["--ratings", "1", "0", "none", "--output", str(tmp_path), spelling])
-    assert found.num_inference_steps == 7 and found.ratings[2] != found.ratings[2]
+    assert found.num_inference_steps == 7 and found.ratings["slipperiness"] != found.ratings["slipperiness"]
 
 
 def test_an_unknown_option_is_refused_as_it_was_written(tmp_path, capsys):

@@ -209,6 +209,25 @@ def test_seconds_by_reason(tmp_path, recording_maker, recordings_writer):
     assert "missing samples (NaN) excluded, in 1 recordings, first c/explorer/0" in report.notes
 
 
+def test_little_use_and_clocks_apart_are_said(tmp_path, recording_maker, recordings_writer):
+    made = {name: recording_maker(seconds=4.0, seed=seed) for seed, name in enumerate("abc")}
+    report = prepare_recordings(recordings_writer(tmp_path / "r.h5", made), tmp_path / "p.h5", quiet=True)
+    assert "WARNING" not in str(report) and "offset" not in str(report)
+    for recording in made.values():
+        recording["force"][[10_000, 20_000, 20_001, 20_030]] = np.nan  # 0.1 ms and 0.2 ms
+    made["b"]["velocity"] = made["b"]["velocity"] * np.where(np.arange(2000) < 400, -1, 1)[:, None]
+    report = prepare_recordings(recordings_writer(tmp_path / "r.h5", made), tmp_path / "p.h5", quiet=True)
+    assert "note: bridged by straight lines: gaps of up to 0.001 s in the force (12 samples)" in str(report)
+    assert "points with the motion in 20% of the time (in b/explorer/0, the worst): is `offset`" in str(report)
+    for name in "ac":
+        for start in range(5000, 40_000, 10_000):
+            made[name]["force"][start : start + 20] = np.nan
+    report = prepare_recordings(recordings_writer(tmp_path / "r.h5", made), tmp_path / "p.h5", quiet=True)
+    assert "note: WARNING: only 4 of 12 s within the limits of force and speed are used. Largest cause: missing" in str(
+        report
+    )
+
+
 @pytest.mark.parametrize(
     "factor, axes, message", [(1000, "xyz", "divide by 1000"), (1, "zyx", "x looks like the normal")]
 )

@@ -26,6 +26,7 @@ def test_virtual_then_again_from_its_recordings(tmp_path, capsys):
     )
     output = capsys.readouterr()
     assert "filtered segments: train" in output.out and not output.err
+    assert "ratings in z-scores, as `generate` takes them (first 4 of 4):\n" in output.out
     notes = sum(line.startswith("note: ") for line in output.out.splitlines())
     assert notes and f"wrote {prepared}; {notes} note" in output.out  # one surface each is held out of four
     run("--source recordings --recordings {r} --prepared {p} --quiet", r=recordings, p=again)

@@ -1,7 +1,7 @@
 """Selection and projection, against slow and obvious references."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -100,6 +100,15 @@ def random_recording(stretches):
     return Recording("s", "e", "0", force, None, SLOW_RATE, velocity, SLOW_RATE, "N")
 
 
+def slow_mended(values, longest):
+    """Straight lines across gaps (rows with NaN) of at most `longest` samples between two others, sample by sample."""
+    mended, known = values.astype(float), [i for i in range(len(values)) if not np.isnan(values[i]).any()]
+    for left, right in zip(known, known[1:], strict=False):
+        for i in range(left + 1, right if right - left - 1 <= longest else 0):
+            mended[i] = values[left] + (values[right] - values[left]) * ((i - left) / (right - left))
+    return mended
+
+
 def slow_windows(recording):
     """The rule in words, sample by sample: window starts, and the reason of each sample."""
     n, normal, speed = recording.samples, np.abs(recording.force[:, 2]), np.abs(recording.velocity[:, 0])
@@ -138,6 +147,8 @@ def test_windows_of_random_recordings_equal_the_slow_reference(stretches):
     data = channels(recording, "keep")
     filtered, valid = filtered_with_gaps(data.lateral, SLOW_RATE, SLOW_BAND)
     windows = find_windows(data, filtered, valid, SLOW_RATE, SLOW_LIMITS)
+    # 1 ms of force are less than a sample, 0.05 s of motion five
+    recording = replace(recording, force=slow_mended(recording.force, 1), velocity=slow_mended(recording.velocity, 5))
     starts, reasons = slow_windows(recording)
     assert windows.start.tolist() == starts
     counted = {reason: reasons.count(reason) / SLOW_RATE for reason in windows.seconds}
@@ -299,6 +310,23 @@ def test_a_step_at_a_gap_leaves_little_in_segments():
         first = np.flatnonzero(valid[30_000:])[0] + 30_000
         assert np.sqrt(np.mean(filtered[first : first + SEGMENT_SAMPLES] ** 2)) < 1e-4
         assert np.abs(filtered[valid][:1000]).max() < 1e-6  # and nothing at the ends of the recording
+
+
+def test_short_gaps_are_bridged_and_longer_ones_name_what_they_cost():
+    rng = np.random.default_rng(0)
+    whole = np.tile([0.3, 0.0, 0.5], (100_000, 1)) + 0.01 * rng.standard_normal((100_000, 3))
+    velocity = np.tile([80.0, 0.0], (5000, 1))
+    for longest, lost in ((10, 0), (11, 9.0)):  # 1 ms, every second
+        force, holes = whole.copy(), velocity.copy()
+        for second in range(1, 10):
+            force[10_000 * second : 10_000 * second + longest, 1] = np.nan
+            holes[500 * second + 100 : 500 * second + 125] = np.nan  # 0.05 s
+        recording = recording_of(force, holes)
+        windows = windows_of(recording)
+        assert channels(recording).bridged == (0 if lost else 90, 225)
+        assert len(windows.start) == (0 if lost else len(windows_of(recording_of(whole, velocity)).start))
+        assert windows.lost.get("missing samples", 0) == pytest.approx(lost, abs=0.3)
+    assert windows_of(recording_of(whole, velocity)).lost == {"ends of recordings": pytest.approx(0.2)}
 
 
 def test_stretch_of_nan_is_excluded_with_a_margin():

@@ -136,4 +136,4 @@ def _run_edit(script, name, arguments, options):
     generator = torch.Generator("cpu").manual_seed(arguments.seed)
     friction = recording.friction_coefficient
     out = pipe(recording.texture, recording.rate, friction_coefficient=friction, generator=generator, **settings)
-    write_texture(arguments, name, out, ratings)
+    write_texture(arguments, name, out, ratings, axes=pipe.dale.config.rating_axes)

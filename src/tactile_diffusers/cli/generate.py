@@ -1,6 +1,5 @@
 """`tactile-diffusers generate`: textures of ratings, as files."""
 
-import math
 import time
 
 from ..pipelines import PRESETS
@@ -23,7 +22,7 @@ from .recording_file import write_texture
 
 
 def parse_arguments(argv=None):
-    """Arguments of the command, with `ratings` in the order of `RATING_AXES`, or by name."""
+    """Arguments of the command, with `ratings` by name: a checkpoint may have further axes."""
     parser = Parser(
         prog=program("generate.py"),
         description="Generate tactile textures from perceptual ratings and write them as .npz, .wav and .png.",
@@ -44,14 +43,13 @@ def parse_arguments(argv=None):
     arguments = parser.parse_args(argv)
 
     single = ratings_by_axis(parser, arguments)
-    if bool(single) + (arguments.ratings is not None) + (arguments.preset is not None) != 1:
-        parser.error(f"give either --ratings, or --preset, or one or more of {AXIS_ARGUMENTS}")
+    rows = [row for row in (arguments.ratings, PRESETS.get(arguments.preset)) if row is not None]
+    if len(rows) + bool(set(single) & set(RATING_AXES)) > 1 or not (rows or single):
+        ask = f"give either --ratings, or --preset, or one or more of {AXIS_ARGUMENTS}"
+        parser.error(f"{ask}; beside the first two, --rating may name a further axis")
     if arguments.preset is not None and arguments.rating_scale != "z":
         parser.error("argument --rating_scale: leave it out, the ratings of a --preset are z-scores")
-    if arguments.ratings is None:
-        values = PRESETS[arguments.preset] if arguments.preset else [single.get(axis) for axis in RATING_AXES]
-        by_name = single if arguments.rating else None
-        arguments.ratings = by_name or [math.nan if value is None else value for value in values]
+    arguments.ratings = dict(zip(RATING_AXES, *rows or [()], strict=False)) | single
     if arguments.seed + arguments.num_textures_per_rating > 2**63:
         parser.error(f"argument --seed: must be smaller for so many textures, got {arguments.seed}")
     return arguments
@@ -80,13 +78,13 @@ def main(argv=None):
         **generation_options(arguments),
     )
     elapsed = time.perf_counter() - start
-    ratings = arguments.ratings
+    axes = pipe.dale.config.rating_axes
+    ratings = [arguments.ratings.get(axis) for axis in axes]
     if arguments.rating_scale != "z" or arguments.rating:
-        axes = pipe.dale.config.rating_axes
-        ratings = parse_ratings(ratings, pipe.dale.config, arguments.rating_scale)[0].tolist()
+        ratings = parse_ratings(arguments.ratings, pipe.dale.config, arguments.rating_scale)[0].tolist()
         say(f"ratings in z-scores: {', '.join(f'{a} {z:.2f}' for a, z in zip(axes, ratings, strict=True))}")
     seconds = out.textures.shape[-1] / out.sampling_rate
     say(f"{number} x {seconds:.2f} s of texture at {out.sampling_rate} Hz generated in {elapsed:.2f} s")
     for row, seed in enumerate(seeds):  # a picture takes a second to draw: the first one gets it
         name = "texture" if number == 1 else f"texture_{row:03d}"
-        write_texture(arguments, name, out, ratings, row, seed=seed, picture=row == 0)
+        write_texture(arguments, name, out, ratings, row, seed=seed, picture=row == 0, axes=axes)

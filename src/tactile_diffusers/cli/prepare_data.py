@@ -3,8 +3,10 @@
 import argparse
 from pathlib import Path
 
+import pandas as pd
+
 from .. import virtual
-from ..data import HoldOut, SegmentLimits, prepare_recordings, split_surfaces
+from ..data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings, split_surfaces
 from ..data.folder import convert_folder, draft_layout, inspect_folder
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
@@ -137,7 +139,9 @@ def main(argv=None):
         preparation = _preparation(args) if args.prepared is not None else None
         recordings = _recordings(args)
         if preparation is not None:
-            _print_report(prepare_recordings(recordings, args.prepared, **preparation), args.prepared)
+            report = prepare_recordings(recordings, args.prepared, **preparation)
+            _print_ratings(PreparedDataset(args.prepared, "all", "full").set_axes())
+            _print_report(report, args.prepared)
 
 
 def _check_inspect(parser, args):
@@ -237,6 +241,14 @@ def _recordings(args):
     else:
         _print_report(convert_folder(args.root, args.layout, args.output, quiet=args.quiet), args.output)
     return args.output
+
+
+def _print_ratings(data):
+    """Prints the ratings of the first twenty surfaces."""
+    table = pd.DataFrame(data.ratings.mean, data.surfaces, data.ratings.axes).dropna(how="all")
+    if len(table):
+        shown = table.head(20).to_string(float_format="{:+.2f}".format)
+        print(f"ratings in z-scores, as `generate` takes them (first {min(len(table), 20)} of {len(table)}):\n{shown}")
 
 
 def _print_report(report, written):

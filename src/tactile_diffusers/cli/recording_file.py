@@ -96,7 +96,7 @@ def read_recording_file(script, arguments, quiet=True):
     return Recording(force, rate, texture, friction, notes)
 
 
-def write_texture(arguments, name, out, ratings=OPEN, row=0, original=None, seed=None, picture=True):
+def write_texture(arguments, name, out, ratings=OPEN, row=0, original=None, seed=None, picture=True, axes=RATING_AXES):
     """Writes name.npz, .wav and .png of one texture of an output, says so unless `--quiet`, and returns the paths."""
     from ..export import write_figure, write_npz, write_wav
     from ..signal import rms
@@ -109,7 +109,7 @@ def write_texture(arguments, name, out, ratings=OPEN, row=0, original=None, seed
     for write, path in zip((write_npz, write_wav), files, strict=False):
         write(path, texture, seed=arguments.seed if seed is None else seed, **origin, **common)
     if picture:
-        write_figure(files[2], texture, original=original, **common)
+        write_figure(files[2], texture, original=original, axes=axes, **common)
     if not arguments.quiet:
         written = ", ".join(map(str, files))
         print(f"{written}: {len(texture) / out.sampling_rate:.2f} s, RMS {1e3 * rms(texture):.2f} mN", end="")

@@ -46,10 +46,10 @@ def main(argv=None):
         search.answer(word)
     search.save(arguments.search)
     best = search.best()
-    pair = search.propose()
+    pair, axes = search.propose(), pipe.dale.config.rating_axes
     for row, name in enumerate(("first", "second")):
-        write_texture(arguments, name, pair, search.space.ratings(search.next_pair())[row], row)
-    write_texture(arguments, "best", best.texture, search.space.ratings([list(best.point.values())])[0])
+        write_texture(arguments, name, pair, search.space.ratings(search.next_pair())[row], row, axes=axes)
+    write_texture(arguments, "best", best.texture, search.space.ratings([list(best.point.values())])[0], axes=axes)
     print(f"{len(search.answers)} answers; best so far, with its uncertainty:")
     for name, value in best.point.items():
         print(f"  {name} {value:+.2f} ± {best.uncertainty[name]:.2f}")

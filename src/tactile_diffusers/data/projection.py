@@ -1,12 +1,12 @@
 """Lateral force, normal force and speed of a recording: the projection on the sliding direction (paper section 2.1)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import signal
 
 from ..signal import band_pass
-from ..signal.masks import interpolated, mask_of_runs, true_runs
+from ..signal.masks import bridge_gaps, interpolated, mask_of_runs, true_runs
 from .force_checks import out_of_range
 from .turnarounds import DEFAULT_TURNAROUNDS, find_turnarounds, treat_turnarounds
 
@@ -17,6 +17,9 @@ SLOWEST_DIRECTION = 10.0
 #: Mean over standard deviation from which a lateral force says which way friction points; without its mean (a
 #: microphone, an accelerometer, a high-passed file) the sign cannot be known and stays.
 LEAST_BIAS = 0.5
+#: Gaps of up to so much (s) are bridged by straight lines. Motion: one window of the filter that makes velocity of
+#: position. Force: a few samples, one period of the upper edge of the band (recipe).
+MOTION_GAP, FORCE_GAP = 0.05, 1e-3
 
 
 @dataclass
@@ -32,6 +35,7 @@ class Channels:
         excluded (`np.ndarray`): (n,) bool, samples that no segment may hold because of a turnaround.
         flipped (`bool`): whether the recorded sign was turned: the force was the surface's on the finger, or along a
             fixed axis of a sensor.
+        bridged (`tuple[int, int]`): samples of force and of motion in short gaps, bridged by straight lines.
     """
 
     lateral: np.ndarray
@@ -41,6 +45,7 @@ class Channels:
     saturated: np.ndarray
     excluded: np.ndarray
     flipped: bool = False
+    bridged: tuple[int, int] = (0, 0)
 
 
 def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
@@ -62,16 +67,18 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
         ValueError: if the recording has 3-D force but no velocity, no usable sample or the same force in all samples,
             or `turnarounds` is unknown.
     """
-    samples, rate = recording.samples, recording.rate
+    samples, rate, name = recording.samples, recording.rate, "lateral" if recording.force is None else "force"
+    force, in_force = _bridged(getattr(recording, name), FORCE_GAP * rate)
+    velocity, in_motion = _bridged(recording.velocity, MOTION_GAP * (recording.velocity_rate or 0))
+    recording = replace(recording, velocity=velocity, **{name: force})
     speed, angle, positions = None, None, np.empty(0, dtype=np.int64)
-    if recording.velocity is not None:
-        velocity, velocity_rate = recording.velocity, recording.velocity_rate
+    if velocity is not None:
+        velocity_rate = recording.velocity_rate
         speed = at_rate(np.hypot(velocity[:, 0], velocity[:, 1]), velocity_rate, rate, samples)
         angle = sliding_direction(velocity, velocity_rate)
         positions = np.round(find_turnarounds(angle, velocity_rate) * rate).astype(np.int64)
         positions = positions[positions < samples]
         angle = at_rate(angle, velocity_rate, rate, samples)
-    force = recording.force if recording.force is not None else recording.lateral
     broken = out_of_range(force, rate, recording.unit)
     lateral, normal = _project(recording, angle)
     lateral = np.where(broken, np.nan, lateral)
@@ -82,7 +89,19 @@ def channels(recording, turnarounds=DEFAULT_TURNAROUNDS):
     sign = _opposing(lateral, angle, known=recording.force is not None)
     lateral, flipped = sign * lateral, bool(np.any(sign < 0))
     lateral, excluded = treat_turnarounds(lateral, positions, rate, turnarounds)
-    return Channels(lateral, normal, speed, positions, broken, excluded, flipped)
+    return Channels(lateral, normal, speed, positions, broken, excluded, flipped, (in_force, in_motion))
+
+
+def _bridged(values, longest):
+    """Values, (n,) or (n, axes), with straight lines across gaps of up to `longest` samples, and how many they hold."""
+    if values is None:
+        return None, 0
+    axes = np.atleast_2d(values.T)
+    missing = np.isnan(axes).any(axis=0)
+    short = bridge_gaps(~missing, max(1, round(longest))) & missing
+    if short.any():
+        axes = np.array([np.where(short, interpolated(axis, missing), axis) for axis in axes])
+    return axes.T.reshape(values.shape), int(short.sum())
 
 
 def _project(recording, angle):

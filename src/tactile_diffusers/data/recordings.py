@@ -174,7 +174,7 @@ class RecordingsFile:
     """Reads `recordings.h5`. Iterating yields one `Recording` after the other, so that one is in memory at a time.
 
     The structure of the file is checked when it is opened, values are checked when a recording is read. NaN is not an
-    error: preparation excludes missing samples and reports them. An infinite value becomes NaN.
+    error: preparation bridges short gaps, excludes longer ones and reports both. An infinite value becomes NaN.
 
     Args:
         path (`str` or `Path`): the file.

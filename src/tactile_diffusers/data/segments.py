@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields, replace
 from numbers import Real
 
 import numpy as np
+from scipy import ndimage
 
 from ..signal import SEGMENT_SECONDS, level
 from ..signal.checks import check_number
@@ -122,11 +123,13 @@ class Windows(SegmentTable):
         seconds (`dict[str, float]`): where the recording's time went, by reason, all of `REASONS`.
         skipped (`tuple[str, ...]`): limits that could not be applied, because their channel is missing.
         usable (`np.ndarray`): (n,) bool, the samples that a window may hold.
+        lost (`dict[str, float]`): seconds within the limits, in runs as long as a window, that are not used, by cause.
     """
 
     seconds: dict
     skipped: tuple
     usable: np.ndarray
+    lost: dict
 
 
 def select_windows(usable, window, step):
@@ -159,9 +162,13 @@ def find_windows(data, filtered, valid, rate, limits, number=0):
     present = [values for values in (data.lateral, data.normal, data.speed) if values is not None]
     missing = np.any([np.isnan(values) for values in present], axis=0)
     in_limits = np.all(list(inside.values()), axis=0) if inside else np.ones(len(filtered), dtype=bool)
-    usable = bridge_gaps(in_limits, int(round(limits.longest_excursion * rate))) & valid & ~missing & ~data.excluded
+    longest = int(round(limits.longest_excursion * rate))
+    usable = bridge_gaps(in_limits, longest) & valid & ~missing & ~data.excluded
     window, step = limits.samples(rate), limits.step(rate)
     start, used = select_windows(usable, window, step)
+    within = select_windows(bridge_gaps(in_limits | missing, longest), window, step)[1]
+    causes = {"saturated samples": data.saturated, "missing samples": missing & ~data.saturated}
+    causes["turnarounds close together"] = data.excluded
 
     reasons = {"saturated": data.saturated, "missing (NaN)": missing, "turnaround": data.excluded}
     reasons["filter margin"] = ~valid
@@ -174,6 +181,7 @@ def find_windows(data, filtered, valid, rate, limits, number=0):
         seconds=_seconds_by_reason(reasons, rate),
         skipped=skipped,
         usable=usable,
+        lost=_lost(within & ~used, causes, rate),
         **_measure(data, filtered, rate, window, start),
     )
 
@@ -197,6 +205,14 @@ def _seconds_by_reason(masks, rate):
         seconds[reason] = float(np.count_nonzero(left & mask)) / rate
         left = left & ~mask
     return seconds
+
+
+def _lost(lost, causes, rate):
+    """Seconds of the samples `lost`, (n,) bool, by the nearest of the causes; an end of the recording is one."""
+    away = {name: ndimage.distance_transform_edt(~mask)[lost] for name, mask in causes.items() if mask.any()}
+    away["ends of recordings"] = np.minimum(place := np.arange(len(lost)), place[::-1])[lost]
+    nearest = np.argmin(list(away.values()), axis=0)
+    return {name: float(np.count_nonzero(nearest == number)) / rate for number, name in enumerate(away)}
 
 
 def _measure(data, filtered, rate, window, start):

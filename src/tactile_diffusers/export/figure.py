@@ -1,7 +1,6 @@
 """A picture of a texture: waveform, spectrum and spectrogram."""
 
 import math
-from itertools import zip_longest
 
 import numpy as np
 
@@ -15,13 +14,14 @@ DYNAMIC_RANGE_DB = 60.0
 _ORIGINAL = {"color": "0.6", "label": "original"}
 
 
-def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings, original=None):
+def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings, original=None, axes=RATING_AXES):
     """Writes a PNG with the waveform in mN, the power spectral density and the spectrogram of one texture.
 
     Args:
         path, texture, sampling_rate, friction_coefficient, ratings: as for `write_npz`; at least 0.05 s.
         original (`np.ndarray`, *optional*): (samples,), N, the recording of which `texture` is a reconstruction:
             waveform and spectrum show it, and the title has no ratings.
+        axes (`Sequence[str]`): names of the ratings, those of the checkpoint.
 
     Raises:
         ValueError: on a bad argument, before anything is written.
@@ -32,7 +32,7 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings,
             f"`texture` of {len(texture)} samples at {sampling_rate} Hz is too short to draw. Give at least 0.05 s."
         )
     friction_coefficient = check_positive_or_unknown("friction_coefficient", friction_coefficient)
-    title = _title(texture, friction_coefficient, check_ratings(ratings))
+    title = _title(texture, friction_coefficient, check_ratings(ratings), axes)
     if original is not None:
         original = check_texture(original, sampling_rate)
         title = f"reconstruction, RMS {1e3 * rms(texture):.2f} mN; original {1e3 * rms(original):.2f} mN"
@@ -56,13 +56,13 @@ def write_figure(path, texture, *, sampling_rate, friction_coefficient, ratings,
         figure.savefig(temporary, format="png", dpi=120)
 
 
-def _title(texture, friction_coefficient, ratings):
-    axes = ", ".join(
+def _title(texture, friction_coefficient, ratings, axes):
+    named = ", ".join(
         f"{axis} {'not specified' if math.isnan(value) else f'{value:+.2g}'}"
-        for axis, value in zip_longest(RATING_AXES, ratings, fillvalue="further axis")
+        for axis, value in zip((*axes, *["further axis"] * len(ratings)), ratings, strict=False)
     )
     friction = "unknown" if math.isnan(friction_coefficient) else f"{friction_coefficient:.2f}"
-    return f"{axes}\nfriction coefficient {friction}, RMS {1e3 * rms(texture):.2f} mN"
+    return f"{named}\nfriction coefficient {friction}, RMS {1e3 * rms(texture):.2f} mN"
 
 
 def draw_waveform(panel, texture, sampling_rate):

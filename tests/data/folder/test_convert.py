@@ -348,3 +348,23 @@ def test_ratings_come_along(rig):
     with RecordingsFile(rig.path / "r.h5") as file:
         assert file.ratings.surfaces == ("wood",)
     assert any("['felt'] left out: all their recordings are" in note for note in report.rating_notes)
+
+
+def test_rated_names_are_found_in_names_of_files(rig):
+    """The shortest name of a surface would be "felt", by the explorer "P80"."""
+    for name in ("felt_P80_ann_1", "felt_P240_ann_1", "cork_ann_1"):
+        for old, kind in ((rig.force(), "force"), (rig.motion(), "motion")):
+            (rig.root / f"{kind}_{name}.csv").write_bytes(old.read_bytes())
+    rig.layout = rig.layout.replace("{surface}/{trial}_force", "force_{surface}_{explorer}_{trial}")
+    rig.layout = rig.layout.replace("{surface}/{trial}_motion", "motion_{surface}_{explorer}_{trial}") + RATINGS
+    (rig.root / "ratings.csv").write_text("who,what,rough\na,felt_P80,1\na,felt P240,2\na,cork,5\n")
+    rig.refuses('felt P240" = "felt_P240"')
+    rig.layout += '[surface_names]\n"felt P240" = "felt_P240"\n'
+    report = rig.convert()
+    assert report.surfaces == ["cork", "felt_P240", "felt_P80"] and report.explorers == ["ann"]
+    (rig.path / "r.h5").unlink()
+    (rig.root / "ratings.csv").write_text("who,what,rough\na,emery P80,1\na,emery P240,2\na,cork,5\n")
+    rig.layout = rig.layout.replace('[surface_names]\n"felt P240" = "felt_P240"\n', "")
+    rig.refuses(r"`pattern` splits names of surfaces: a part of 'emery P\d+' .* in the explorer 'P\d+'")
+    rig.layout += '[surface_names]\n"emery P80" = "felt_P80"\n"emery P240" = "felt_P240"\n'
+    assert rig.convert().surfaces == ["cork", "felt_P240", "felt_P80"]

@@ -234,6 +234,25 @@ def test_sound_files_hold_lateral_force(tmp_path):
     assert "the pattern reads the surface of wood_grain_1.wav as 'wood'" in draft_layout(inventory)
 
 
+def test_kinds_of_files_that_only_their_columns_tell_apart(tmp_path):
+    """Words of another language, and a workbook that begins with a sheet of remarks."""
+    for surface in ("Glas", "Kork", "Jeans", "Filz"):
+        for person in ("Anna", "Bernd"):
+            table(tmp_path / f"Kraft_{surface}_{person}_1.csv", force_columns(("Fx [mN]", "Fy [mN]", "Fz [mN]")))
+            path = dict(zip(("X [mm]", "Y [mm]"), position().T, strict=True))
+            table(tmp_path / f"Weg_{surface}_{person}_1.csv", {"t [s]": np.arange(1000) / 500, **path})
+    with pd.ExcelWriter(tmp_path / "Antworten.xlsx") as book:
+        pd.DataFrame(["Studie"]).to_excel(book, sheet_name="Info", index=False, header=False)
+        rated = pd.DataFrame({"Proband": ["a", "b"], "sample": ["Glas", "Kork"], "smooth": [0, 8]})
+        rated.to_excel(book, sheet_name="Daten", index=False, startrow=2)
+    draft = drafted(tmp_path)
+    force_files, motion_files = draft["files"]
+    assert force_files["pattern"].startswith("Kraft_{surface}") and set(force_files["force"]) >= {"x", "y", "z"}
+    assert motion_files["pattern"].startswith("Weg_{surface}")
+    assert motion_files["position"] == {"x": "X [mm]", "y": "Y [mm]", "unit": "mm"}
+    assert (draft["ratings"]["sheet"], draft["ratings"]["header"]) == ("Daten", 3)
+
+
 def test_numbers_without_names(tmp_path):
     # A table without a header: the first column rises steadily, the name of the file says what the others are.
     for surface in ("felt", "cork"):

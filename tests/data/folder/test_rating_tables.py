@@ -205,3 +205,14 @@ def test_a_scale_that_is_hardly_used_is_noted(tmp_path, read):
     for axes in (COLUMNS, turned):
         assert note in read(LONG, axes=axes, scale=(0, 100))[1]
         assert not any("is `scale` right" in other for other in read(LONG, axes=axes, scale=(0, 16))[1])
+
+
+@pytest.mark.parametrize("kind", ["csv", "xlsx"])
+def test_titles_above_the_header(tmp_path, read, kind):
+    table = long_table()
+    rows = [["Questionnaire 2024", *[None] * 4], [None] * 5, list(table), *table.values.tolist()]
+    if kind == "csv":
+        pd.DataFrame(rows).to_csv(tmp_path / "ratings.csv", index=False, header=False)
+    else:
+        pd.DataFrame(rows).to_excel(tmp_path / "ratings.xlsx", index=False, header=False)
+    assert_scores(read(LONG.replace("csv", kind))[0])

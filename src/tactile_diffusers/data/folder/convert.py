@@ -11,7 +11,7 @@ from .channels import read_channels
 from .clocks import Unusable
 from .layout import Layout
 from .layout_text import load_layout
-from .rating_tables import read_ratings
+from .rating_tables import rated_surfaces, read_ratings
 from .sources import find_recordings
 
 #: Attribute of recordings.h5 that holds the report.
@@ -108,12 +108,12 @@ def convert_folder(root, layout, output, quiet=False):
     if not isinstance(layout, Layout):
         layout = load_layout(layout)
     root, report = Path(root), ConversionReport()
-    recordings, report.left_out = find_recordings(root, layout)
+    recordings, report.left_out = find_recordings(root, layout, rated_surfaces(root, layout))
     scores = None
     if layout.ratings is not None:
         names = (*map("/".join, recordings), *report.left_out)
-        surfaces = tuple(dict.fromkeys(name.split("/")[0] for name in names))
-        scores, report.rating_notes = read_ratings(root, layout, surfaces)
+        surfaces, explorers = (tuple(dict.fromkeys(name.split("/")[part] for name in names)) for part in (0, 1))
+        scores, report.rating_notes = read_ratings(root, layout, surfaces, explorers)
     sources = {source.path.resolve() for channels in recordings.values() for source in channels.values()}
     if Path(output).resolve() in sources:
         raise ValueError(f"`output` {output} is one of the files to convert: give another name.")

@@ -236,7 +236,7 @@ def _checks(doubts):
 def _columns(group):
     """A comment for each column: its unit, its range in the files that were opened, what it measures by its name."""
     if not group.tables:
-        return ["#   not opened"]
+        return ["#   holds no table, or was not opened (see above)"]
     lines = []
     for column in group.first.columns[:MOST_COLUMNS]:
         same = [other for table in group.tables for other in table.columns if other.name == column.name]

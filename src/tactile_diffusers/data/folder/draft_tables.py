@@ -5,6 +5,7 @@ Everything here is a guess from names and numbers (recipe), and is reported as o
 
 import os
 import re
+from collections import defaultdict
 from copy import copy
 from dataclasses import dataclass, field, replace
 
@@ -12,10 +13,10 @@ import numpy as np
 from tqdm import tqdm
 
 from .clocks import MOST_DUPLICATES
-from .draft_names import NameGroup, content_of, group_names, words_of
-from .layout import TIME_UNITS
+from .draft_names import NameField, NameGroup, content_of, group_names, words_of
+from .layout import LENGTH_UNITS, TIME_UNITS
 from .sources import files_below
-from .tables import Table, kind_of, list_tables
+from .tables import Table, kind_of, list_tables, paths_inside
 from .trees import open_tree
 
 #: Units as people write them in names of columns -> ours; units that a layout cannot use are shown as they are.
@@ -210,7 +211,7 @@ def _open(root, path, words, skipped):
             skipped[path] = "a file of this package, already converted"
             return {}
         tables = {table.inside or "": table for table in list_tables(root / path, kind, max_rows=HEAD_ROWS)}
-        firsts = {places.names[0]: places.words for places in group_names(list(tables))}
+        firsts = {places.names[0]: places.words for places in _places(tables, kind)}
         for place, table in tables.items():  # of places of one kind the first is enough
             is_read = place in firsts and table.names and table.rows
             facts[place] = describe_table(table, words + firsts[place]) if is_read else TableFacts(table)
@@ -224,21 +225,32 @@ def _open(root, path, words, skipped):
 def _varying_kind(names, found):
     """A field by whose values files with other columns differ, or `None`."""
     shapes = {frozenset(tuple(facts.table.names) for facts in tables.values()) for tables in found}
-    words = [i for i in names.fields if 1 < len(set(i.values)) <= MOST_SPLIT and not i.values[0].isdigit()]
+    beginning = NameField([re.split("[ _-]", name.rpartition("/")[2])[0] for name in names.names])
+    fields = (names.fields, [beginning])  # "Kraft_Glas_Anna.csv" beside "Weg_Glas_Anna.csv"
+    words = [[i for i in f if 1 < len(set(i.values)) <= MOST_SPLIT and not i.values[0].isdigit()] for f in fields]
+    words = words[0] or words[1]
     return min(words, key=lambda item: len(set(item.values))) if len(shapes) > 1 and words else None
 
 
 def _groups_inside(names, found):
     """One `TableGroup` for each kind of place inside the files; one without tables if none was opened."""
     groups, kind = [], kind_of(names.names[0])
-    for places in group_names(list(found[0])) if found else ():
+    for places in _places({place: facts.table for place, facts in found[0].items()}, kind) if found else ():
         first = places.names[0]
         tables = [tables[first] for tables in found if first in tables and tables[first].columns]
         if tables:
             files = replace(names, items=list(map(copy, names.items)))
-            is_whole = not first or (kind == "xlsx" and len(found[0]) == 1)
+            is_whole = not first or (kind == "xlsx" and len(paths_inside(tables[0].table.path, kind)) == 1)
             groups.append(TableGroup(files, kind, None if is_whole else places, tables))
     return groups or [TableGroup(names, kind)]
+
+
+def _places(tables, kind):
+    """Groups of places inside a file of one kind of name; of sheets also with one name of the first column."""
+    alike = defaultdict(list)
+    for place, table in tables.items():
+        alike[kind == "xlsx" and tuple(table.names[:1])].append(place)
+    return [group for places in alike.values() for group in group_names(places)]
 
 
 def split_unit(name):
@@ -301,6 +313,9 @@ def _name_bare(facts, content):
         bare[0].measures, bare[0].axis = "time", ""
         facts.doubts.append(f"column {bare.pop(0).name} taken as time: it rises steadily")
     known = content not in (None, "ratings", "sound")
+    for column in [column for column in bare if column.unit in LENGTH_UNITS and column.axis in "xy"]:
+        bare.remove(column)
+        column.measures = "position"
     for column in bare:
         column.measures = content if known else "number"
     if bare and known:

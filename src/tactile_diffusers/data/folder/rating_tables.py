@@ -20,7 +20,31 @@ LEAST_ALIKE = 0.6
 _KEY = ["rater", "surface", "axis"]
 
 
-def read_ratings(root, layout, surfaces):
+def rated_surfaces(root, layout):
+    """Names of the surfaces in the ratings, as they are written there, and those that `[surface_names]` gives them."""
+    rated = () if layout.ratings is None else _answers(root, layout)["surface"].unique()
+    return {*rated, *layout.surface_names.values()} - {""}
+
+
+def _answers(root, layout):
+    """All answers, as they are written."""
+    root, ratings = Path(root), layout.ratings
+    places = matching_places(root, files_below(root), ratings, f"{layout.path}: [ratings]")
+    read = _wide if ratings.form == "wide" else _long
+    parts = [read(_table(Source(ratings, path, inside)), ratings, fields) for path, inside, fields in places]
+    return pd.concat(parts, ignore_index=True)
+
+
+def _table(source):
+    """A table of answers; where its header is not where it should be, below a title for example, it is found."""
+    table, ratings = source.table(), source.files
+    named = {ratings.rater, ratings.surface, ratings.axis, ratings.answer}
+    named |= {axis.column for axis in ratings.axes.values() if ratings.form == "long" and ratings.answer is None}
+    named = {column for column in named if isinstance(column, str)}
+    return table if named <= set(table.names) else source.table(header=None)
+
+
+def read_ratings(root, layout, surfaces, explorers=()):
     """The answers on the recorded `surfaces` that `[ratings]` of a layout describes, `RaterScores`, and notes.
 
     Missing answers are NaN, and raters may have rated different surfaces. Axes that the layout does not name are
@@ -30,11 +54,7 @@ def read_ratings(root, layout, surfaces):
         ValueError: naming file, line, value and remedy, if no table matches, a column is missing, an answer is no
             number, off the scale or given twice, or names of surfaces do not match on both sides.
     """
-    root, ratings = Path(root), layout.ratings
-    places = matching_places(root, files_below(root), ratings, f"{layout.path}: [ratings]")
-    read = _wide if ratings.form == "wide" else _long
-    parts = [read(Source(ratings, path, inside).table(), ratings, fields) for path, inside, fields in places]
-    answers = pd.concat(parts, ignore_index=True)
+    ratings, answers = layout.ratings, _answers(root, layout)
     answers = answers[(answers["text"] != "") & ~answers["text"].isin(ratings.missing)]
     ours = {str(axis.column): name for name, axis in ratings.axes.items()}
     ignored = [name for name in answers["axis"].unique() if name and name not in ours]
@@ -44,7 +64,7 @@ def read_ratings(root, layout, surfaces):
         raise ValueError(
             f"{row.place}: the answer {row.text!r} on {row.axis} has no {'surface' if row.rater else 'rater'}."
         )
-    answers, notes = _on_recorded(answers, layout, surfaces)
+    answers, notes = _on_recorded(answers, layout, surfaces, explorers)
     for axis, theirs in ratings.axes.items():
         if not (answers["axis"] == axis).any():
             there = f"; the tables have {few(ignored)}" if ignored else ""
@@ -90,7 +110,7 @@ def _wide(table, ratings, fields):
     return pd.concat(columns)
 
 
-def _on_recorded(answers, layout, surfaces):
+def _on_recorded(answers, layout, surfaces, explorers):
     """The answers on recorded surfaces, under the names of the recordings, and notes on the others."""
     renamed = layout.surface_names
     rated = {name: renamed.get(name, name) for name in answers["surface"].unique()}
@@ -102,6 +122,14 @@ def _on_recorded(answers, layout, surfaces):
     unknown = [name for name, meant in rated.items() if meant not in {*surfaces, ""}]
     unrated = [name for name in surfaces if name not in rated.values()]
     if unknown and unrated:
+        words = {word: name for name in unknown for word in re.split("[ _-]+", name)[1:] if not word.isdigit()}
+        inner = [(words.get(word), name) for name in explorers for word in re.split("[ _-]+", name)]
+        for name, explorer in [pair for pair in inner if pair[0]][:1]:
+            raise ValueError(
+                f"{layout.path}: `pattern` splits names of surfaces: a part of {name!r} of the ratings is in the "
+                f"explorer {explorer!r}. Say under [surface_names] what the files call it, all its words, or give each "
+                'explorer\'s files a [[files]] of their own, with for example `where` = { explorer = "Ann" }.'
+            )
         suggested = pair_names(unknown, unrated)
         lines = "\n".join(f'    "{name}" = "{suggested[name]}"' for name in unknown[:8])
         raise ValueError(

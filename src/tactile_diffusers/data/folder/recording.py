@@ -75,7 +75,9 @@ def _stored(path, name, newtons_per_unit, notes):
         stored = file.read(name)
     if stored.unit != "N" and newtons_per_unit is None:
         raise ValueError(f"{path} holds uncalibrated numbers, not newtons: give `newtons_per_unit`.")
-    return channels(stored, "keep").lateral * (newtons_per_unit or 1.0), stored.rate
+    data = channels(stored, "keep")
+    notes += [f"{path}: {data.bridged[0]} samples in short gaps are bridged"] * bool(data.bridged[0])
+    return data.lateral * (newtons_per_unit or 1.0), stored.rate
 
 
 def _column_of_table(path, column, rate, newtons_per_unit, inside, notes):

@@ -69,9 +69,13 @@ class Pattern:
         """Whether it matches its own text only."""
         return not _PARTS.search(self.text)
 
-    def match(self, path):
-        """The fields of a path: `dict[str, str]`, or `None` if it does not match."""
-        found = self._regex.fullmatch(path)
+    def match(self, path, surfaces=()):
+        """The fields of a path: `dict[str, str]`, or `None`; `{surface}` is one of the names `surfaces` if one fits."""
+        # whatever joins the words: "Felt 2" fits "Felt_2"
+        words = (re.split("[ _-]+", name) for name in sorted(surfaces, key=lambda name: (-len(name), name)))
+        known = "".join("[ _-]+".join(map(re.escape, name)) + "|" for name in words)
+        regex = self._regex.pattern.replace("(?P<surface>", f"(?P<surface>{known}", 1)
+        found = re.fullmatch(regex, path)
         if found is None:
             return None
         values = {}
@@ -94,10 +98,10 @@ class Source:
     def where(self):
         return str(self.path) if self.inside is None else f"{self.path} [{self.inside}]"
 
-    def table(self, max_rows=None):
-        """Opens it as a `Table`."""
-        options = {name: getattr(self.files, name) for name in ("kind", "delimiter", "header")}
-        return read_table(self.path, inside=self.inside, max_rows=max_rows, **options)
+    def table(self, **options):
+        """Opens it as a `Table`, with `options` of `read_table` before those of the layout."""
+        options = {name: getattr(self.files, name) for name in ("kind", "delimiter", "header")} | options
+        return read_table(self.path, inside=self.inside, **options)
 
 
 def files_below(root):
@@ -112,16 +116,16 @@ def files_below(root):
     return sorted(found)
 
 
-def matching_places(root, paths, entry, where):
+def matching_places(root, paths, entry, where, surfaces=()):
     """Tables that an entry of a layout describes: list of file, place inside or `None`, and the named fields."""
     found, pattern, inside = [], entry.pattern, entry.place
-    matched = [(path, fields) for path in paths if (fields := pattern.match(path)) is not None]
+    matched = [(path, fields) for path in paths if (fields := pattern.match(path, surfaces)) is not None]
     for path, fields in matched:
         if inside is None or inside.literal:
             found.append((root / path, inside and inside.text.strip("/"), fields))
             continue
         for place in paths_inside(root / path, entry.kind):
-            more = inside.match(place)
+            more = inside.match(place, surfaces)
             if more is not None and all(fields.get(name, value) == value for name, value in more.items()):
                 found.append((root / path, place, fields | more))
     if not matched:
@@ -137,8 +141,8 @@ def matching_places(root, paths, entry, where):
     return found
 
 
-def find_recordings(root, layout):
-    """Joins the files of a folder to recordings, and looks at the columns of the first file of each kind.
+def find_recordings(root, layout, surfaces=()):
+    """Joins files to recordings, names of rated `surfaces` first, and looks at the columns of each kind's first file.
 
     Returns:
         `tuple[dict, dict]`: (surface, explorer, trial) -> channel -> `Source`, and name -> reason of what lacks a file.
@@ -152,7 +156,7 @@ def find_recordings(root, layout):
     recordings, claimed = defaultdict(dict), defaultdict(set)
     for number, files in sorted(enumerate(layout.files, 1), key=lambda entry: not entry[1].where):
         where = f"{layout.path}: [[files]] {number}"
-        places = _meant(matching_places(root, paths, files, where), files, where, claimed)
+        places = _meant(matching_places(root, paths, files, where, surfaces), files, where, claimed)
         for path, inside, fields in places:
             name = fields["surface"], fields.get("explorer", "0"), fields.get("trial", "0")
             _add(recordings[name], Source(files, path, inside), name, where)
