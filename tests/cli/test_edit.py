@@ -128,4 +128,4 @@ def test_another_archive_of_arrays_is_a_table(recording, tmp_path, capsys):
     other = tmp_path / "other.npz"
     np.savez(other, texture=recording[1], ratings=np.zeros(3))
     assert edit.main([str(other), "--output", str(tmp_path / "out"), "--roughness", "1"]) == 2
-    assert "--column" in capsys.readouterr().err
+    assert "`column`" in capsys.readouterr().err
