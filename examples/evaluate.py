@@ -4,6 +4,7 @@ python examples/evaluate.py --data prepared.h5 --output report
 """
 
 import json
+import logging
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -65,6 +66,8 @@ def open_context(arguments, folder):
 def main(argv=None):
     """Runs the command; sections that need DALE are null for a pipeline without one."""
     arguments = parse_arguments(argv)
+    # ratings far outside are asked for on purpose
+    logging.getLogger("tactile_diffusers.pipelines.inputs").setLevel(logging.ERROR)
     try:
         folder = checkpoint_folder(arguments.checkpoint)
         context = open_context(arguments, folder)

@@ -190,7 +190,7 @@ def _report(rows, plans, arguments):
     Returns:
         `bool`: whether there was a row to report.
     """
-    from ablate_results import averaged, markdown, plot_rate_distortion, plot_rows
+    from ablate_results import averaged, markdown, plot_rate_distortion, plot_rows, seed_rows
 
     stored = [(row, _stored(row.name, plans[row.name], arguments)) for row in rows]
     missing = [row.name for row, result in stored if result is None]
@@ -205,7 +205,9 @@ def _report(rows, plans, arguments):
         return False
     output, facts = arguments.output, {"data": arguments.data.name, "split": arguments.split}
     facts["shortened"] = arguments.shorten
-    write_text(output / "ablation.json", json.dumps({**facts, "rows": results}, indent=1) + "\n")
+    write_text(
+        output / "ablation.json", json.dumps({**facts, "shown": seed_rows(results), "rows": results}, indent=1) + "\n"
+    )
     shown = averaged(results)
     plot_rows(shown, output / "rows.png")
     plot_rate_distortion(shown, output / "rate_distortion.png")

@@ -38,6 +38,7 @@ _SEEDS = {
     "nine_band_db": ("reconstructed: nine-band error, dB", 2),
     "snr_db": ("SNR, dB", 2),
     "ktd_excess": ("KTD over real", 1),
+    "base_ktd_excess": ("from the base layer alone", 1),
     "generated_ktd_excess": ("generated: KTD over real", 1),
     "generated_nine_band_db": ("nine-band error on unseen surfaces, dB", 2),
     "generated_level_r": ("r of level", 2),
@@ -71,12 +72,13 @@ def _mean(values):
     return sum(values) / len(values) if numbers else first
 
 
-def _seed_rows(results):
+def seed_rows(results):
     """Each training by itself: name -> its reconstructions at 10 steps, and what it generates."""
     rows = {}
     for name, result in results.items():
         generated = {f"generated_{key}": value for key, value in result.get("generation", {}).items()}
-        rows[f"`{name}`"] = result["steps"]["10"] | generated
+        shown = {key: value for key, value in _main(result).items() if key in _MAIN}
+        rows[name] = shown | generated
     return rows
 
 
@@ -112,7 +114,7 @@ def markdown(results, data, split, pictures=".", short=False, shortened=1):
         table = {titles[name]: result["generation"] | result for name, result in finalists.items()}
         parts += ["The whole pipeline, from ratings, without guidance:", markdown_table(table, labels=_FINALISTS)]
     if len(seeds) > 1:
-        parts += ["Each training:", markdown_table(_seed_rows(trained), labels=_SEEDS)]
+        parts += ["Each training:", markdown_table(seed_rows(trained), labels=_SEEDS)]
     parts += [
         "Rate and distortion: latents that carry Gaussian noise, beside the texture low-passed to as many numbers "
         "and bits a second:",

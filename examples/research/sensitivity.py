@@ -214,8 +214,7 @@ def page(results, size):
         f"surfaces, two fingers, {size.seconds:g} s each, behind the bundled LCTG. One slider moves from {SLIDER[0]:g} "
         f"to {SLIDER[-1]:g} while the others stay at 0. Each cell: change per standard deviation of the slider, with a "
         f"95 % interval over {size.takes} takes, and in brackets the regression of the same measure on the ratings of "
-        "the world's own training surfaces. A second seed of the training shows what chance does. The bundled LCTG "
-        "learned from nearly Gaussian textures: it carries no impulses, so their kurtosis stays.\n\n"
+        "the world's own training surfaces. A second seed of the training shows what chance does.\n\n"
         "    python examples/research/sensitivity.py --output report\n\n"
         f"![Slopes over assumptions](sensitivity/sensitivity.png)\n\n{tables(results)}\n"
     )

@@ -215,6 +215,12 @@ def test_callbacks_see_every_step_of_both_stages(pipe):
     assert np.array_equal(out.textures, expected.textures)
 
 
+@pytest.mark.parametrize("wrong", ["x", np.zeros(3), torch.zeros(1, 2, 3)], ids=["text", "array", "shape"])
+def test_a_callback_that_returns_something_else_is_told(pipe, wrong):
+    with pytest.raises(ValueError, match="`callback_on_step_end` must return `latents` as a tensor"):
+        _run(pipe, num_inference_steps=2, callback_on_step_end=lambda *_: {"latents": wrong})
+
+
 @pytest.mark.parametrize(("last", "dale_steps", "lctg_steps"), [(1, 2, 0), (6, 5, 2)])
 def test_a_callback_may_interrupt_either_stage(pipe, last, dale_steps, lctg_steps):
     dale, lctg, indices = _watch(pipe.dale), _watch(pipe.lctg), []

@@ -189,8 +189,13 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
             latents = scheduler.step(model_output, t, latents, **extra_step_kwargs, return_dict=False)[0]
             if callback is not None:
                 tensors = {"latents": latents} if "latents" in callback_inputs else {}
-                changed = callback(self, first_index + step, t, tensors) or {}
-                latents = changed.pop("latents", latents)
+                changed = (callback(self, first_index + step, t, tensors) or {}).pop("latents", latents)
+                if not torch.is_tensor(changed) or changed.shape != latents.shape:
+                    found = tuple(changed.shape) if torch.is_tensor(changed) else type(changed).__name__
+                    raise ValueError(
+                        f"`callback_on_step_end` must return `latents` as a tensor {tuple(latents.shape)}, got {found}."
+                    )
+                latents = changed
             bar.update()
         return latents
 
