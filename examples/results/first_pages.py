@@ -64,8 +64,9 @@ ROWS = {
     ),
     "KTD of generated": (
         "{generation/1.0/ktd_excess|2|interval}",
-        "another take {generation/baselines/other_take/ktd_excess|2}, blend "
-        "{generation/baselines/knn_blend/ktd_excess|2}, ridge {generation/baselines/ridge/ktd_excess|2}",
+        "another take {generation/baselines/other_take/ktd_excess|2|interval}, blend "
+        "{generation/baselines/knn_blend/ktd_excess|2|interval}, ridge "
+        "{generation/baselines/ridge/ktd_excess|2|interval}",
     ),
     "econstruction: nine-band": (
         "{reconstruction/decoders/lctg/nine_band_db|3}",
@@ -74,11 +75,11 @@ ROWS = {
         "{reconstruction/baselines/other_take/nine_band_db|2}",
     ),
     "econstruction: KTD": (
-        "{reconstruction/decoders/lctg/ktd_excess|2}",
-        "no network {reconstruction/decoders/no_network/ktd_excess|2}, another take "
-        "{reconstruction/baselines/other_take/ktd_excess|2}; base layer alone "
-        "{reconstruction/decoders/lctg_base/ktd_excess|2}, without network "
-        "{reconstruction/decoders/no_network_base/ktd_excess|2}",
+        "{reconstruction/decoders/lctg/ktd_excess|2|interval}",
+        "no network {reconstruction/decoders/no_network/ktd_excess|2|interval}, another take "
+        "{reconstruction/baselines/other_take/ktd_excess|2|interval}; base layer alone "
+        "{reconstruction/decoders/lctg_base/ktd_excess|2|interval}, without network "
+        "{reconstruction/decoders/no_network_base/ktd_excess|2|interval}",
     ),
     "econstruction: SNR": (
         "{reconstruction/decoders/lctg/snr_db|2}",
