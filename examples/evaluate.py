@@ -66,8 +66,6 @@ def open_context(arguments, folder):
 def main(argv=None):
     """Runs the command; sections that need DALE are null for a pipeline without one."""
     arguments = parse_arguments(argv)
-    # ratings far outside are asked for on purpose
-    logging.getLogger("tactile_diffusers.pipelines.inputs").setLevel(logging.ERROR)
     try:
         folder = checkpoint_folder(arguments.checkpoint)
         context = open_context(arguments, folder)
@@ -76,7 +74,13 @@ def main(argv=None):
     # before the long work, so that it can be stopped here
     if words := warning(seen_in_training(context, folder), len(set(context.data.surfaces.tolist()))):
         warn("evaluate.py", words)
-    report = run_sections(context, arguments.sections, folder)
+    of_ratings = logging.getLogger("tactile_diffusers.pipelines.inputs")
+    level = of_ratings.level
+    try:
+        of_ratings.setLevel(logging.ERROR)  # ratings far outside are asked for on purpose
+        report = run_sections(context, arguments.sections, folder)
+    finally:
+        of_ratings.setLevel(level)
     write_text(Path(arguments.output) / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     markdown = report_markdown(report)
     write_text(Path(arguments.output) / "report.md", markdown)

@@ -307,10 +307,12 @@ def test_each_seed_is_trained_and_rows_are_their_means(run, launched, tmp_path):
         for script in (f"{'dale' if name == 'dale' else 'lctg'} {row}-seed-{seed}/{name}" for name in scripts)
     ]
     assert "--seed=4" in launched.words
-    result = json.loads((tmp_path / "out/ablation.json").read_text())["rows"]["noise-seed-4"]
+    written = json.loads((tmp_path / "out/ablation.json").read_text())
+    result = written["rows"]["noise-seed-4"]
+    assert written["shown"]["noise-seed-4"]["ktd_excess"] == result["steps"]["10"]["ktd_excess"]
     assert (result["group"], result["seed"]) == ("noise", 4)
     text = (tmp_path / "out/report.md").read_text()
-    assert "Means of 2 trainings, seeds 3, 4." in text and "(`noise`)" in text and "| `noise-seed-3` |" in text
+    assert "Means of 2 trainings, seeds 3, 4." in text and "(`noise`)" in text and "| noise-seed-3 |" in text
 
 
 def test_means_are_of_numbers():
