@@ -267,7 +267,7 @@ def main(argv=None):
             return 1
         found[name] = result
         write_text(out / "run.json", json.dumps(found, indent=1) + "\n")
-    print(f"{sum(one['seconds'] for one in found.values()) / 60:.0f} minutes in all.")
+    print(f"{sum(one.get('seconds', 0) for one in found.values()) / 60:.0f} minutes in all.")
     return 0
 
 
