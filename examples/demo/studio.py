@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import threading
+import time
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from tactile_diffusers.signal import DEVICE_RATE, resample, rms
 
 #: Requests of visitors that are answered by one call, and takes behind the range of what is usual.
 MOST_AT_ONCE, USUAL_TAKES = 8, 16
+GATHER_SECONDS, TWO_FROM = 0.004, 4
 NO_DALE = "The checkpoint {} has no `dale`: it reconstructs, it cannot generate."
 
 
@@ -70,6 +72,7 @@ class Studio:
         self.own, *others = self.checkpoints
         # one call at a time: two at once would each take twice as long; those that wait share the next one
         self._lock, self._waiting, self._guard = threading.RLock(), {}, threading.Lock()
+        self._crowded = False
         self._pipes = {self.own: _load(self.checkpoints[self.own])}
         self.scale, self.steps = Scale(self._pipe().dale.config), self._pipe().resolve_steps()[0]
         for folder in map(self.checkpoints.get, others):  # they are loaded when they are first asked for
@@ -100,6 +103,8 @@ class Studio:
         with self._guard:
             self._waiting.setdefault(kind, []).append((tuple(ratings), settings.seed, answer))
         with self._lock:
+            if self._crowded and not answer.done():  # those whom the last call answered ask again at once
+                time.sleep(GATHER_SECONDS)
             while not answer.done():  # somebody else's call may have brought it
                 with self._guard:
                     asked, rest = self._waiting[kind][:MOST_AT_ONCE], self._waiting.pop(kind)[MOST_AT_ONCE:]
@@ -110,6 +115,8 @@ class Studio:
     def _answer(self, kind, asked):
         """Makes the textures of several requests of one kind in one call."""
         checkpoint, guidance, duration_s, steps = kind
+        self._crowded = len(asked) > 1
+        torch.set_num_threads(2 if len(asked) >= TWO_FROM else 1)
         try:
             rows, seeds, _ = zip(*asked, strict=True)
             generators = [torch.Generator("cpu").manual_seed(seed) for seed in seeds]
