@@ -87,7 +87,7 @@ STEPS = {
     ),
     "laws": Step("research/validate_virtual.py --output {out}/laws", "{out}/laws/validation.json", "--quick"),
     "paper's configuration": Step(
-        f"{ABLATE} --rows examples/configs/paper --only as_published all_mends --shorten 8 --output {{data}}/paper",
+        f"{ABLATE} --rows examples/configs/paper --only as_published all_mends --shorten 2 --output {{data}}/paper",
         "{out}/paper_rows/ablation.json",
         shown="{data}/paper",
     ),
