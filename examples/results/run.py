@@ -111,7 +111,7 @@ STEPS = {
         timed=True,
     ),
     "many textures": Step(
-        "benchmarks/many_textures.py --output {out}/speed", "{out}/speed/dataset.json", "--textures 64", timed=True
+        "benchmarks/many_textures.py --output {out}/speed", "{out}/speed/dataset.json", "--textures 400", timed=True
     ),
     "without end": Step(
         "benchmarks/endless.py --output {out}/real_time", "{out}/real_time/endless.json", "--minutes 0.3", timed=True
