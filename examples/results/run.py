@@ -2,7 +2,7 @@
 """Measures what the results pages state, of the bundled checkpoint, one step after the other on an idle machine.
 
     python examples/results/run.py                     # what is missing or stale: a night on two cores
-    python examples/results/run.py --quick             # a check in 15 minutes: few textures, pages in runs/quick
+    python examples/results/run.py --quick             # a check: shorter steps, few textures, pages in runs/quick
     python examples/results/run.py --only speed --again
     python examples/results/run.py --check             # runs nothing; 1 if a figure is of other weights
 
@@ -241,7 +241,7 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder of the data sets; default: runs/results, runs/quick/data")
     parser.add_argument("--output", type=Path, help="default: the committed pages; with --quick: runs/quick/results")
-    parser.add_argument("--quick", action="store_true", help="a check of what takes less than a quarter of an hour")
+    parser.add_argument("--quick", action="store_true", help="a check: shorter steps with few textures")
     parser.add_argument("--only", nargs="+", choices=STEPS, metavar="STEP", help=f"of {', '.join(STEPS)}")
     parser.add_argument("--again", action="store_true", help="also what is done with the present weights")
     parser.add_argument("--check", action="store_true", help="run nothing: are figures of other weights?")
