@@ -17,11 +17,11 @@ import torch
 from few_surfaces import PER_SURFACE, Control, adapted, measure, table
 from peft import LoraConfig
 from report.held_out import open_held_out
-from tqdm.auto import tqdm
 
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.metrics.statistics import leaf
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
+from tactile_diffusers.training.further_training import descend
 from tactile_diffusers.training.one_step import LatentStep
 from tactile_diffusers.training.steps import BatchNoise
 
@@ -74,17 +74,13 @@ def train(pipe, way, lab, own):
         LatentStep(dale, pipe.dale_scheduler, lab["state"]),
         BatchNoise(torch.Generator().manual_seed(SEED), "cpu"),
     )
-    optimizer = torch.optim.AdamW(weights, lr=rate, betas=(0.9, 0.99), weight_decay=0.0)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, UPDATES)
-    for _ in tqdm(range(UPDATES), desc=way):
+
+    def loss():
         counts = (lab, BATCH - round(share * BATCH)), (own, round(share * BATCH))
         parts = [(rows, torch.from_numpy(rng.integers(len(rows["state"]), size=count))) for rows, count in counts]
-        loss = step({name: torch.cat([rows[name][chosen] for rows, chosen in parts]) for name in lab}, random)[0]
-        optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(weights, 1.0)
-        optimizer.step()
-        schedule.step()
+        return step({name: torch.cat([rows[name][chosen] for rows, chosen in parts]) for name in lab}, random)[0]
+
+    descend(weights, loss, UPDATES, rate, way)
     dale.eval()
 
 

@@ -65,18 +65,14 @@ def train_fields(dale, scheduler, states, left_out, updates, seed, quiet=True):
 
     before = judge()
     weights = [value for name, value in dale.named_parameters() if not name.startswith("scalar_network")]
-    optimizer = torch.optim.AdamW(weights, lr=LEARNING_RATE, betas=BETAS, weight_decay=0.0)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, LEARNING_RATE, updates)
     generator = torch.Generator(device).manual_seed(seed)
-    dale.train()
-    for _ in tqdm(range(updates), disable=quiet, desc="fields"):
+
+    def loss():
         rows = torch.randint(len(states["state"]), (BATCH,), generator=generator, device=device)
-        loss = step({name: values[rows] for name, values in states.items()}, BatchNoise(generator, device))[0]
-        optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(weights, 1.0)
-        optimizer.step()
-        schedule.step()
+        return step({name: values[rows] for name, values in states.items()}, BatchNoise(generator, device))[0]
+
+    dale.train()
+    descend(weights, loss, updates, LEARNING_RATE, "fields", quiet)
     dale.eval()
     after = judge()
     text = f"DALE's U-Net, what varies over a texture, was trained for {updates} updates: its energy score on surfaces "
@@ -85,6 +81,19 @@ def train_fields(dale, scheduler, states, left_out, updates, seed, quiet=True):
         return f"{text}."
     dale.load_state_dict(given)
     return f"{text}, so it stays as it is."
+
+
+def descend(weights, loss, updates, learning_rate, desc, quiet=False):
+    """So many updates of the weights (a list) down `loss()`, each of a batch of its own, in one cycle of the rate."""
+    optimizer = torch.optim.AdamW(weights, lr=learning_rate, betas=BETAS, weight_decay=0.0)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, learning_rate, updates)
+    for _ in tqdm(range(updates), disable=quiet, desc=desc):
+        found = loss()
+        optimizer.zero_grad()
+        found.backward()
+        torch.nn.utils.clip_grad_norm_(weights, 1.0)
+        optimizer.step()
+        schedule.step()
 
 
 @dataclass(frozen=True)
