@@ -40,9 +40,10 @@ PATIENCE = 1800
 class Step(NamedTuple):
     """Commands, their words after `python examples/` with "; " between them, and what they make.
 
-    {data} is the folder of data sets, {out} that of the results. `quick` are further words of the last command for a
-    check, `None` = it is left out there. `page` is a page that the commands write, to which a line of conditions is
-    added; `shown` a folder whose files, not folders, are copied beside what is made.
+    {data} is the folder of data sets, {out} that of the results, {slides} a file that is not ours to share. `quick`
+    are further words of the last command for a check, `None` = it is left out there. `page` is a page that the commands
+    write, to which a line of conditions is added; `shown` a folder whose files, not folders, are copied beside what is
+    made.
     """
 
     words: str
@@ -171,6 +172,16 @@ STEPS = {
         "{out}/sensitivity/sensitivity.json",
         page="{out}/sensitivity/sensitivity.md",
     ),
+    "real recordings": Step(
+        "research/biotac.py {slides} {data}/biotac.h5 {data}/biotac_prepared.h5; train_lctg.py --train_data_dir "
+        "{data}/biotac_prepared.h5 --max_train_steps 1500 --validation_samples 0 --lr_warmup_steps 100 --output_dir "
+        "{data}/biotac --overwrite_output_dir; evaluate.py --checkpoint {data}/biotac --data {data}/biotac_prepared.h5 "
+        "--sections reconstruction --steps 5 10 --per-surface 16 --output {out}/biotac/trained; prepare_data.py "
+        "--source recordings --recordings {data}/biotac.h5 --prepared {data}/biotac20.h5 --no_limits --validation 0 "
+        f"--test 3; {EVALUATE} {{data}}/biotac20.h5 --sections reconstruction --steps 1 --per-surface 16 --output "
+        "{out}/biotac",
+        "{out}/biotac/report.json",
+    ),
     "first pages": Step("results/first_pages.py --results {out}", "{out}/README.md", ""),
 }
 
@@ -205,21 +216,21 @@ def measured_on(words):
     return None
 
 
-def run(name, data, out, quick):
-    """Runs a step: its conditions, or `None` if it failed."""
+def run(name, quick, **paths):
+    """Runs a step with its `paths`, {data} and others: its conditions, or `None` if it failed."""
     step = STEPS[name]
     commands = step.words.split("; ")
     if quick:
         commands[-1] += f" {step.quick}"
-    commands = [shlex.split(command.format(data=data, out=out)) for command in commands]
+    commands = [shlex.split(command.format(**paths)) for command in commands]
     if step.timed and not quick:
         wait_until_idle()
     found = conditions(bundled_checkpoint(), measured_on(commands[-1]))
     found["command"] = "; ".join(f"python examples/{one}" for one in step.words.split("; ")).format(
-        data="DATA", out=out.name
+        **{"data": "DATA", "out": paths["out"].name, "slides": "biotac_slide.h5"}
     )
-    begin, made = time.time(), Path(step.makes.format(data=data, out=out))
-    writes = Path(step.shown.format(data=data)) / made.name if step.shown else made
+    begin, made = time.time(), Path(step.makes.format(**paths))
+    writes = Path(step.shown.format(**paths)) / made.name if step.shown else made
     for words in commands:
         print(f"== {name}: {shlex.join(words)}", flush=True)
         done = subprocess.run([sys.executable, EXAMPLES / words[0], *words[1:]])
@@ -231,7 +242,7 @@ def run(name, data, out, quick):
         for path in filter(Path.is_file, writes.parent.iterdir()):
             shutil.copy(path, made.parent)
     if step.page:
-        page = Path(step.page.format(out=out))
+        page = Path(step.page.format(**paths))
         write_text(page, f"{page.read_text().rstrip()}\n\n{stamp(found)}\n")
     return found | {"seconds": round(time.time() - begin, 1)}
 
@@ -241,6 +252,7 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder of the data sets; default: runs/results, runs/quick/data")
     parser.add_argument("--output", type=Path, help="default: the committed pages; with --quick: runs/quick/results")
+    parser.add_argument("--slides", type=Path, help="biotac_slide.h5; without it real recordings are left out")
     parser.add_argument("--quick", action="store_true", help="a check: shorter steps with few textures")
     parser.add_argument("--only", nargs="+", choices=STEPS, metavar="STEP", help=f"of {', '.join(STEPS)}")
     parser.add_argument("--again", action="store_true", help="also what is done with the present weights")
@@ -256,12 +268,12 @@ def main(argv=None):
     data.mkdir(parents=True, exist_ok=True)
     out.mkdir(parents=True, exist_ok=True)
     for name in args.only or STEPS:
-        made = Path(STEPS[name].makes.format(data=data, out=out)).exists()
-        if (made and name in found and name not in old and not args.again) or (
-            args.quick and STEPS[name].quick is None
-        ):
+        step = STEPS[name]
+        made = Path(step.makes.format(data=data, out=out)).exists()
+        lacks = (args.quick and step.quick is None) or ("{slides}" in step.words and args.slides is None)
+        if lacks or (made and name in found and name not in old and not args.again):
             continue
-        result = run(name, data, out, args.quick)
+        result = run(name, args.quick, data=data, out=out, slides=args.slides)
         if result is None:
             print(f"{name} failed; the same command goes on here.", file=sys.stderr)
             return 1
