@@ -35,6 +35,16 @@ def test_encode(pipe, pink_noise):
     torch.testing.assert_close(louder.level - made.level, torch.full((3,), np.log(2.0)).float(), rtol=0, atol=1e-5)
 
 
+def test_a_texture_in_millinewtons_is_warned_of_once(pipe, pink_noise, recorded_warnings):
+    newtons = pink_noise(2048, 10_000, count=2, rms=np.exp(pipe.dale.config.level_mean))
+    with recorded_warnings() as found:
+        pipe.encode(newtons, 10_000)
+        assert not found
+        for _ in range(2):
+            pipe.encode(newtons * 1000, 10_000)
+    assert len(found) == 1 and "Give newtons, not mN" in found[0]
+
+
 @pytest.mark.parametrize("output_type", ["np", "pt"])
 def test_decode(decoder, output_type):
     latents = torch.rand((2, 4, 20), generator=_generator()) * 2 - 1

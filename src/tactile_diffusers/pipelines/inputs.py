@@ -1,5 +1,7 @@
 """Checks of the arguments of a call, before any work starts."""
 
+import math
+
 import numpy as np
 import torch
 from diffusers.utils import logging
@@ -17,6 +19,9 @@ MOST_STEPS = 100_000
 #: checkpoint and 24 random ratings: 3 moves levels by 2 dB on average, to 3 standard deviations from the training's
 #: mean; 7.5 by 3.4 dB, to 3.8; 10 by 5 dB, to 4.7.
 LARGEST_GUIDANCE = 3.0
+#: A texture louder by so many standard deviations of the training's levels is in another unit: 24 times the mean RMS of
+#: the bundled checkpoint's, where mN are a thousand times.
+LOUDEST_DEVIATIONS = 5.0
 #: Ratings beyond this many z-scores are taken for a mistake of scale (a 0-8 score, say).
 LARGEST_RATING = 6.0
 #: Longest texture of one call, s: all of it is in memory. An `EndlessStream` has no end.
@@ -177,6 +182,21 @@ def warn_of_distilled_steps(name, steps, model, most):
         f"`{name}` {steps} is more than this {model} was distilled to: it takes {most}, and more would be worse. Leave "
         "the number out."
     )
+
+
+def warn_of_other_units(level, config):
+    """Logs a warning if a texture, of which `level` is the largest log RMS, is too loud to be in newtons.
+
+    Args:
+        level (`float`): natural log of the RMS in N.
+        config: DALE's, which knows the levels of the training data.
+    """
+    if level > config.level_mean + LOUDEST_DEVIATIONS * config.level_std:
+        times = math.exp(level - config.level_mean)
+        logger.warning(
+            f"`texture` has an RMS of {math.exp(level):.3g}, {times:.0f} times that of the training data. Give newtons, "
+            "not mN or counts of a sensor."
+        )
 
 
 def warn_of_strong_guidance(guidance_scale):

@@ -246,7 +246,8 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
                 each step of either stage; may return changed tensors, and may change the guidance for the steps that
                 follow (`pipe._guidance_scale = 1.0`). Subclasses of diffusers' `PipelineCallback` work if their
                 `tensor_inputs` are among those of this pipeline.
-            callback_on_step_end_tensor_inputs (`list[str]`, *optional*): `["latents"]`: the current stage's state.
+            callback_on_step_end_tensor_inputs (`list[str]`, *optional*): `["latents"]`: the current stage's state, of
+                DALE (N, in_channels, frames), then of LCTG (N, 1, samples).
             rating_scale (`str`, *optional*, defaults to `"z"`): `"z"`, one rater's z-scores; `"raw"`, the 0-8 scale as
                 the typical rater uses it; `"percentile"`, 0-100 % of the training surfaces' ratings.
             guidance_rescale (`float`, *optional*, defaults to 0.0): 0 to 1, how far the spread of what guidance

@@ -13,6 +13,7 @@ from .inputs import (
     check_noise,
     check_steps,
     warn_of_distilled_steps,
+    warn_of_other_units,
 )
 from .pipeline_output import TactileLatents
 
@@ -80,6 +81,9 @@ class ReconstructionMixin:
         device = self._execution_device
         latents = self.lctg.encode(features["input_features"].to(device=device, dtype=self.lctg.dtype))
         level = features["level"].to(device)
+        if self.dale is not None:
+            loudest = level.max().item()
+            self._warn_once("unit", round(loudest), warn_of_other_units, loudest, self.dale.config)
         return TactileLatents(latents=latents, level=level, friction_coefficient=torch.full_like(level, torch.nan))
 
     @torch.no_grad()
