@@ -194,8 +194,8 @@ def warn_of_other_units(level, config):
     if level > config.level_mean + LOUDEST_DEVIATIONS * config.level_std:
         times = math.exp(level - config.level_mean)
         logger.warning(
-            f"`texture` has an RMS of {math.exp(level):.3g}, {times:.0f} times that of the training data. Give newtons, "
-            "not mN or counts of a sensor."
+            f"`texture` has an RMS of {math.exp(level):.3g}, {times:.0f} times that of the training data. Give "
+            "newtons, not mN or counts of a sensor."
         )
 
 
