@@ -37,18 +37,26 @@ def conditions(checkpoint, data=None):
         data (`PreparedDataset`, *optional*): that it is measured on.
     """
     folder = Path(checkpoint)
-    where = subprocess.run(
-        ["git", "-C", Path(__file__).parent, "describe", "--always", "--dirty"], capture_output=True, text=True
-    )
     return {
         "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
         "checkpoint": {"name": folder.name, "sha256": folder_digest(folder) if folder.is_dir() else None},
         "data": None if data is None else _data_facts(data),
         "machine": machine_facts() | {"torch": torch.__version__},
         "load_before": round(os.getloadavg()[0], 2),
-        "commit": where.stdout.strip() or None,
+        "commit": _commit(),
         "date": datetime.now(UTC).date().isoformat(),
     }
+
+
+def _commit():
+    """The commit of the code, "-dirty" where code was changed since: results are not code. `None` outside of git."""
+
+    def git(*words):
+        words = ["git", "-C", Path(__file__).parents[2], *words]
+        return subprocess.run(words, capture_output=True, text=True).stdout.strip()
+
+    changed = git("status", "--porcelain", "--", "src", "examples", ":!examples/results")
+    return (git("rev-parse", "--short", "HEAD") + ("-dirty" if changed else "")) or None
 
 
 def _data_facts(data):
