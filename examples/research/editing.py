@@ -52,7 +52,13 @@ def study(context):
     """The figures as leaves: "control", "strength", "variations", "seams" and "time"."""
     edits = Edits(context)
     result = {"control": edits.control(), "strength": edits.strengths(), "variations": edits.variations()}
-    result |= {"seams": edits.seams(), "time": edits.time(), "recordings": len(edits.rows), "few": FEW}
+    result |= {
+        "seams": edits.seams(),
+        "time": edits.time(),
+        "recordings": len(edits.rows),
+        "few": FEW,
+        "judged": JUDGED,
+    }
     _plot(result["strength"], context.output / "editing.png")
     return result
 
@@ -268,7 +274,7 @@ def markdown(result):
     takes = {name: {"bands": value} for name, value in result["variations"].items()}
     ratio, few, asked = result["time"], result["few"], CHANGES[-1]
     parts = [
-        "# Editing: how far, and what stays?",
+        "# All figures of [Editing](../editing.md)",
         f"Held-out recordings of {result['recordings']} surfaces, whose ratings are known, asked to move by ±{asked} "
         "on one axis at a time. Shares of what was asked for, as real surfaces of such ratings differ: by the judge, "
         "whose estimates are matched to real surfaces, and by level, friction and nine bands. The leak is the larger "
@@ -278,7 +284,7 @@ def markdown(result):
         f"Over strength ({few} recordings, all axes and both signs); 0 is the reconstruction, 1 a fresh take. Of the "
         "nine bands, what recordings change by together is taken for what was asked for. Envelopes are RMS over 10 ms.",
         markdown_table(rows, labels=strength),
-        "![over strength](editing/editing.png)",
+        "![over strength](editing.png)",
         f"Variations (strength {VARIATION}) and real takes, beside the recording: mean difference of nine bands, dB.",
         markdown_table(takes, labels={"bands": "nine bands, dB"}, interval=True),
         f"Seams: how often the second judge tells a window of {WINDOW_S} s, with the seam in its middle, from a real "

@@ -62,8 +62,8 @@ All judge by {surfaces} unseen surfaces: the error of the mean spectrum of {take
 bands, dB), the kernel distance (KTD) over that of real textures, and the correlation of log friction. "Changes right"
 counts what a rating of −1 or +1 alone, the others open, does to level, shape and log friction, against surfaces of the
 world with such ratings: right within 20 % or their 95 % interval, direction included. Intervals are over surfaces
-(95 %); "over ridge" is paired. A row is one draw of surfaces; the decoder takes one step, a DALE trained anew ({anew}
-updates behind the bundled LCTG, from {few} surfaces) its default number.
+(95 %). A row is one draw of surfaces; the decoder takes one step, a DALE trained anew ({anew} updates behind the
+bundled LCTG, from {few} surfaces) its default number.
 
     python examples/research/few_surfaces.py {words} --output {output}
 """
@@ -234,6 +234,17 @@ def table(rows):
     return "\n".join(lines)
 
 
+def side_by_side(worlds):
+    """A line for each method, of the worlds (name -> rows) beside one another, as Markdown."""
+    keys = {"nine_band_db": "unseen surfaces, dB", "ktd_over_real": "KTD over real", "changes_right": "changes right"}
+    lines = ["| | " + " | ".join(f"{name}: {label}" for name in worlds for label in keys.values()) + " |"]
+    lines.append("|---" * (len(worlds) * len(keys) + 1) + "|")
+    for rows in zip(*worlds.values(), strict=True):
+        cells = [cell(key, row[key]) for row in rows for key in keys]
+        lines.append(f"| {rows[0]['method']} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
 def plot(worlds, path):
     """Error of unseen surfaces, and KTD, against the number of surfaces: a column of panels for each world."""
     from matplotlib.figure import Figure
@@ -290,9 +301,10 @@ def write(found, worlds, args):
     page += f"\n![errors over the number of surfaces]({args.output.name}/curve.png)\n"
     whole = "".join(f"\n## {name}\n\n{table(rows)}\n" for name, rows in found.items())
     (args.output / "figures.md").write_text(f"# All figures of [How many surfaces?](../{args.output.name}.md)\n{whole}")
-    for name, rows in found.items():
-        page += f"\n## {name}\n\n{table([row for row in rows if row['surfaces'] == SHOWN] or rows)}\n"
-    page += f"\nThe other numbers of surfaces: [all figures]({args.output.name}/figures.md).\n"
+    shown = {name: [row for row in rows if row["surfaces"] == SHOWN] or rows for name, rows in found.items()}
+    page += f"\n{side_by_side(shown)}\n"
+    page += f"\nThe table is of {SHOWN} surfaces. The other numbers, differences to ridge, paired, and friction: "
+    page += f"[all figures]({args.output.name}/figures.md).\n"
     args.output.with_suffix(".md").write_text(page)
 
 

@@ -5,7 +5,7 @@
         --output examples/results/fine_tuning
 
 The data sets are those of `few_surfaces.py`; `--own` is of the bundled checkpoint's world, for rehearsal. Writes
-`figures.json` into the output folder, and the page beside it, `<output>.md`.
+`figures.json`, `figures.md` and `ways.png` into the output folder, and the page beside it, `<output>.md`.
 """
 
 import argparse
@@ -14,8 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from few_surfaces import PER_SURFACE, Control, adapted, measure, table
+from few_surfaces import PER_SURFACE, Control, adapted, measure, side_by_side, table
 from peft import LoraConfig
+from report.figures import figure_panels
 from report.held_out import open_held_out
 
 from tactile_diffusers.data import PreparedDataset
@@ -39,8 +40,10 @@ PAGE = """# Does training DALE further help a lab?
 
 DALE is recalibrated in closed form to {surfaces} surfaces of a world, then trained for {updates} updates on them
 (energy scores, {batch} textures an update): all its weights, LoRA adapters on its convolutions, or the layers alone
-through which ratings and times enter. The columns are those of [How many surfaces?](adaptation.md), but "over
-recalibrated", which is paired over surfaces; the decoder stays the bundled one.
+through which ratings and times enter. The columns are those of [How many surfaces?](adaptation.md); the decoder stays
+the bundled one.
+
+![KTD of each way, and error of unseen surfaces over the recalibrated one's]({output}/ways.png)
 
     python examples/research/fine_tuning.py {words} --own {own} --output {output}
 """
@@ -116,9 +119,38 @@ def main(argv=None):
     )
     for name, path in worlds.items():
         found[name] = rows_of(path, args)
-        page += f"\n## {name}\n\n{table(found[name])}\n".replace("over ridge", "over recalibrated")
         (args.output / "figures.json").write_text(json.dumps(found, indent=1) + "\n")
-        args.output.with_suffix(".md").write_text(page)
+    write(found, page, args.output)
+
+
+def write(found, page, output):
+    """The picture, the page and all figures beside it."""
+    plot(found, output / "ways.png")
+    whole = "".join(f"\n## {name}\n\n{table(rows)}\n" for name, rows in found.items())
+    whole = whole.replace("over ridge", "over recalibrated, paired")
+    (output / "figures.md").write_text(f"# All figures of [fine tuning](../{output.name}.md)\n{whole}")
+    page += f"\n{side_by_side(found)}\n\nDifferences, paired, and friction: [all figures]({output.name}/figures.md).\n"
+    output.with_suffix(".md").write_text(page)
+
+
+def plot(found, path):
+    """KTD over real, and the paired difference of errors, of each way (line) and world (colour)."""
+    with figure_panels(path, 1, 2, (12, 3.6)) as panels:
+        for panel, (key, label) in zip(
+            panels[0],
+            {"ktd_over_real": "KTD over real", "over_ridge_db": "error over recalibrated, dB"}.items(),
+            strict=True,
+        ):
+            for number, (name, rows) in enumerate(found.items()):
+                means = np.array([row[key]["mean"] for row in rows])
+                bounds = np.array([row[key]["interval"] for row in rows]).T
+                places = np.arange(len(rows)) + 0.2 * number
+                panel.errorbar(means, places, xerr=np.abs(bounds - means), fmt="o", capsize=3, label=name)
+            panel.set_yticks(range(len(rows)), [row["method"] for row in rows])
+            panel.invert_yaxis()
+            panel.set_xlabel(label)
+        panels[0, 1].set_yticklabels([])
+        panels[0, 0].legend(fontsize=8)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@
 
 Adapts to 50 surfaces that raters judged on six axes, and compares what each axis does to the mean spectrum with what it
 does among fresh surfaces of the same world: the truth (`evaluation.truth`). Nothing of a friction force tells how warm
-a surface is. Prints the section of a page and writes figures.json.
+a surface is. Writes figures.json, figures.md and responses.png.
 """
 
 import argparse
@@ -25,19 +25,13 @@ from tactile_diffusers.training.adapting import adapt
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
+from report.figures import figure_panels
 from report.result_files import conditions, stamp, write_results
 from report.sampling import generate, noise_seeds
 from report.tables import markdown_table
 from report.virtual_truth import virtual_truth
 
 VALUES = (-1.0, 1.0)
-INTRO = """# Does an axis that only your raters know work after fifty surfaces?
-
-The bundled pipeline, recalibrated on {surfaces} simulated surfaces that raters judged on six axes. *Response*: how much
-of the change among real surfaces there is when one rating is -1 or +1 and the others are open, over nine bands of the
-mean spectrum (1 = all; {takes} textures a value, about {truth} fresh surfaces). *One half over the other*: the same
-between random halves of the real surfaces, what a perfect generator could get. Warmth is chance: nothing of a friction
-force tells it."""
 SURFACES, TAKES, TRUTH_SURFACES, HALVES = 50, 400, 1200, 20
 
 
@@ -114,25 +108,41 @@ def main(argv=None):
             "size of the true change, dB": float(np.sqrt(np.square(wanted[axis]).mean())),
             "response": response(found[axis], wanted[axis]),
             "without the new axes": response(three[axis], wanted[axis]) if axis in known else None,
-            "one half of the surfaces over the other": f"{np.mean(halves):.2f} ± {np.std(halves):.2f}",
+            "half over half": float(np.mean(halves)),
+            "its spread": float(np.std(halves)),
         }
     one, other = ([[0.5, np.nan, -1.0, *[np.nan] * extra]] for extra in (len(axes) - 3, 0))
     textures = [p(r, generator=torch.Generator().manual_seed(0)).textures for p, r in ((pipe, one), (plain, other))]
     apart = float(np.abs(textures[0] - textures[1]).max() / textures[0].std())
     report = {"conditions": about, "rows": rows, "words": words, "open": apart}
+    args.output.mkdir(parents=True, exist_ok=True)
+    plot(rows, args.output / "responses.png")
     write_results(args.output, "figures", report, page(report))
     print(page(report))
 
 
 def page(report):
-    """The page of a report."""
-    text = INTRO.format(surfaces=SURFACES, takes=TAKES, truth=TRUTH_SURFACES)
-    apart = (
-        f"With the new axes open, textures are {report['open']:.1g} of their RMS from those of a pipeline without them."
-    )
-    return (
-        "\n\n".join([text, markdown_table(report["rows"]), *report["words"], apart, stamp(report["conditions"])]) + "\n"
-    )
+    """The figures as a table, and what the adapted checkpoint says of its new axes."""
+    parts = [markdown_table(report["rows"]), *report["words"], stamp(report["conditions"])]
+    return "\n\n".join(parts) + "\n"
+
+
+def plot(rows, path):
+    """Response of each axis, without the new ones too, over what halves of the real surfaces give one another."""
+    places = np.arange(len(rows))
+
+    def column(name):
+        return np.array([np.nan if row[name] is None else row[name] for row in rows.values()])
+
+    with figure_panels(path, 1, 1, (8, 3.6)) as panels:
+        panel, (half, spread) = panels[0, 0], (column("half over half"), column("its spread"))
+        panel.bar(places - 0.2, column("response"), 0.4, label="adapted on six axes")
+        panel.bar(places + 0.2, column("without the new axes"), 0.4, label="adapted on the first three")
+        panel.errorbar(places, half, 2 * spread, fmt="_k", markersize=20, capsize=4, label="half of the real ones")
+        panel.axhline(1, color="0.6", linewidth=1)
+        panel.set_xticks(places, list(rows))
+        panel.set(ylabel="share of the real change")
+        panel.legend(fontsize=8)
 
 
 def _first(truth):

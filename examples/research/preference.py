@@ -191,15 +191,16 @@ def page(report, directions):
             until = [_text(row[f"until_{kind}"]) for kind in ("met", "ranked", "near")]
             away = [f"{row['median_away'][ASKED.index(number)]:.2f}" for number in (10, 25)]
             lines.append(f"| {name} | {WAYS[way]} | {row['people']} | {' | '.join([*until, *away])} |")
+    bands = {name: f"{row[-1]:.1f}" for name, row in directions.items()}
     lines += [
         "",
         "![curves](preference.png)",
         "",
-        "What directions do, from -1 to 1, beside two takes of one rating:",
+        "    python examples/research/preference.py --output examples/results",
         "",
+        f"From −1 to 1, direction 1 changes nine bands by {bands['direction 1']} dB and direction 2 by "
+        f"{bands['direction 2']} dB; another take of the same ratings does so by {bands['another take']} dB.",
     ]
-    lines += ["| | roughness, z | bumpiness, z | slipperiness, z | nine bands, dB |", "|---|---:|---:|---:|---:|"]
-    lines += [f"| {name} | {' | '.join(f'{value:.2f}' for value in row)} |" for name, row in directions.items()]
     lines += ["", "Assumed, not measured with people: noise, threshold and the shape "]
     lines[-1] += "of a taste, which is nearest to one point. A person with two tastes, or none, takes longer. The rule "
     lines[-1] += "that chooses pairs was itself chosen among five on 100 other people of this kind."

@@ -35,12 +35,14 @@ OTHERS = {
     "hard": ("hard_cases/stability.json", "hard cases"),
     "decoder": ("steps/decoder.json", "steps"),
     "preparation": ("preparation/data.json", "preparing"),
+    "axes": ("new_axis/figures.json", "a new axis"),
     "biotac": ("biotac/report.json", "real recordings"),
 }
-#: Such that are of no checkpoint, or of one of their own.
+#: Such that are of no checkpoint, of one of their own, or of one that run.json alone keeps.
 DATA = {
     "card": ("data/card.json", "data card"),
     "trained": ("biotac/trained/report.json", "real recordings"),
+    "editing": ("editing/editing.json", "editing"),
     "ablation": ("ablation/ablation.json", "design"),
     "paper": ("paper_rows/ablation.json", "paper's configuration"),
 }

@@ -159,7 +159,7 @@ STEPS = {
     "editing": Step(
         "research/editing.py --data {data}/prepared.h5 --output {out}/editing",
         "{out}/editing/editing.json",
-        page="{out}/editing.md",
+        page="{out}/editing/editing.md",
     ),
     "comparisons": Step(
         "research/preference.py --output {out}",

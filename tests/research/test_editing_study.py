@@ -23,7 +23,8 @@ def test_envelopes_of_the_same_course_are_correlated():
 
 def test_the_page_is_what_was_measured():
     result = json.loads((RESULTS / "editing" / "editing.json").read_text())
-    assert editing.markdown(result) + "\n" == (RESULTS / "editing.md").read_text(encoding="utf-8")
+    page = (RESULTS / "editing" / "editing.md").read_text(encoding="utf-8")
+    assert page.startswith(editing.markdown(result) + "\n")  # conditions follow
 
 
 @pytest.mark.parametrize("name", ["gap of 0.2 s", "continuation", "loop"])
