@@ -22,9 +22,12 @@ from tactile_diffusers.data import PreparedDataset
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 
 from report.result_files import conditions, machine_facts, stamp, write_results
+from report.tables import markdown_table
 
 #: A run that takes longer than this is not repeated, s.
 LONG_RUN = 10.0
+#: A spread over this is told beside a table, %.
+LARGEST_SPREAD = 20
 #: not getrusage: on Linux a child's maximum begins at its parent's
 _PEAK = "print(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])"
 
@@ -79,10 +82,17 @@ def seconds_of(runs, repeats, long_run=LONG_RUN):
     return {name: statistics.median(values) for name, values in timings(runs, repeats, long_run).items()}
 
 
-def spread(values):
-    """Half the distance of the quartiles, as a share of the median."""
+def timed_columns(values, name="s"):
+    """Median seconds of timings, and half the distance of their quartiles over the median: columns of a table."""
     low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
-    return (high - low) / 2 / middle
+    return {name: float(middle), "spread, %": float(100 * (high - low) / 2 / middle)}
+
+
+def timed_table(rows, digits=3, **options):
+    """`markdown_table`, and under it a line that names the rows whose spread is too large to trust their seconds."""
+    loose = [name for name, row in rows.items() if row.get("spread, %", 0) > LARGEST_SPREAD]
+    remark = f"\n\nThe spread exceeds {LARGEST_SPREAD} %: {', '.join(loose)}." if loose else ""
+    return markdown_table(rows, digits, **options) + remark
 
 
 def timings(runs, repeats, long_run=LONG_RUN):

@@ -1,12 +1,11 @@
 """How fast are other packages' models? `python examples/benchmarks/peers.py --output report`"""
 
-import statistics
 import sys
 from functools import partial
 from pathlib import Path
 
 import torch
-from benchmarking import LONG_RUN, finish, machine, make_parser, parse, seconds_of, spread, timings
+from benchmarking import LONG_RUN, finish, machine, make_parser, parse, seconds_of, timed_columns, timed_table, timings
 from peer_models import INSTALL, SIZE_TOLERANCE, audio_diffusion, size, unet_1d
 from speed import RATINGS
 from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
@@ -93,17 +92,16 @@ def times(rows, batches, repeats, work, peak):
     for number in batches:
         able = {name: row for name, row in rows.items() if last.get(name, 0.0) * number <= LONGEST_RUN}
         taken = timings({name: partial(generate, number) for name, (_, generate) in able.items()}, repeats)
-        seconds = {name: statistics.median(values) for name, values in taken.items()}
-        last |= {name: value / number for name, value in seconds.items()}
+        columns = {name: timed_columns(values) for name, values in taken.items()}
+        last |= {name: row["s"] / number for name, row in columns.items()}
         found[f"Batch {number}"] = {
-            name: {
-                "s": value,
-                "spread, %": 100 * spread(taken[name]),
-                "real-time factor": value / (number * SEGMENT_SECONDS),
-                "share of the peak, %": 100 * number * work[name] / (value * peak),
-                "default call is faster by": value / seconds[DEFAULT],
+            name: row
+            | {
+                "real-time factor": row["s"] / (number * SEGMENT_SECONDS),
+                "share of the peak, %": 100 * number * work[name] / (row["s"] * peak),
+                "default call is faster by": row["s"] / columns[DEFAULT]["s"],
             }
-            for name, value in seconds.items()
+            for name, row in columns.items()
         }
     return found
 
@@ -129,7 +127,7 @@ def main(argv=None):
     found, where = times(rows, sorted(set(arguments.batches)), arguments.repeats, work, peak), machine()
     peak_text = f"A float32 matrix product of 2048 x 2048, the peak, runs at {peak / 1e9:.0f} G multiply-adds a second."
     parts = [title("Beside other models", 4) + _ABOUT, " ".join([peak_text, *notes]), markdown_table(models, 2)]
-    parts += [f"{name}\n\n{markdown_table(table, 3)}" for name, table in found.items()]
+    parts += [f"{name}\n\n{timed_table(table)}" for name, table in found.items()]
     report = {"machine": where, "peak": peak, "notes": notes, "models": models, "batches": found}
     return finish(arguments, "peers", report, "\n\n".join(parts) + "\n")
 

@@ -1,16 +1,11 @@
 """How long does generating take, and how much memory? `python examples/benchmarks/speed.py --output report`"""
 
 import sys
-from pathlib import Path
 
-from benchmarking import finish, machine, make_parser, parse, run_child, seconds_of
+from benchmarking import finish, machine, make_parser, parse, run_child, seconds_of, timed_columns, timed_table, timings
 
 from tactile_diffusers.cli.program import count, load_pipeline
 from tactile_diffusers.signal import SEGMENT_SECONDS
-
-sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
-
-from report.tables import markdown_table
 
 RATINGS = [1.5, 0.0, -1.0]
 BATCHES = (1, 2, 4, 8, 16, 64)
@@ -38,15 +33,15 @@ def by_steps(pipe, repeats):
         common = {"ratings": [RATINGS], "num_inference_steps": steps}
         runs[steps, "latent"] = lambda c=common: pipe(output_type="latent", **c)
         runs[steps, "np"] = lambda c=common: pipe(**c)
-    times, rows = seconds_of(runs, repeats), {}
+    taken, rows = timings(runs, repeats), {}
     duration = pipe([RATINGS], num_inference_steps=1).textures.shape[-1] / pipe.feature_extractor.delivery_rate
     for steps in STEPS:
-        latent, whole = times[steps, "latent"], times[steps, "np"]
+        latent, whole = (timed_columns(taken[steps, kind], "whole s") for kind in ("latent", "np"))
         rows[f"{pipe.resolve_steps(steps)[1]} + {steps} steps"] = {
-            "DALE s": latent,
-            "LCTG and output s": whole - latent,
-            "whole s": whole,
-            "real-time factor": whole / duration,
+            "DALE s": latent["whole s"],
+            "LCTG and output s": whole["whole s"] - latent["whole s"],
+            **whole,
+            "real-time factor": whole["whole s"] / duration,
         }
     return rows
 
@@ -69,14 +64,16 @@ def in_time(pipe, repeats):
 
 def by_batch(pipe, repeats):
     """Seconds against the number of textures at once."""
-    times = seconds_of({n: lambda n=n: pipe([RATINGS] * n) for n in BATCHES}, repeats)
-    return {f"batch {n}": {"whole s": times[n], "s per texture": times[n] / n} for n in BATCHES}
+    taken = timings({n: lambda n=n: pipe([RATINGS] * n) for n in BATCHES}, repeats)
+    rows = {n: timed_columns(values, "whole s") for n, values in taken.items()}
+    return {f"batch {n}": row | {"s per texture": row["whole s"] / n} for n, row in rows.items()}
 
 
 def by_duration(pipe, repeats):
     """Seconds against the duration of a texture."""
-    times = seconds_of({d: lambda d=d: pipe([RATINGS], duration_s=d) for d in DURATIONS}, repeats)
-    return {f"{d:g} s": {"whole s": times[d], "real-time factor": times[d] / d} for d in DURATIONS}
+    taken = timings({d: lambda d=d: pipe([RATINGS], duration_s=d) for d in DURATIONS}, repeats)
+    rows = {d: timed_columns(values, "whole s") for d, values in taken.items()}
+    return {f"{d:g} s": row | {"real-time factor": row["whole s"] / d} for d, row in rows.items()}
 
 
 def memory(checkpoint):
@@ -99,8 +96,9 @@ def main(argv=None):
         "Memory": memory(arguments.checkpoint),
     }
     where = machine()
-    text = f"### Speed and memory\n\n{where}; medians of {arguments.repeats}.\n\n"
-    text += "\n".join(f"#### {title}\n\n{markdown_table(rows, 3)}\n" for title, rows in tables.items())
+    text = f"### Speed and memory\n\n{where}; medians of {arguments.repeats}. "
+    text += "Spread: half the distance of the quartiles over the median.\n\n"
+    text += "\n".join(f"#### {title}\n\n{timed_table(rows)}\n" for title, rows in tables.items())
     return finish(arguments, "speed", {"machine": where, **tables}, text)
 
 

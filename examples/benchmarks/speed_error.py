@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from benchmarking import finish, machine, make_parser, parse, seconds_of
+from benchmarking import finish, machine, make_parser, parse, timed_columns, timed_table, timings
 from peers import ANCHOR
 from speed import RATINGS
 from tqdm.auto import tqdm
@@ -25,7 +25,7 @@ from report.sampling import generate
 from report.sections.context import FULL, QUICK, make_context
 from report.sections.generation import matching_rows
 from report.sections.second_judge import Takes
-from report.tables import markdown_table, title
+from report.tables import title
 
 #: Steps of a model that is not distilled.
 STEPS, ANCHOR_STEPS = (1, 2, 3, 5, 10), (1, 2, 3, 5, 10, 25, 50)
@@ -140,16 +140,17 @@ def main(argv=None):
             name = model if steps is None else f"{model}, {steps} step{'s' * (steps > 1)}"
             rows[name] = quality.model(one, steps) | {"model": model, "steps": steps or "1 + 1"}
             runs[name] = partial(one, [RATINGS], num_inference_steps=steps)
-    for name, seconds in seconds_of(runs, REPEATS).items():
-        rows[name]["s"] = seconds
+    for name, values in timings(runs, REPEATS).items():
+        rows[name] |= timed_columns(values)
     arguments.output.mkdir(parents=True, exist_ok=True)
     plot(rows, arguments.output / "speed_error.png")
     found = [] if anchor is None else [summary(rows)]
-    table = markdown_table(rows, labels={"s": ("s", 3), KTD: KTD, TOLD: TOLD}, interval=True)
+    labels = {"s": ("s", 3), "spread, %": ("spread, %", 0), KTD: KTD, TOLD: TOLD}
+    table = timed_table(rows, labels=labels, interval=True)
     about = (
         f"{len(quality.owners)} textures from the ratings of {len(quality.takes.surfaces)} test surfaces. Told from "
         "real: the second judge's share of right answers, 0.5 is chance. Seconds from ratings to a texture, batch 1, "
-        f"medians of {REPEATS} in turn. {machine()}."
+        f"medians of {REPEATS} in turn, spread: half the distance of the quartiles over the median. {machine()}."
     )
     text = "\n\n".join([title("Speed against error", 4) + about, table, *found]) + "\n"
     return finish(arguments, "speed_error", {"machine": machine(), "rows": rows, "found": found}, text)

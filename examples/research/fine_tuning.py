@@ -150,7 +150,7 @@ def plot(found, path):
             panel.invert_yaxis()
             panel.set_xlabel(label)
         panels[0, 1].set_yticklabels([])
-        panels[0, 0].legend(fontsize=8)
+        panels[0, 1].legend(fontsize=8, loc="upper left")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import pytest
 import speed
 import speed_error
 import torch
-from benchmarking import finish, make_parser, parse, seconds_of
+from benchmarking import finish, make_parser, parse, seconds_of, timed_columns, timed_table
 from report.result_files import stamp
 
 from tactile_diffusers import TactileTexturePipeline
@@ -71,6 +71,13 @@ def test_the_comparison_is_complete(checkpoint, tmp_path, capsys, make_lctg, mon
         for row in table.values()
     )
     assert "Beside other models" in capsys.readouterr().out
+
+
+def test_a_table_names_rows_whose_seconds_vary_too_much():
+    rows = {"steady": timed_columns([1.0, 1.0, 1.1]), "loose": timed_columns([1.0, 2.0, 3.0])}
+    assert rows["loose"] == {"s": 2.0, "spread, %": 25.0}  # quartiles 1.5 and 2.5
+    assert timed_table(rows).endswith("The spread exceeds 20 %: loose.")
+    assert "exceeds" not in timed_table({"steady": rows["steady"]})
 
 
 def test_timings_are_taken_in_turn_and_long_runs_once():
