@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from benchmarking import finish, machine, make_parser, parse, resident_mib
-from stream import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion, play
+from moving_finger import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion, play
 from tqdm.auto import tqdm
 
 from tactile_diffusers import TactileTexturePipeline

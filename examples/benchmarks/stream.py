@@ -5,12 +5,12 @@
 
 import itertools
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import torch
 from benchmarking import finish, machine, make_parser, parse
+from moving_finger import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion, play
 from scipy import signal
 from tqdm.auto import tqdm
 
@@ -47,15 +47,8 @@ MUCH_STICK_SLIP = 0.1
 SENSORS = ((60.0, 0.1), (125.0, 0.1), (125.0, 0.05), (250.0, 0.1), (1000.0, 0.1), (1000.0, 0.05))
 #: No hand moves faster than this, Hz: what a path has beyond is the sensor's.
 HAND_HZ = 15.0
-BLOCK = 32
-#: What a block lasts, s.
-BUDGET = BLOCK / DEVICE_RATE
-#: Reports of the sensor in the timed runs.
-SENSOR_HZ = 125.0
 #: Arguments of a stream whose values a single texture does not tell.
 EXPONENTS = ("force_exponent", "speed_exponent")
-#: Random motion: it strokes to and fro at most about this often, over about twice this far.
-STROKES_HZ, STROKES_MM = 1.0, 30.0
 
 
 def main(argv=None):
@@ -277,21 +270,21 @@ def sensor(profiles, rate, resolution):
     motions = (lambda t: 80 * t, lambda t: 30 * t, lambda t: 40 * np.sin(np.pi * t))
     spurious, away = [], []
     smoother = signal.butter(4, HAND_HZ, fs=DEVICE_RATE, output="sos")
-    for motion in motions:
-        path, place = _follow(motion, rate, resolution, 6.0)
+    for stroke in motions:
+        path, place = _follow(stroke, rate, resolution, 6.0)
         smooth = signal.sosfiltfilt(smoother, place)
         kept = slice(DEVICE_RATE, len(place) - DEVICE_RATE)
         for profile in profiles:
             felt, wanted = (profile.read(x[kept], np.gradient(x[kept]) * DEVICE_RATE) for x in (place, smooth))
             spurious.append(10 * np.log10(np.mean((felt - wanted) ** 2) / np.mean(wanted**2)))
-        away.append(np.abs(place - motion(np.arange(len(place)) / DEVICE_RATE))[kept].max())
+        away.append(np.abs(place - stroke(np.arange(len(place)) / DEVICE_RATE))[kept].max())
     return {"spurious dB": float(max(spurious)), "place mm": float(max(away)), "latency ms": 1e3 * path.latency}
 
 
-def _follow(motion, rate, resolution, seconds):
+def _follow(stroke, rate, resolution, seconds):
     path = FingerPath(DEVICE_RATE, rate)
     times = np.arange(0, seconds, 1 / rate)
-    path.report(times, np.round(motion(times) / resolution) * resolution)
+    path.report(times, np.round(stroke(times) / resolution) * resolution)
     return path, np.concatenate([path.advance(BLOCK)[0][:, 0] for _ in range(int(seconds * DEVICE_RATE / BLOCK))])
 
 
@@ -315,59 +308,6 @@ def clock(profiles, minutes, seed, quiet):
         "profiles' own mN": 1e3 * own,
         **found,
     }
-
-
-def play(stream, place, blocks, before, quiet, name, in_real_time=False):
-    """Reads blocks while a finger moves.
-
-    Args:
-        stream (`TextureStream`): that is read.
-        place (`np.ndarray`): mm, of the finger, `SENSOR_HZ` times a second.
-        blocks (`int`): that are read.
-        before (`Callable`): called with the number of each block before it is read.
-        quiet (`bool`), name (`str`): of the progress bar.
-        in_real_time (`bool`): whether to wait until each block is due.
-
-    Returns:
-        `tuple[np.ndarray, int, dict]`: seconds of each block, blocks that come more than one block late, and the
-        largest step and whether all is finite.
-    """
-    times, late, step, last, finite, number = np.empty(blocks), 0, 0.0, 0.0, True, 0
-    start = time.perf_counter()
-    for index in tqdm(range(blocks), disable=quiet, desc=name, mininterval=5):
-        while number / SENSOR_HZ <= stream.time and number < len(place):
-            stream.report(number / SENSOR_HZ, place[number])
-            number += 1
-        before(index)
-        if in_real_time:
-            time.sleep(max(0.0, start + index * BUDGET - time.perf_counter()))
-        begin = time.perf_counter()
-        force = stream.read(BLOCK)
-        times[index] = time.perf_counter() - begin
-        late += time.perf_counter() > start + (index + 2) * BUDGET
-        step = max(step, float(np.abs(np.diff(force, prepend=last)).max()))
-        last, finite = force[-1], finite and bool(np.isfinite(force).all())
-    return times, int(late), {"largest step mN": 1e3 * step, "finite": finite}
-
-
-def delays(seconds):
-    """Median, 99.9th percentile and largest of times in s: ms."""
-    found = {"median": np.median(seconds), "99.9th percentile": np.percentile(seconds, 99.9), "largest": seconds.max()}
-    return {f"{name} ms": 1e3 * float(value) for name, value in found.items()}
-
-
-def motion(minutes, seed):
-    """Random motion as a sensor of 125 Hz and 0.1 mm reports it: mm."""
-    slow = signal.butter(4, STROKES_HZ, fs=SENSOR_HZ, output="sos")
-    moved = signal.sosfilt(slow, np.random.default_rng(seed).standard_normal(round(minutes * 60 * SENSOR_HZ) + 9))
-    return np.round(STROKES_MM * moved / moved.std(), 1)
-
-
-def largest_step(profile, fastest):
-    """Of the force, at the fastest speed, with the law of speed: N."""
-    position = fastest * np.arange(int(profile.length / fastest * DEVICE_RATE)) / DEVICE_RATE
-    read = profile.read(position, np.full(len(position), fastest))
-    return float(np.abs(np.diff(read)).max() * (fastest / profile.reference_speed) ** SPEED_EXPONENT)
 
 
 def markdown(report):
