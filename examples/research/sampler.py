@@ -200,8 +200,8 @@ def _trained_table(by_scheduler, steps=("3", "4", "5", "10", "25", "100")):
 def plot(report, output_path):
     """Log-log error against steps on the mixture, level of components, and the trained models."""
     found = report.get("trained")
-    with figure_panels(output_path, 1, 4, (18, 4.2)) as panels:
-        mixture, components, solver, pareto = panels[0]
+    with figure_panels(output_path, 1, 3, (14, 4.2)) as panels:
+        mixture, components, solver = panels[0]
         for rule, style in (("ddim", "-"), ("rotation_2", "-"), ("adams_bashforth_2", "--"), ("data_2m", ":")):
             for spacing, colour in (("uniform", "C0"), ("both_ends", "C1")):
                 by = report["analytic"]["mixture"][rule][spacing]
@@ -235,11 +235,7 @@ def plot(report, output_path):
             solver.loglog(
                 counts, [e["solver_rms"]["mean"] for e in by_steps.values()], marker="o", markersize=3, label=name
             )
-            seconds = [entry["seconds"]["mean"] for entry in by_steps.values()]
-            errors = [entry["nine_band_db"]["mean"] for entry in by_steps.values()]
-            pareto.semilogx(seconds, errors, marker="o", markersize=3, label=name)
         solver.set(title="trained LCTG", xlabel="steps", ylabel="solver error, RMS")
-        pareto.set(title="trained LCTG", xlabel="s per segment (batch 8)", ylabel="nine-band error, dB", ylim=(0.7, 2))
         for panel in panels[0]:
             panel.legend(fontsize=6)
 

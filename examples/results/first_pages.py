@@ -42,6 +42,7 @@ OTHERS = {
 DATA = {
     "card": ("data/card.json", "data card"),
     "trained": ("biotac/trained/report.json", "real recordings"),
+    "solvers": ("scheduler/scheduler.json", "solvers"),
     "editing": ("editing/editing.json", "editing"),
     "ablation": ("ablation/ablation.json", "design"),
     "paper": ("paper_rows/ablation.json", "paper's configuration"),
