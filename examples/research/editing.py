@@ -235,14 +235,14 @@ class Edits:
         return tactile_features(cut.reshape(-1, cut.shape[-1]), self.rate).reshape(*cut.shape[:2], -1)
 
     def time(self):
-        """Median CPU time of an edit over that of a generation, in turn, and the least and largest ratio."""
+        """Median time of an edit over that of a generation, in turn, and the least and largest ratio."""
         ratios, texture = [], self.textures[0]
         for _ in range(TIMED):
-            start = time.process_time()
+            start = time.perf_counter()
             self.context.pipe([[0.5, 0.0, 0.0]])
-            between = time.process_time()
+            between = time.perf_counter()
             self.pipe(texture, self.rate, {"roughness": 0.5}, rating_scale="difference")
-            ratios.append((time.process_time() - between) / (between - start))
+            ratios.append((time.perf_counter() - between) / (between - start))
         return {"ratio": float(np.median(ratios)), "low": float(min(ratios)), "high": float(max(ratios))}
 
 
@@ -291,7 +291,7 @@ def markdown(result):
         "take (0.5 = never), and whether all samples that were not to change are the same.",
         markdown_table(seams, labels={"auc": "told apart", "same": "the rest bit for bit"}, interval=True),
         f"An edit takes {text(ratio['ratio'])} times as long as a generation, ratings estimated (median of {TIMED} "
-        f"pairs in turn, CPU time on a busy machine; {text(ratio['low'])} to {text(ratio['high'])}).",
+        f"pairs in turn; {text(ratio['low'])} to {text(ratio['high'])}).",
         "    python examples/research/editing.py --data prepared.h5 --output editing",
     ]
     return "\n\n".join(parts)
