@@ -203,7 +203,8 @@ def page(report, directions):
     ]
     lines += ["", "Assumed, not measured with people: noise, threshold and the shape "]
     lines[-1] += "of a taste, which is nearest to one point. A person with two tastes, or none, takes longer. The rule "
-    lines[-1] += "that chooses pairs was itself chosen among five on 100 other people of this kind."
+    lines[-1] += "that chooses pairs was itself chosen among five on 100 other people of this kind. Of people whose "
+    lines[-1] += "answers come from the textures there are too few to tell the last two rows apart."
     return "\n".join(lines) + "\n"
 
 
