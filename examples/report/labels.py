@@ -13,7 +13,7 @@ DECODERS = {
     "no_network_base": "no network, base layer alone: white noise, levels restored",
     "nothing_imposed_base": "LCTG, base layer alone, levels not restored",
 }
-#: Steps at which configurations are compared: the paper's best (section 3.3).
+#: Steps at which configurations are compared: the paper's best (section 3.1).
 COMPARED_STEPS = "10"
 #: Headings of metrics of reconstructions and of sets.
 HEADINGS = {

@@ -1,4 +1,4 @@
-"""`python audio_distance.py`: the Fréchet audio distance of the paper (section 3.3), on an offline embedding.
+"""`python audio_distance.py`: the Fréchet audio distance of the paper (section 3.4), on an offline embedding.
 
 The paper does not say which embedding it used. The usual one, VGGish, does not fit textures: it covers 125 to 7500
 Hz, which misses the lower half of the octaves that a finger feels and is mostly empty; it needs a download, and its
@@ -85,7 +85,7 @@ def _mel_filters(sampling_rate, frame):
 
 
 def frechet_audio_distance(textures, reference, sampling_rate, embedding=log_mel_embedding):
-    """Fréchet audio distance of two sets of textures (Kilgour et al. 2019; the paper's section 3.3).
+    """Fréchet audio distance of two sets of textures (Kilgour et al. 2019; the paper's section 3.4).
 
     It is too large by an amount that falls with the number of textures: compare it only with the distance of two real
     sets of the same sizes, and only under one embedding.

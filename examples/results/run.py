@@ -145,6 +145,11 @@ STEPS = {
     "design": Step(
         f"{ABLATE} --shorten 2 --output {{data}}/ablation", "{out}/ablation/ablation.json", shown="{data}/ablation"
     ),
+    "audio distance": Step(
+        "research/audio_distance.py --data {data}/prepared.h5 --output {out}/audio",
+        "{out}/audio/audio_distance.json",
+        page="{out}/audio/audio_distance.md",
+    ),
     "few surfaces": Step(
         f"research/few_surfaces.py {WORLDS} --output {{out}}/adaptation",
         "{out}/adaptation/figures.json",

@@ -33,7 +33,7 @@ class Settings:
     truth_surfaces: int = 1500  # and explored
     truth_seconds: float = 12.0  # of each exploration
     regression_surfaces: int = 5000  # fresh virtual surfaces that a regression is fitted to
-    paper_step: float = 0.5  # of ratings, in the paper's latent shift and mean spectra
+    paper_step: float = 0.5  # of ratings, in the paper's mean spectra
     paper_takes: int = 50
     protocol_segments: int = 20  # of the paper's full-pipeline RMSE
     protocol_repeats: int = 5

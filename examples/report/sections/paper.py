@@ -12,6 +12,8 @@ from ..figures import plot_axis_spectra, plot_latent_shift
 
 #: Ratings run from -2 to 2 (paper section 3.3 and 3.4).
 FARTHEST = 2.0
+#: Step of ratings and takes of each in the latent shift (section 3.3); those of the spectra are settings.
+SHIFT_STEP, SHIFT_TAKES = 0.2, 30
 
 
 def run(context):
@@ -22,15 +24,14 @@ def run(context):
     return {"paper": {"latent_shift_percent": shift, "spectra_db": spectra}}
 
 
-def _sweep(context):
-    """Ratings from -2 to 2, and how many takes of each."""
-    step, takes = context.settings.paper_step, context.settings.paper_takes
-    return np.linspace(-FARTHEST, FARTHEST, round(2 * FARTHEST / step) + 1).tolist(), takes
+def _sweep(step):
+    """Ratings from -2 to 2."""
+    return np.linspace(-FARTHEST, FARTHEST, round(2 * FARTHEST / step) + 1).round(2).tolist()
 
 
 def _latent_shift(context):
     """Shift of the latent from that of the ratings 0, 0, 0, the noise fixed: axis -> value -> leaf, % (section 3.3)."""
-    values, takes = _sweep(context)
+    values, takes = _sweep(SHIFT_STEP), SHIFT_TAKES
     seeds = context.seeds(4, takes)
 
     def latents(ratings):
@@ -46,7 +47,7 @@ def _latent_shift(context):
 
 def _spectra(context):
     """Mean nine-band levels while one rating runs, the others normal: axis -> value -> band -> leaf (section 3.4)."""
-    values, takes = _sweep(context)
+    values, takes = _sweep(context.settings.paper_step), context.settings.paper_takes
     seeds, edges = context.seeds(5, takes), context.data.edges
     names = [f"{low:.0f}-{high:.0f} Hz" for low, high in pairwise(edges)]
     others = context.rng("spectra").standard_normal((takes, len(context.axes)))
