@@ -129,6 +129,9 @@ def write(found, page, output):
     whole = "".join(f"\n## {name}\n\n{table(rows)}\n" for name, rows in found.items())
     whole = whole.replace("over ridge", "over recalibrated, paired")
     (output / "figures.md").write_text(f"# All figures of [fine tuning](../{output.name}.md)\n{whole}")
+    best = {name: min(row["over_ridge_db"]["mean"] for row in rows[1:]) for name, rows in found.items()}
+    words = " and ".join(f"{max(0.0, -value):.2f} dB in {name}" for name, value in best.items())
+    page += f"\nNo way lowers the error by more than {words}. What changes is KTD.\n"
     page += f"\n{side_by_side(found)}\n\nDifferences, paired, and friction: [all figures]({output.name}/figures.md).\n"
     output.with_suffix(".md").write_text(page)
 

@@ -199,7 +199,7 @@ def page(report, directions):
         "    python examples/research/preference.py --output examples/results",
         "",
         f"From −1 to 1, direction 1 changes nine bands by {bands['direction 1']} dB and direction 2 by "
-        f"{bands['direction 2']} dB; another take of the same ratings does so by {bands['another take']} dB.",
+        f"{bands['direction 2']} dB; another texture of the same ratings differs by {bands['another take']} dB.",
     ]
     lines += ["", "Assumed, not measured with people: noise, threshold and the shape "]
     lines[-1] += "of a taste, which is nearest to one point. A person with two tastes, or none, takes longer. The rule "

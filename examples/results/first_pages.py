@@ -67,7 +67,8 @@ ROWS = {
     ),
     "KTD of generated": (
         "{generation/1.0/ktd_excess|2|interval}",
-        "another take {generation/baselines/other_take/ktd_excess|2|interval}, blend "
+        "another take {generation/baselines/other_take/ktd_excess|2|interval}, another surface "
+        "{reconstruction/different_surface/ktd_excess|2|interval}, blend "
         "{generation/baselines/knn_blend/ktd_excess|2|interval}, ridge "
         "{generation/baselines/ridge/ktd_excess|2|interval}",
     ),
@@ -90,8 +91,9 @@ ROWS = {
         "{reconstruction/baselines/silence/snr_db|2}, another take {reconstruction/baselines/other_take/snr_db|2}",
     ),
     "atings to 1.64 s of texture": (
-        "{peers:batches/Batch 1/ours, default call/s|3}",
-        "audio-diffusion-pytorch as published {peers:batches/Batch 1/audio-diffusion-pytorch, as published/s|3}, at "
+        "{peers:batches/Batch 1/ours, default call/s|3} (ten steps {peers:batches/Batch 1/ours/s|3})",
+        "in ten steps, untrained: audio-diffusion-pytorch as published "
+        "{peers:batches/Batch 1/audio-diffusion-pytorch, as published/s|3}, at "
         "our size {peers:batches/Batch 1/audio-diffusion-pytorch, at our size/s|3}, UNet1DModel of 18 M "
         "{peers:batches/Batch 1/UNet1DModel, 18 M/s|3}",
     ),
