@@ -74,7 +74,7 @@ def effect_rows(report):
         of_unseen = unseen.get("permuted") if name == "permuted" else unseen.get("guidance", {}).get(name)
         row["nine_band_db"] = of_unseen and of_unseen["nine_band_db"]
         rows["**ratings permuted**" if name == "permuted" else f"guidance {name}"] = row
-    names = {"same_data": "the same surfaces", "many_surfaces": "fresh surfaces"}
+    names = {"same_data": "the training surfaces", "many_surfaces": "fresh surfaces"}
     for key, entry in (report.get("regression") or {}).items():
         facts = f"of degree {entry['degree']['mean']:.0f} on {entry['surfaces']['mean']:.0f} of {names[key]}"
         rows[f"regression {facts}"] = {

@@ -207,7 +207,7 @@ def test_figures_of_a_report_stand_beside_the_permuted_ones():
     rows = effect_rows(_report())
     *guided, permuted, best, fresh = rows
     assert guided == ["guidance 1.0", "guidance 2.0"] and "permuted" in permuted
-    assert best == "regression of degree 3 on 70 of the same surfaces" and "5000 of fresh surfaces" in fresh
+    assert best == "regression of degree 3 on 70 of the training surfaces" and "5000 of fresh surfaces" in fresh
     changes = 3 * len(QUANTITIES)
     assert rows["guidance 1.0"]["changes"] == f"{changes} of {changes}" and rows["guidance 1.0"]["matrix"] == 0
     assert rows[permuted]["changes"] == f"0 of {changes}" and rows[permuted]["matrix"] == 1
