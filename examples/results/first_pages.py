@@ -42,6 +42,7 @@ OTHERS = {
 DATA = {
     "card": ("data/card.json", "data card"),
     "trained": ("biotac/trained/report.json", "real recordings"),
+    "audio": ("audio/audio_distance.json", "audio distance"),
     "solvers": ("scheduler/scheduler.json", "solvers"),
     "editing": ("editing/editing.json", "editing"),
     "ablation": ("ablation/ablation.json", "design"),
