@@ -1,18 +1,23 @@
 """How long does generating take, and how much memory? `python examples/benchmarks/speed.py --output report`"""
 
 import sys
+from pathlib import Path
 
 from benchmarking import finish, machine, make_parser, parse, run_child, seconds_of, timed_columns, timed_table, timings
 
 from tactile_diffusers.cli.program import count, load_pipeline
 from tactile_diffusers.signal import SEGMENT_SECONDS
 
+sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
+
+from report.sections.speed import TIMED_STEPS, steps_in_time
+
 RATINGS = [1.5, 0.0, -1.0]
 BATCHES = (1, 2, 4, 8, 16, 64)
 DURATIONS = (SEGMENT_SECONDS, 5.0, 10.0, 20.0, 30.0, 60.0)
 STEPS = (1, 3, 10, 25, 50)
-#: Latent frames of a block of 0.1 s, and steps whose difference tells what one costs.
-BLOCK_FRAMES, TIMED_STEPS = 4, (5, 25)
+#: Latent frames of a block of 0.1 s.
+BLOCK_FRAMES = 4
 #: what a child process does, so that its peak memory is that of generating one texture
 _CHILDREN = {
     "import only": "import tactile_diffusers",
@@ -54,11 +59,11 @@ def in_time(pipe, repeats):
             decoded = latents.latents[..., :frames], latents.level, None, steps
             runs[frames, steps] = lambda given=decoded: pipe.decode(*given)
     times, hop = seconds_of(runs, repeats), pipe.lctg.config.latent_hop / pipe.feature_extractor.sampling_rate
-    few, many = TIMED_STEPS
+    few = TIMED_STEPS[0]
     for frames in dict.fromkeys(frames for frames, _ in runs):
-        step, seconds = (times[frames, many] - times[frames, few]) / (many - few), frames * hop
+        step, steps = steps_in_time({count: times[frames, count] for count in TIMED_STEPS}, frames * hop)
         rest = times[frames, few] - few * step
-        rows[f"{seconds:.4g} s"] = {"s of a step": step, "s beside": rest, "steps in time": (seconds - rest) // step}
+        rows[f"{frames * hop:.4g} s"] = {"s of a step": step, "s beside": rest, "steps in time": steps}
     return rows
 
 

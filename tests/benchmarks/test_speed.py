@@ -80,6 +80,12 @@ def test_a_table_names_rows_whose_seconds_vary_too_much():
     assert "exceeds" not in timed_table({"steady": rows["steady"]})
 
 
+def test_steps_in_time_are_none_where_more_steps_were_faster():
+    step, steps = speed.steps_in_time({5: 0.08, 25: 0.28}, 1.0)  # 0.03 s beside steps of 0.01 s
+    assert step == pytest.approx(0.01) and steps == 97
+    assert speed.steps_in_time({5: 0.3, 25: 0.2}, 1.0)[1] is None
+
+
 def test_timings_are_taken_in_turn_and_long_runs_once():
     called = []
     runs = {name: lambda n=name: called.append(n) for name in "ab"}

@@ -9,8 +9,8 @@ from tactile_diffusers.evaluation.metrics.statistics import leaf, number
 
 #: The paper's display works in blocks of about this length.
 BLOCK_SECONDS = 0.1
-# steps between which the cost of a step is measured
-_FEW, _MANY = 5, 25
+#: Steps between which the cost of a step is measured.
+TIMED_STEPS = (5, 25)
 
 
 def run(context):
@@ -55,12 +55,22 @@ def _timed(work, repeats):
     return np.array(seconds)
 
 
+def steps_in_time(seconds, duration):
+    """Seconds of a step, and how many steps last as long as what they decode, `duration` s.
+
+    `seconds` are those of two numbers of steps, in order. `None` for the number where they cannot tell: on a busy
+    machine fewer steps may take longer.
+    """
+    (few, least), (many, most) = seconds.items()
+    per_step = (most - least) / (many - few)
+    return per_step, max(0, int((duration - least) / per_step + few)) if per_step > 0 else None
+
+
 def _real_time(pipe, frames, repeats):
-    """Steps of LCTG that last as long as what they decode; none where the machine was too busy to tell."""
+    """Steps of LCTG that last as long as what they decode."""
     duration = frames * pipe.lctg.config.latent_hop / pipe.feature_extractor.sampling_rate
-    few, many = (np.median(decoding_seconds(pipe, steps, repeats, frames)) for steps in (_FEW, _MANY))
-    per_step = (many - few) / (_MANY - _FEW)
-    steps = max(0, int((duration - few) / per_step + _FEW)) if per_step > 0 else None
+    seconds = {steps: np.median(decoding_seconds(pipe, steps, repeats, frames)) for steps in TIMED_STEPS}
+    per_step, steps = steps_in_time(seconds, duration)
     return {
         "duration_s": number(duration, 1),
         "seconds_per_step": number(per_step, 2 * repeats),

@@ -82,7 +82,7 @@ class ReconstructionMixin:
         latents = self.lctg.encode(features["input_features"].to(device=device, dtype=self.lctg.dtype))
         level = features["level"].to(device)
         if self.dale is not None:
-            loudest = level.max().item()
+            loudest = features["level"].max().item()
             self._warn_once("unit", round(loudest), warn_of_other_units, loudest, self.dale.config)
         return TactileLatents(latents=latents, level=level, friction_coefficient=torch.full_like(level, torch.nan))
 
