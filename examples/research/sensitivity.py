@@ -216,7 +216,7 @@ def page(results, size):
         f"95 % interval over {size.takes} takes, and in brackets the regression of the same measure on the ratings of "
         "the world's own training surfaces. A second seed of the training shows what chance does.\n\n"
         "    python examples/research/sensitivity.py --output report\n\n"
-        f"![Slopes over assumptions](sensitivity/sensitivity.png)\n\n{tables(results)}\n"
+        f"![Slopes over assumptions](sensitivity.png)\n\n{tables(results)}\n"
     )
 
 

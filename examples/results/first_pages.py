@@ -1,5 +1,5 @@
 #!/usr/bin/env python
-"""Fills the rows of README and of the results' first page, and the pages of `pages/`, with figures of bundled weights.
+"""Fills the rows of README, the bundled card and the results' first page, and the pages of `pages/`, with figures.
 
     python examples/evaluate.py --checkpoint bundled --data prepared.h5 --output examples/results/judges
     python examples/results/first_pages.py            # --check: changes nothing, and fails where a page is stale
@@ -48,7 +48,7 @@ DATA = {
     "ablation": ("ablation/ablation.json", "design"),
     "paper": ("paper_rows/ablation.json", "paper's configuration"),
 }
-PAGES = (HERE.parents[1] / "README.md", HERE / "README.md")
+PAGES = (Path(bundled_checkpoint(), "README.md"), HERE.parents[1] / "README.md", HERE / "README.md")
 #: Templates of whole pages, which are written beside their folder.
 TEMPLATES = HERE / "pages"
 #: Rows by words of their first cell or second, and the next two: ours, then what stands beside it. {path|digits} is a
@@ -175,7 +175,7 @@ def main(argv=None):
         try:
             if template in PAGES:
                 page = template if args.results == HERE else page
-                written[page] = page_with_figures(text, reports, intervals=template == PAGES[1])
+                written[page] = page_with_figures(text, reports, intervals=template == PAGES[-1])
             else:
                 written[page] = filled(text, reports, intervals=True) + stamps(text, found)
         except KeyError as missing:
