@@ -33,6 +33,7 @@ OTHERS = {
     "stream": ("real_time/stream.json", "other speeds"),
     "scene": ("real_time/scene.json", "a scene"),
     "hard": ("hard_cases/stability.json", "hard cases"),
+    "long": ("hard_cases/long_textures.json", "long textures"),
     "decoder": ("steps/decoder.json", "steps"),
     "preparation": ("preparation/data.json", "preparing"),
     "axes": ("new_axis/figures.json", "a new axis"),

@@ -129,6 +129,11 @@ STEPS = {
     "hard cases": Step(
         "benchmarks/stability.py --threads 1 --output {out}/hard_cases", "{out}/hard_cases/stability.json", "--quick"
     ),
+    "long textures": Step(
+        "benchmarks/long_textures.py --output {out}/hard_cases",
+        "{out}/hard_cases/long_textures.json",
+        "--textures 2 --duration_s 10",
+    ),
     "judges": Step(
         f"{EVALUATE} {{data}}/prepared.h5 --steps 1 2 3 5 10 --output {{out}}/judges",
         "{out}/judges/report.json",
