@@ -44,6 +44,7 @@ DATA = {
     "card": ("data/card.json", "data card"),
     "trained": ("biotac/trained/report.json", "real recordings"),
     "audio": ("audio/audio_distance.json", "audio distance"),
+    "latents": ("latents/latents.json", "latents"),
     "solvers": ("scheduler/scheduler.json", "solvers"),
     "editing": ("editing/editing.json", "editing"),
     "ablation": ("ablation/ablation.json", "design"),

@@ -142,6 +142,11 @@ STEPS = {
     "steps": Step(
         "benchmarks/decoder.py --data {data}/prepared.h5 --output {out}/steps", "{out}/steps/decoder.json", "--few"
     ),
+    "latents": Step(
+        "research/latents.py --data {data}/prepared.h5 --quiet --output {out}/latents",
+        "{out}/latents/latents.json",
+        "",
+    ),
     "solvers": Step(
         "research/sampler.py --data {data}/prepared.h5 --segments 24 --quiet --output {out}/scheduler",
         "{out}/scheduler/scheduler.json",
