@@ -39,6 +39,14 @@ def test_wav_without_and_with_mean_friction(play):
     # forth and back at 0.5 x 0.5 N, against the motion
     assert force[2000:3500].mean() == pytest.approx(-0.25, abs=0.03)
     assert force[6000:7500].mean() == pytest.approx(0.25, abs=0.03)
+    words = [json.loads(Path(f"{name}.wav.json").read_text())["units"]["texture"] for name in ("friction", "force")]
+    assert "friction about its mean" in words[0] and "against its motion" in words[1]
+    assert other["normal_force"] == 0.5 and 0.01 < other["latency"] < 0.2
+
+
+def test_an_unknown_mean_friction_is_said(play, capsys):
+    assert play("--output a_force.npz", friction_coefficient=np.nan) == 0
+    assert "`force` lacks the mean friction" in capsys.readouterr().err
 
 
 def _display(**changes):
@@ -125,6 +133,7 @@ def test_a_plane(play):
         ("--output b.wav --mean_friction", {"friction_coefficient": np.nan}, "knows no friction_coefficient"),
         ("--output b.wav --mean_friction --trajectory plane.csv", {}, "a force of two channels"),
         ("--output b.wav --rate 1000", {}, "`sampling_rate` must be"),
+        ("--output b.wav --rate 5000.6", {}, "argument --rate"),
         ("--output b.npz --drive_profile t.csv", {}, "t.csv cannot be read"),
         ("--output b.npz --drive_profile t.csv --mean_friction", {}, "argument --mean_friction"),
         ("--output b.npz --gain 0.5", {}, "argument --gain: it is of a display's drive"),

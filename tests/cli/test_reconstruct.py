@@ -13,7 +13,7 @@ from tactile_diffusers.cli import reconstruct
 from tactile_diffusers.cli.recording_file import read_recording_file
 from tactile_diffusers.data import RecordingsFile
 from tactile_diffusers.data.folder import read_recording
-from tactile_diffusers.export import read_wav, write_wav
+from tactile_diffusers.export import read_wav, write_hdf5, write_wav
 from tactile_diffusers.signal import DEVICE_RATE, band_pass
 
 
@@ -57,6 +57,15 @@ def test_kinds_of_files(texture, tmp_path):
     np.testing.assert_allclose(
         found.texture, _as_texture(texture, found.rate), atol=np.abs(texture).max() / 2**14
     )  # 16 bits
+    write_hdf5(tmp_path / "ours.h5", texture, **common)
+    arguments = reconstruct.parse_arguments([str(tmp_path / "ours.h5"), "--output", str(tmp_path)])
+    found = read_recording_file("reconstruct.py", arguments)
+    assert found.friction_coefficient == 1.0
+    np.testing.assert_allclose(found.texture, _as_texture(texture, found.rate), atol=1e-8)
+    arguments = reconstruct.parse_arguments(
+        [str(tmp_path / "ours.h5"), "--column", "texture", "--rate", "5000", "--output", str(tmp_path)]
+    )
+    assert read_recording_file("reconstruct.py", arguments).rate == 5000
 
 
 def test_a_store_of_recordings(virtual_recordings, tmp_path, capsys):

@@ -130,6 +130,7 @@ def test_low_coherence_is_refused_and_the_band_named(recording, excitation):
         ({"normal_force": -0.5}, "`normal_force` must be.*got -0.5"),
         ({"kind": "magnetic"}, "`kind` must be one of"),
         ({"kind": "ultrasonic"}, "`lookup` is missing"),
+        ({"lookup": ((0.0, 0.0), (25.0, 0.4), (50.0, 1.0))}, "`command` must be within .*Measure `lookup` that far"),
         ({"command": np.full(60000, 100.0)}, "`command` does not modulate friction"),
         ({"command": np.where(np.arange(60000) % 7 < 3, -100.0, 100.0)}, "does not modulate.*two levels of the same"),
     ],

@@ -44,6 +44,20 @@ def test_what_the_source_had_lost_is_not_charged_to_the_target(source, tmp_path)
     assert "nothing above 2" in told["losses"][0]  # some 240 Hz at 80.5 mm/s and 0.15 mm
 
 
+def test_a_map_goes_on_with_the_force_that_it_was_recorded_at(source, tmp_path):
+    convert(source, tmp_path / "b.friction.hjif", normal_force=1.0)
+    for name in ("c.friction.hjif", "c.friction.png"):
+        convert(tmp_path / "b.friction.hjif", tmp_path / name)
+        assert read_texture(tmp_path / name)[1]["normal_force"] == 1.0
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_recorded_texture_has_no_seed(tmp_path, pink_noise, name):
+    path = tmp_path / f"a{FORMATS[name].suffix}"
+    FORMATS[name].write(path, pink_noise(4000, DEVICE_RATE)[0], **COMMON | {"seed": None})
+    assert read_texture(path)[1]["seed"] is None
+
+
 def test_formats_by_suffix(tmp_path):
     assert format_of("a.16bit.wav") == "wav16" and format_of("a.wav") == "wav"
     assert format_of("a.png") == format_of("a.friction.png") == "png"

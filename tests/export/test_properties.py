@@ -105,7 +105,7 @@ BAD = {
     "friction_coefficient": [0, -0.1, math.inf, None, "x", 10**400, [1.0]],
     "reference_speed": [0, -80, math.inf, None, "x", 10**400, [80.0]],
     "ratings": [[1, 2], [1] * 33, [math.inf, 0, 0], None, "abc", 5, [10**400, 0, 0], [[1], [2], [3]], ["x"] * 3],
-    "seed": [0.5, math.nan, math.inf, True, 2**64, -1, None, "x", "5", [1]],
+    "seed": [0.5, math.nan, math.inf, True, 2**64, -1, "x", "5", [1]],
     "checkpoint": [5, b"x", ["x"]],
 }
 

@@ -34,6 +34,11 @@ def test_at_the_reference_speed_it_is_the_texture(pink_noise):
     assert nine_band_error_db(made[None], texture[None, 2000:14_000], RATE)[0] < 0.2
 
 
+def test_a_texture_of_a_rate_below_the_band_is_not_filled_above(pink_noise):
+    made = _read(TextureProfile(pink_noise(2000, 800)[0], 800, SPEED), SPEED)
+    assert np.isfinite(made).all() and made.any()
+
+
 @pytest.mark.parametrize("speed", [40.0, 80.0, 120.0, 160.0])
 def test_frequency_follows_speed(speed):
     felt = _read(TextureProfile(_line(2.0), RATE, SPEED, fill=False), speed)

@@ -48,6 +48,12 @@ def test_friction_opposes_motion_and_turns_smoothly(make_stream):
     assert not smooth.any()
 
 
+@pytest.mark.parametrize("exponent", [0.0, -0.1])
+def test_without_contact_there_is_no_force_whatever_the_law_of_load(make_stream, exponent):
+    made = _play(make_stream(0.8, force_exponent=exponent), lambda t: 80 * t, seconds=0.5, normal_force=0.0)
+    assert not made.any()
+
+
 def test_the_law_of_normal_force_can_be_switched_off(make_stream):
     def motion(t):
         return 80 * t

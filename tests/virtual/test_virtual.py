@@ -21,7 +21,7 @@ from tactile_diffusers.virtual import (
 )
 from tactile_diffusers.virtual.collection import Collection
 from tactile_diffusers.virtual.exploration import EXPLORERS, VELOCITY_RATE
-from tactile_diffusers.virtual.friction import contact_force, low_pass, stick_slip
+from tactile_diffusers.virtual.friction import contact_force, force_direction, low_pass, stick_slip
 from tactile_diffusers.virtual.laws import contact_stiffness, finger_cutoff, friction_coefficient, stick_slip_rate
 from tactile_diffusers.virtual.percepts import CALIBRATION_FILE, expected_powers
 from tactile_diffusers.virtual.raters import check_rating_correlation, draw_raters
@@ -144,6 +144,12 @@ def test_a_finger_that_starts_is_loaded_before_it_slips():
     assert lateral[:start].mean() < 0.1 * lateral[-DEVICE_RATE:].mean()  # nothing is loaded at rest
     first = lateral[start : start + DEVICE_RATE // 5]
     assert np.percentile(first, 99) > 1.05 * lateral[DEVICE_RATE:].mean()  # static friction lies above sliding friction
+
+
+def test_a_very_fast_finger_has_a_direction_of_force():
+    speed = np.full(1000, 5000.0)
+    found = force_direction(np.full(1000, 0.5), speed, np.full(1000, 0.5), np.full(1000, 2.0))
+    np.testing.assert_allclose(found[100:], np.tile([np.cos(0.5), np.sin(0.5)], (900, 1)), rtol=1e-9)  # settled
 
 
 def test_stiffness_and_stick_slip_rate():

@@ -31,8 +31,8 @@ def parse_arguments(argv=None):
     add("--pixel_pitch", type=positive_number, default=PIXEL_PITCH, metavar="MM", help="distance of two pixels on the "
         f"display, mm; for png; default: {PIXEL_PITCH}")  # fmt: skip
     add("--height", type=count, default=HEIGHT, metavar="ROWS", help=f"of the picture; for png; default: {HEIGHT}")
-    add("--normal_force", type=positive_number, default=REFERENCE_FORCE, metavar="N", help="at which the texture was "
-        f"recorded, N; for png and hjif-friction; default: {REFERENCE_FORCE}")  # fmt: skip
+    add("--normal_force", type=positive_number, metavar="N", help="at which the texture was recorded, N; for png and "
+        f"hjif-friction; default: what the input says, else {REFERENCE_FORCE}")  # fmt: skip
     arguments = parser.parse_args(argv)
     if not arguments.input.exists():
         parser.error(f"argument --input: {arguments.input} does not exist")
@@ -94,13 +94,15 @@ def _write(name, texture, metadata, arguments):
             "Leave them out of --formats."
         )
     common = {key: metadata[key] for key in ABOUT}
+    held = metadata.get("normal_force", REFERENCE_FORCE)
+    options = vars(arguments) | {"normal_force": arguments.normal_force or held}
     arguments.output.mkdir(parents=True, exist_ok=True)
     for chosen in arguments.formats:
         form = FORMATS[chosen]
         path = arguments.output / f"{name}{form.suffix}"
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
-            form.write(path, texture, **common, **{option: getattr(arguments, option) for option in form.options})
+            form.write(path, texture, **common, **{option: options[option] for option in form.options})
         for warning in caught:
             warn("export.py", f"{path.name}: {warning.message}")
         print(f"{path}: {form.kind}, {form.description}")

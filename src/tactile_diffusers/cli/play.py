@@ -9,7 +9,7 @@ import numpy as np
 
 from ..export.convert import read_texture
 from ..signal import DEVICE_RATE, REFERENCE_FORCE
-from .program import Parser, command, existing_file, positive_number, program, warn
+from .program import Parser, command, count, existing_file, positive_number, program, warn
 
 SUFFIXES = (".wav", ".npz")
 #: Counts of a 16-bit file at full scale.
@@ -46,7 +46,7 @@ def parse_arguments(argv=None):
         "largest, up to 1, that the display's range holds; default: 1")  # fmt: skip
     add("--normal_force", type=positive_number, default=REFERENCE_FORCE, metavar="N",
         help=f"of the finger; default: {REFERENCE_FORCE}")  # fmt: skip
-    add("--rate", type=positive_number, default=DEVICE_RATE, metavar="HZ",
+    add("--rate", type=count, default=DEVICE_RATE, metavar="HZ",
         help=f"of what is written, a whole number above 2000; default: {DEVICE_RATE}")  # fmt: skip
     arguments = parser.parse_args(argv)
     if arguments.output.suffix not in SUFFIXES:
@@ -72,13 +72,15 @@ def main(argv=None):
     wav = arguments.output.suffix == ".wav"
     if arguments.mean_friction and position.ndim == 2 and wav:
         raise ValueError("--mean_friction on a plane is a force of two channels. Write it as .npz.")
+    if math.isnan(about["friction_coefficient"]) and not wav:
+        warn("play.py", f"{arguments.input} knows no friction_coefficient: `force` lacks the mean friction")
     profile = TextureProfile(texture, about["sampling_rate"], about["reference_speed"])
     friction = 0.0 if math.isnan(about["friction_coefficient"]) else about["friction_coefficient"]
     played = play_trajectory(profile, friction, time, position, arguments.rate, arguments.normal_force)
     values, beside = (played.force if arguments.mean_friction else played.friction), {}
     if arguments.drive_profile:
         values, beside = _drive(arguments, played)
-    (_write_wav if wav else _write_npz)(arguments.output, values, beside, played, about)
+    (_write_wav if wav else _write_npz)(arguments, values, beside, played, about)
     unit, steps = beside.get("drive_unit", "N"), np.diff(time)
     speed = np.linalg.norm(np.diff(position.reshape(len(time), -1), axis=0), axis=1) / steps
     usual = float(np.median(speed[speed > 0])) if speed.any() else 0.0
@@ -120,33 +122,36 @@ def _drive(arguments, played):
     return drive * np.minimum(1, np.minimum(ramp, ramp[::-1])), beside
 
 
-def _write_npz(path, values, beside, played, about):
+def _write_npz(arguments, values, beside, played, about):
     from ..io.files import atomic_path
 
     names = ("time", "position", "speed", "force", "friction", "sampling_rate", "latency")
     arrays = {name: getattr(played, name) for name in names}
     if beside:
         arrays |= {"drive": values, **beside}
-    with atomic_path(path) as temporary, open(temporary, "wb") as file:
+    with atomic_path(arguments.output) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, **arrays)
 
 
-def _write_wav(path, values, beside, played, about):
-    if not beside:
-        from ..export.wav import write_wav
+def _write_wav(arguments, values, beside, played, about):
+    from ..export.metadata import UNITS
+    from ..export.wav import sidecar_path, write_wav
 
+    path = arguments.output
+    if not beside:
         known = {name: about[name] for name in ("friction_coefficient", "ratings", "seed", "checkpoint")}
-        write_wav(path, values, sampling_rate=played.sampling_rate, **known, subtype="FLOAT")
+        which = "force on the finger, against its motion" if arguments.mean_friction else "friction about its mean"
+        further = {"normal_force": arguments.normal_force, "latency": played.latency}
+        further["units"] = UNITS | {"texture": f"N: {which}", "normal_force": "N", "latency": "s"}
+        write_wav(path, values, sampling_rate=played.sampling_rate, **known, subtype="FLOAT", further=further)
         return
     import soundfile
 
-    from ..export.wav import sidecar_path
-    from ..io.files import atomic_path, write_text
+    from ..io.files import atomic_path
 
     scale = {"drive_per_count": beside["max_drive"] / _COUNTS, "unit": beside["drive_unit"], "latency": played.latency}
-    with atomic_path(path) as temporary:
-        samples = np.round(values / scale["drive_per_count"]).astype(np.int16)
-        soundfile.write(temporary, samples, round(played.sampling_rate), subtype="PCM_16", format="WAV")
-    write_text(
-        sidecar_path(path), json.dumps({"sampling_rate": played.sampling_rate, **scale, **beside}, indent=1) + "\n"
-    )
+    samples = np.round(values / scale["drive_per_count"]).astype(np.int16)
+    sidecar = {"sampling_rate": played.sampling_rate, **scale, **beside}
+    with atomic_path(sidecar_path(path)) as temporary_json, atomic_path(path) as temporary_wav:
+        soundfile.write(temporary_wav, samples, played.sampling_rate, subtype="PCM_16", format="WAV")
+        temporary_json.write_text(json.dumps(sidecar, indent=1) + "\n", encoding="utf-8")

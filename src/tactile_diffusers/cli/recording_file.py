@@ -56,10 +56,12 @@ def add_recording_arguments(parser):
 
 
 def _read_own(path):
-    """Texture and metadata of a .npz file of this package, or of a WAV with its sidecar; `None` of another file."""
+    """Texture and metadata of a .npz or .h5 file of this package, or of a WAV with its sidecar; `None` of others."""
     import zipfile
 
-    from ..export.lossless import read_npz
+    import h5py
+
+    from ..export.lossless import HDF5_FORMAT, read_hdf5, read_npz
     from ..export.wav import read_wav, sidecar_path
 
     if path.suffix.lower() == ".wav" and sidecar_path(path).is_file():
@@ -68,6 +70,10 @@ def _read_own(path):
         with zipfile.ZipFile(path) as archive:
             ours = {"texture.npy", "units.npy"} <= set(archive.namelist())
         return read_npz(path) if ours else None
+    if path.suffix.lower() == ".h5" and h5py.is_hdf5(path):
+        with h5py.File(path) as file:
+            ours = file.attrs.get("format") == HDF5_FORMAT
+        return read_hdf5(path) if ours else None
     return None
 
 
@@ -78,7 +84,8 @@ def read_recording_file(script, arguments, quiet=True):
     from ..signal import REFERENCE_FORCE, band_pass, rms
 
     path, scale = arguments.recording_file, arguments.newtons_per_unit
-    own = _read_own(path) if scale is None and arguments.column is None else None
+    asked = (scale, arguments.column, arguments.rate, arguments.recording)
+    own = _read_own(path) if asked == (None,) * 4 else None
     if own is not None:
         force, rate, notes, friction = own[0], own[1]["sampling_rate"], [], own[1]["friction_coefficient"]
     else:

@@ -117,10 +117,13 @@ def _check_recording(command, measured, rate, kind, lookup):
         raise ValueError(
             f"`command` of {len(command) / rate:.3g} s is too short: record at least {SHORTEST_SECONDS} s, better 20 s."
         )
-    if lookup and not 0 <= command.min() <= command.max() <= lookup[-1][0]:
+    volts = kind == "electroadhesion"  # +V and -V pull alike
+    least = -lookup[-1][0] if lookup and volts else 0
+    if lookup and not least <= command.min() <= command.max() <= lookup[-1][0]:
+        remedy = "Measure `lookup` that far" if volts else "Divide it by the largest amplitude of the device"
         raise ValueError(
             f"`command` must be within the amplitudes of `lookup`, 0 to {lookup[-1][0]:g}, "
-            f"got {command.min():.4g} to {command.max():.4g}. Divide it by the largest amplitude of the device."
+            f"got {command.min():.4g} to {command.max():.4g}. {remedy}."
         )
     change = friction_change(kind, lookup, command)
     if np.ptp(change) <= 1e-9 * np.abs(change).max():

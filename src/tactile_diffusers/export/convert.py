@@ -138,7 +138,8 @@ def convert(source, target, **options):
 
     Args:
         source, target (`str` or `Path`): files; their suffixes say of which formats. An existing target is replaced.
-        options: further keywords of the target's writer, such as `pixel_pitch` of `write_png`.
+        options: further keywords of the target's writer, such as `pixel_pitch` of `write_png`. `normal_force` is by
+            default that of the source where it is a map of friction.
 
     Returns:
         `dict`: what `round_trip` gives of the target, and `losses`, sentences: what the source's own format had lost
@@ -159,7 +160,9 @@ def convert(source, target, **options):
     texture, metadata = before.read(source)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        after.write(target, texture, **{name: metadata[name] for name in ABOUT}, **options)
+        # a map of friction knows at which force it was recorded; others' options are given or have defaults
+        held = {name: metadata[name] for name in ("normal_force",) if name in metadata and name in after.options}
+        after.write(target, texture, **{name: metadata[name] for name in ABOUT}, **held | options)
     held = {name: metadata[name] for name in ("highest_frequency",) if name in metadata}
     row = round_trip(target, names[1], texture, metadata["sampling_rate"], **held)
     losses = [] if before.kind == "lossless" else [_earlier(source, names[0], before, metadata)]

@@ -8,7 +8,7 @@ from ..io.files import atomic_path
 from ..io.hdf5 import check_sizes, open_whole, whole_file
 from ..io.reading import check_archive, reading
 from ..signal import RATING_AXES
-from .metadata import UNITS, check_read, describe_texture, from_json
+from .metadata import NO_SEED, UNITS, check_read, describe_texture, from_json
 
 HDF5_FORMAT, HDF5_VERSION = "tactile-texture", 1
 
@@ -27,7 +27,7 @@ def write_npz(path, texture, **about):
             sampling_rate (`int`): Hz.
             friction_coefficient (`float`): mean lateral / mean normal force; NaN = unknown.
             ratings (`Sequence[float]`): (3,) z-scores: roughness, bumpiness, slipperiness; NaN or None = not specified.
-            seed (`int`): of the generator that drew the noise.
+            seed (`int`): of the generator that drew the noise; `None` = unknown, or it was recorded. Stored as -1.
             reference_speed (`float`, *optional*): finger speed at which the texture is felt in this time, mm/s; NaN,
                 the default, = unknown.
             checkpoint (`str`, *optional*): name of the checkpoint that generated it; `None` = unknown.
@@ -42,7 +42,7 @@ def write_npz(path, texture, **about):
         "sampling_rate": np.int64(metadata["sampling_rate"]),
         "friction_coefficient": np.float32(metadata["friction_coefficient"]),
         "ratings": np.float32(metadata["ratings"]),
-        "seed": np.asarray(metadata["seed"]),
+        "seed": np.asarray(NO_SEED if metadata["seed"] is None else metadata["seed"]),
         "reference_speed": np.float32(metadata["reference_speed"]),
         "checkpoint": np.asarray(metadata["checkpoint"] or ""),
         "units": np.asarray(json.dumps(UNITS)),
@@ -88,7 +88,8 @@ def write_hdf5(path, texture, **about):
     with whole_file(path) as file:
         file.attrs.update({"format": HDF5_FORMAT, "version": HDF5_VERSION, "rating_axes": ", ".join(RATING_AXES)})
         file.attrs["units"] = json.dumps(UNITS)
-        file.attrs.update(metadata | {"checkpoint": metadata["checkpoint"] or ""})
+        seed = NO_SEED if metadata["seed"] is None else metadata["seed"]
+        file.attrs.update(metadata | {"checkpoint": metadata["checkpoint"] or "", "seed": seed})
         file.create_dataset("texture", data=texture.astype(np.float32), compression="gzip", shuffle=True)
         file["texture"].attrs.update({"rate": rate, "unit": "N"})
 

@@ -21,6 +21,8 @@ UNITS = {
     "ratings": f"z-scores in the order {', '.join(RATING_AXES)}; larger = rougher, bumpier, more slippery; then "
     "those of the checkpoint's further axes",
 }
+#: The seed of a texture that was recorded, where a file cannot hold `None`.
+NO_SEED = -1
 # of float64: a texture that was scaled to full scale may be above it by this much, far less than half a count
 _ROUNDING = 1e-9
 #: What is stored with a texture in every format.
@@ -47,7 +49,7 @@ def describe_texture(
         "friction_coefficient": check_positive_or_unknown("friction_coefficient", friction_coefficient),
         "reference_speed": check_positive_or_unknown("reference_speed", reference_speed),
         "ratings": check_ratings(ratings).tolist(),
-        "seed": check_seed(seed),
+        "seed": None if seed is None else check_seed(seed),
         "checkpoint": checkpoint or None,
     }
 
@@ -148,6 +150,7 @@ def from_json(stored, path, *needed):
     for name in ("friction_coefficient", "reference_speed"):
         metadata[name] = _nan_if_null(metadata[name])
     metadata["ratings"] = [_nan_if_null(value) for value in metadata["ratings"]]
+    metadata["seed"] = None if metadata["seed"] == NO_SEED else metadata["seed"]
     return metadata
 
 

@@ -19,7 +19,7 @@ def sidecar_path(path):
     return Path(f"{path}.json")
 
 
-def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, **about):
+def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, further=None, **about):
     """Writes one texture to a mono WAV file, by default so that its peak is full scale, and the scale to the sidecar.
 
     Any reader that gives samples in [-1, 1] gives newtons when these are multiplied by the sidecar's
@@ -32,6 +32,7 @@ def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, **about):
         subtype (`str`, *optional*, defaults to `"PCM_16"`): `"PCM_16"` or `"FLOAT"`, soundfile's names.
         full_scale (`float`, *optional*): N that are full scale, one for files that belong together; by default the
             texture's peak.
+        further (`dict`, *optional*): what else the sidecar says.
 
     Raises:
         ValueError: on a bad argument, or a texture that peaks above `full_scale`, before anything is written.
@@ -42,7 +43,7 @@ def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, **about):
     if subtype not in ("PCM_16", "FLOAT"):
         raise ValueError(f'`subtype` must be "PCM_16" or "FLOAT", got {subtype!r}.')
     scale = full_scale_of(np.abs(texture).max(), full_scale) * FULL_SCALE_COUNTS / (FULL_SCALE_COUNTS - 1)
-    sidecar = {"newtons_per_full_scale": scale, "unit": "N", **to_json(metadata)}
+    sidecar = {"newtons_per_full_scale": scale, "unit": "N", **to_json(metadata), **(further or {})}
     if subtype == "PCM_16":
         # quantised here: libsndfile multiplies by 32767 when writing and divides by 32768 when reading
         samples = np.round(texture / scale * FULL_SCALE_COUNTS).astype(np.int16)

@@ -25,8 +25,9 @@ LEAST_EVENT_FORCE, LARGEST_EVENT_SPEED = 0.05, 4.0
 
 
 def load_gain(normal_force, exponent=FORCE_EXPONENT):
-    """(Fn / 0.5 N)^a; `normal_force` in N, numbers or arrays."""
-    return (normal_force / REFERENCE_FORCE) ** exponent
+    """(Fn / 0.5 N)^a, and 0 without contact, whatever the exponent; `normal_force` in N, numbers or arrays."""
+    touching = normal_force > 0
+    return touching * (np.where(touching, normal_force, REFERENCE_FORCE) / REFERENCE_FORCE) ** exponent
 
 
 def speed_gain(speed, reference_speed, exponent=SPEED_EXPONENT):

@@ -227,6 +227,8 @@ def _filled(spectrum, frequencies, held, noise):
     for octaves, beyond in zip(SLOPE_OCTAVES, (below, frequencies > high), strict=True):
         near = (low, low * 2**octaves) if beyond is below else (high / 2**octaves, high)
         chosen = (frequencies >= near[0]) & (frequencies <= near[1]) & (power > 0)
+        if chosen.sum() < 2:  # a texture of a low rate ends before its band does
+            continue
         slope, offset = np.polyfit(octave[chosen], np.log(power[chosen]) + np.euler_gamma, 1)
         filled += beyond * noise * np.exp(0.5 * (slope * octave + offset))
     return filled

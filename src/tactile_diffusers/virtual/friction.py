@@ -88,8 +88,8 @@ def low_pass(values, cutoff, rate, block=128, start=1.0):
         values (`np.ndarray`): (n,).
         cutoff (`np.ndarray`): (n,) Hz.
         rate (`float`): Hz.
-        block (`int`): samples solved at once; 128 at the highest cutoff of any finger shrink a state to 1e-90, far
-            above underflow.
+        block (`int`): samples solved at once; 128 at the highest cutoff of any finger shrink a state to 1e-90, 32 at
+            three times the rate to 1e-262: no underflow.
         start (`float`): state before the first value, as a share of it: 1 = settled.
 
     Returns:
@@ -120,7 +120,7 @@ def force_direction(heading, speed, sliding_friction, stiffness):
         `np.ndarray`: (m, 2), of length 1 or less.
     """
     travel = sliding_friction / stiffness
-    cutoff = speed / (2 * np.pi * travel)
+    cutoff = np.minimum(speed / (2 * np.pi * travel), 3 * VELOCITY_RATE)  # which one sample settles
     starts = 0.0 if speed[0] == 0 else 1.0  # at rest nothing is loaded yet
     parts = [low_pass(part, cutoff, VELOCITY_RATE, 32, starts) for part in (np.cos(heading), np.sin(heading))]
     return np.stack(parts, axis=-1)

@@ -5,7 +5,7 @@ Forces are in N, speeds in mm/s, numbers or arrays. "Recipe" marks a size of our
 
 import numpy as np
 
-from ..signal.constants import REFERENCE_FORCE, SLOWEST_SLIDING
+from ..signal.constants import REFERENCE_FORCE, SLOWEST_SLIDING, STIFFNESS_PER_SPEED
 from .recipe import REFERENCE_SPEED_MM_S
 
 #: Common gain that brings band-passed segments to the RMS that the paper's RMSE and SNR imply: mean 0.0090 N over many
@@ -20,8 +20,6 @@ COMPLIANT_BACKGROUND_EXPONENT = -0.8
 #: Cutoff of the finger's first-order low-pass per mm/s of speed (arXiv 2505.11162), and its upper end (Hz).
 CUTOFF_PER_SPEED = 13.8
 HIGHEST_CUTOFF = 1500.0
-#: Rise of the finger's stiffness per mm/s of speed, N/mm (arXiv 2505.11162: 4.04 N/m).
-STIFFNESS_PER_SPEED = 4.04e-3
 #: Share of the contact that sticks and slips together (recipe).
 SLIPPING_SHARE = 0.05
 HIGHEST_STICK_SLIP_HZ = 2000.0

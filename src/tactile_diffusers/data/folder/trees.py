@@ -106,7 +106,7 @@ def _open_tree(path, kind, _changed):
 
 
 def _hdf5_tree(path):
-    arrays, rates = {}, {}
+    arrays, rates, of_arrays = {}, {}, defaultdict(set)
 
     def visit(name, node):
         place = name if isinstance(name, str) else name.decode(errors="backslashreplace")
@@ -117,12 +117,16 @@ def _hdf5_tree(path):
             group, _, last = place.rpartition("/")
             if last in RATE_NAMES and node.size == 1:
                 rates[group] = rates.get(group) or _rate_of({last: node[()]})
+            if rates[place]:
+                of_arrays[group].add(rates[place])
             if node.shape is not None:
                 arrays[place] = _Stored(path, name, node.shape, node.dtype)
 
     with open_whole(path) as file:
         rates[""] = _rate_of(file.attrs)
         file.visititems(visit)  # each object once, so links that lead back end
+        for group, found in of_arrays.items():  # a rate that its arrays share is the group's
+            rates[group] = rates.get(group) or (found.pop() if len(found) == 1 else None)
         return Tree(arrays, rates, plain_attributes(file))
 
 
