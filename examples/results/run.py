@@ -163,7 +163,7 @@ STEPS = {
     "few surfaces": Step(
         f"research/few_surfaces.py {WORLDS} --output {{out}}/adaptation",
         "{out}/adaptation/figures.json",
-        page="{out}/adaptation/figures.md",
+        page="{out}/adaptation.md",
     ),
     "fine tuning": Step(
         f"research/fine_tuning.py {WORLDS} --own {{data}}/prepared.h5 --output {{out}}/fine_tuning",

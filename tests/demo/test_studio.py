@@ -118,6 +118,17 @@ def test_files_are_called_as_on_the_page(studio, texture):
     assert file_stem("../ä", recorded) == "texture_any_any_any"
 
 
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_recording_goes_into_every_file_over_time(studio, texture, name, tmp_path):
+    recorded = studio.recorded(texture.samples.astype(float), texture.sampling_rate)
+    if "over position" in name:  # nobody knows how fast the finger was
+        with pytest.raises(ValueError, match="`reference_speed` is unknown"):
+            write_files(recorded, name, tmp_path, 0.15, "a")
+    else:
+        paths, _ = write_files(recorded, name, tmp_path, 0.15, "a")
+        assert all(path.stat().st_size for path in paths) and paths
+
+
 @pytest.mark.parametrize("action", ACTIONS)
 def test_every_edit_of_a_recording(studio, texture, action):
     recorded = studio.recorded(texture.samples.astype(float), texture.sampling_rate)
