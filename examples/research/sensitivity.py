@@ -209,13 +209,14 @@ def draw(results, path):
 def page(results, size):
     """The Markdown page."""
     return (
-        f"# What the sliders do if the world were another (virtual surfaces, recipe {RECIPE_VERSION})\n\n"
+        "# All figures of [What would the sliders do in another world?](../sensitivity.md), recipe "
+        f"{RECIPE_VERSION}\n\n"
         f"A short DALE ({size.steps} steps, a tenth of the bundled size) was trained on each world: {size.surfaces} "
         f"surfaces, two fingers, {size.seconds:g} s each, behind the bundled LCTG. One slider moves from {SLIDER[0]:g} "
         f"to {SLIDER[-1]:g} while the others stay at 0. Each cell: change per standard deviation of the slider, with a "
         f"95 % interval over {size.takes} takes, and in brackets the regression of the same measure on the ratings of "
         "the world's own training surfaces. A second seed of the training shows what chance does.\n\n"
-        "    python examples/research/sensitivity.py --output report\n\n"
+        "    python examples/research/sensitivity.py --output examples/results/sensitivity\n\n"
         f"![Slopes over assumptions](sensitivity.png)\n\n{tables(results)}\n"
     )
 
