@@ -3,7 +3,6 @@
 import html
 
 import numpy as np
-from settings import Settings
 
 from tactile_diffusers.signal import BAND_HZ, band_edges, band_levels_db
 
@@ -81,7 +80,8 @@ def analysis(desk, status):
         if not unfolded:
             return (entry, False), told, *(gr.skip(),) * 3
         tracks = [("this texture", texture)]
-        heard, *expected = studio.usual(texture.ratings, Settings(), texture.checkpoint)
+        *_, guidance, _duration_s, _steps, _checkpoint = entry
+        heard, *expected = studio.usual(texture.ratings, guidance, texture.checkpoint)
         plots = numbers(studio.scale, tracks, heard), waveform(texture), spectrum(tracks, expected)
         return (entry, True), told, *plots
 

@@ -184,7 +184,7 @@ def from_link(scale, query, entry):
     """The snapshot that a link holds; what it does not say is as in `entry`.
 
     Raises:
-        ValueError: for what is no number, or no preset.
+        ValueError: for what is no number, no preset, or no take.
     """
     asked = [query.get(axis) for axis in scale.axes]
     values = [old if text in (None, "any") else float(text) for text, old in zip(asked, entry, strict=False)]
@@ -195,4 +195,6 @@ def from_link(scale, query, entry):
         rest[name] = LINKED[name](query[name])
     if rest["preset"] not in (None, *PRESETS):
         raise ValueError(f"There is no preset {rest['preset']!r}.")
+    if not 1 <= rest["take"] <= TAKES:  # the radio's: gradio would refuse every later event
+        raise ValueError(f"`take` must be from 1 to {TAKES}, got {rest['take']}.")
     return *values, *(text == "any" for text in asked), *rest.values()

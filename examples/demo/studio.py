@@ -76,6 +76,8 @@ class Studio:
         self._pipes = {self.own: _load(self.checkpoints[self.own])}
         self.scale, self.steps = Scale(self._pipe().dale.config), self._pipe().resolve_steps()[0]
         for folder in map(self.checkpoints.get, others):  # they are loaded when they are first asked for
+            if not Path(folder).is_dir():
+                raise ValueError(f"`--surfaces` must be folders of adapted checkpoints, {folder} is no folder.")
             if not Path(folder, "dale").is_dir():
                 raise ValueError(NO_DALE.format(folder))
             if list(DALEModel.load_config(folder, subfolder="dale")["rating_axes"]) != self.scale.axes:
@@ -88,7 +90,8 @@ class Studio:
             raise ValueError(f"There is no checkpoint {name!r}; there are {list(self.checkpoints)}.")
         if name not in self._pipes:
             with self._lock:
-                self._pipes.setdefault(name, _load(self.checkpoints[name]))
+                if name not in self._pipes:  # whoever held the lock may have loaded it
+                    self._pipes[name] = _load(self.checkpoints[name])
         return self._pipes[name]
 
     def generate(self, ratings, settings=None, checkpoint=None):
@@ -138,10 +141,10 @@ class Studio:
             found = self._pipe().estimate_ratings(samples, sampling_rate, friction_coefficient)
         return [tuple(float(value) for value in row) for row in found]
 
-    def usual(self, ratings, settings, checkpoint=None):
+    def usual(self, ratings, guidance=Settings.guidance, checkpoint=None):
         """What takes of these ratings are like: (estimated ratings (takes, axes), textures (takes, samples), Hz)."""
         with self._lock:
-            how = {"num_textures_per_rating": USUAL_TAKES, "guidance_scale": settings.guidance}
+            how = {"num_textures_per_rating": USUAL_TAKES, "guidance_scale": guidance}
             out = self._pipe(checkpoint)(list(ratings), generator=torch.Generator("cpu").manual_seed(0), **how)
             estimated = self.estimate(out.textures, out.sampling_rate, out.friction_coefficient)
         return np.array(estimated), out.textures, out.sampling_rate

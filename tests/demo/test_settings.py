@@ -74,7 +74,9 @@ def test_a_link_holds_a_texture(studio):
     assert from_link(studio.scale, {"seed": "9", "else": "x"}, other) == (*other[:8], 9, *other[9:])
 
 
-@pytest.mark.parametrize("query", [{"seed": "x"}, {"preset": "<b>"}, {"steps": "nan"}, {"roughness": "rough"}])
+@pytest.mark.parametrize(
+    "query", [{"seed": "x"}, {"preset": "<b>"}, {"steps": "nan"}, {"roughness": "rough"}, {"take": "9"}]
+)
 def test_a_link_that_is_none_is_refused(studio, query):
     with pytest.raises(ValueError):
         from_link(studio.scale, query, (*ENTRY, studio.own))

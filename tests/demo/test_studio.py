@@ -4,10 +4,13 @@ import base64
 import json
 import re
 import threading
+import time
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from analysis import numbers, spectrum, waveform
+import studio as studio_module
+from analysis import analysis, numbers, spectrum, waveform
 from edit_tab import ACTIONS, options_of
 from export_tab import FORMATS, MAP, file_stem, write_files
 from settings import Settings
@@ -57,7 +60,7 @@ def test_one_visitor_s_mistake_is_told_and_leaves_the_studio_whole(studio):
 
 
 def test_analysis_holds_the_texture_and_what_is_usual(studio, texture):
-    heard, samples, rate = studio.usual(RATINGS, Settings())
+    heard, samples, rate = studio.usual(RATINGS)
     found = spectrum([("this", texture)], (samples, rate))
     table = found.pivot_table(index="Hz", columns="of", values="dB re 1 N²")
     low, high = table["usual, 10 %"], table["usual, 90 %"]
@@ -67,6 +70,17 @@ def test_analysis_holds_the_texture_and_what_is_usual(studio, texture):
     assert len(wave) < 1500 and wave["mN"].abs().max() == pytest.approx(1e3 * np.abs(texture.samples).max())
     told = numbers(studio.scale, [("this", texture)], heard)
     assert "this: asked" in told and "this: estimated" in told and re.search(r"<td>\d+ to \d+</td>", told)
+
+
+def test_what_is_usual_has_the_guidance_of_the_texture(studio, texture):
+    asked, desk = [], MagicMock()
+    desk.studio.scale = studio.scale
+    desk.studio.usual = lambda *given: asked.append(given) or ([RATINGS] * 2, np.ones((2, 9000)), 10_000)
+    analysis(desk, None)
+    look = desk.on.call_args_list[0].args[1]
+    entry = (*[50.0] * 3, *[False] * 3, "denim", 1, 6, 1.5, 1.6, 2, studio.own)
+    look((entry, texture, "told<br>"), None, True)
+    assert asked == [(texture.ratings, 1.5, studio.own)]
 
 
 def test_ratings_are_estimated_only_where_somebody_looks(studio, monkeypatch):
@@ -170,3 +184,20 @@ def test_adapted_checkpoints_are_checked_at_the_start_and_loaded_when_asked_for(
         make_pipeline(**options).save_pretrained(str(tmp_path / name))
         with pytest.raises(ValueError, match="has other axes|has no `dale`"):
             Studio(surfaces=[tmp_path / name])
+    with pytest.raises(ValueError, match="`--surfaces` must be folders of adapted checkpoints, .*mien is no folder"):
+        Studio(surfaces=[tmp_path / "mien"])
+
+
+def test_an_adapted_checkpoint_is_loaded_once_for_all_who_wait(monkeypatch):
+    loaded = []
+    monkeypatch.setattr(studio_module, "_load", lambda folder: loaded.append(folder) or object())
+    studio = Studio.__new__(Studio)
+    studio.checkpoints, studio._pipes, studio._lock = {"own": "o", "mine": "m"}, {}, threading.RLock()
+    threads = [threading.Thread(target=studio._pipe, args=("mine",)) for _ in range(3)]
+    with studio._lock:
+        for thread in threads:
+            thread.start()
+        time.sleep(0.05)  # all of them wait for the lock
+    for thread in threads:
+        thread.join()
+    assert loaded == ["m"]

@@ -13,7 +13,13 @@ FITTED = {
     "dale": {
         *("latent_mean", "latent_std", "departure_std", "size_mean", "size_std", "level_mean", "level_std"),
         *("log_friction_mean", "log_friction_std", "rating_statistics", "reference_speed"),
-        *("distilled_steps", "scalar_width", "calibration", "network_axes"),  # its teacher is built without arguments
+        *(
+            "distilled_steps",
+            "scalar_width",
+            "calibration",
+            "network_axes",
+            "estimator_statistics",
+        ),  # not its teacher's
     },
 }
 

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from tactile_diffusers import (
+    RatingEstimator,
     TactileTextureEditPipeline,
     TactileTexturePipeline,
     TactileTexturePipelineOutput,
@@ -209,6 +210,7 @@ def test_variations_differ_from_the_recording_and_from_each_other(bundled, recor
         ({"source_ratings": [[0, 0, 0]] * 3}, "`source_ratings`"),
         ({"rating_scale": "stars"}, "`rating_scale`"),
         ({"friction_coefficient": [1.0, 2.0]}, "`friction_coefficient`"),
+        ({"friction_coefficient": -0.5}, "`friction_coefficient` must be finite and above 0"),
         ({"mask": [(0.1, 9.0)]}, "`mask` must lie within"),
         ({"mask": [(0.2, 0.1)]}, "`mask` must lie within"),
         ({"mask": np.ones(7, bool)}, "`mask` must have one bool"),
@@ -249,3 +251,23 @@ def test_recordings_that_are_none_are_refused(edit, pink_noise):
 def test_no_dale_no_edit(make_pipeline, pink_noise):
     with pytest.raises(ValueError, match="no `dale`"):
         TactileTextureEditPipeline.from_pipe(make_pipeline(dale=False))(pink_noise(4096, RATE)[0], RATE)
+
+
+@pytest.mark.parametrize("strength", [0.5, 1])
+def test_an_edit_warns_of_ratings_that_its_caller_gave(make_pipeline, pink_noise, recorded_warnings, strength):
+    statistics = {"range": [[-1.5, 1.5]] * 3}
+    edit = TactileTextureEditPipeline.from_pipe(make_pipeline(dale_config={"rating_statistics": statistics}))
+    estimate = lambda *given: np.array([[0.0, 2.5, 5.4]], np.float32)  # noqa: E731
+    edit.register_modules(rating_estimator=RatingEstimator(edit.dale.channel_groups, width=8))
+    edit._estimate, texture = estimate, pink_noise(4096, RATE)[0]
+    for options, words in (
+        ({"ratings": {"roughness": 0.5}}, ""),
+        ({"mask": [(0.1, 0.2)]}, ""),
+        ({"ratings": {"roughness": 2.0}}, "roughness +2.00"),
+        ({"ratings": {"bumpiness": 0.5}, "rating_scale": "difference"}, "bumpiness +3.00"),
+        ({"ratings": {"roughness": 0.5}, "source_ratings": {"slipperiness": -3}}, "slipperiness -3.00"),
+    ):
+        with recorded_warnings() as found:
+            edit(texture, RATE, strength=strength, **options)
+        assert len(found) == bool(words), (options, found)
+        assert not words or (words in found[0] and found[0].count("held at") == 1)

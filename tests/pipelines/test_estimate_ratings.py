@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from tactile_diffusers import RatingEstimator, TactileTexturePipeline
+from tactile_diffusers.training.recalibration import Recalibration
 
 RATE = 10_000
 SAMPLES = 2048  # of the tiny pipeline's segment
@@ -45,6 +46,7 @@ def test_unknown_friction_is_ignored(pipe, textures):
     np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, float("nan")), unknown)
     np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, [np.nan] * 3), unknown)
     some = pipe.estimate_ratings(textures, RATE, [np.nan, 0.3, np.nan])
+    np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, [None, 0.3, None]), some)
     np.testing.assert_array_equal(some[[0, 2]], unknown[[0, 2]])
     # not the same as the mean friction of training, which is known
     mean = np.exp(pipe.dale.config.log_friction_mean)
@@ -80,4 +82,46 @@ def test_an_adapted_checkpoint_says_that_its_estimator_was_not(pipe, textures, r
     pipe.dale.register_to_config(calibration=own_calibration(pipe.dale.config, pipe.dale.num_scalars))
     with recorded_warnings() as found:
         pipe.estimate_ratings(textures, RATE, 0.6)
+        pipe.estimate_ratings(textures, RATE, 0.6)
     assert len(found) == 1 and "The checkpoint was adapted" in found[0]
+
+
+def test_a_recalibration_leaves_estimates_as_they_are(make_pipeline, randomized, textures, tmp_path):
+    pipe = make_pipeline(dale_config={"in_channels": 9, "level_channels": 2, "departure_std": [0.5, 0.3]})
+    dale, size = pipe.dale, pipe.dale.num_scalars
+    pipe.register_modules(rating_estimator=randomized(RatingEstimator(dale.channel_groups, width=8), 5).eval())
+    before = pipe.estimate_ratings(textures, RATE, 0.6)
+    shapes, nothing = (
+        (np.full(2, 0.2), np.full(2, 1.5), np.array([1.5, 0.8])),
+        (np.zeros((3, size)), np.zeros((6, size))),
+    )
+    change = Recalibration(1.0, np.zeros(size), *nothing, np.full(size, 1.5), np.zeros(3), np.eye(3), 3, shapes)
+    for _ in range(2):
+        change.apply(dale)
+        np.testing.assert_array_equal(pipe.estimate_ratings(textures, RATE, 0.6), before)
+    dale.save_pretrained(tmp_path)
+    pipe.register_modules(dale=type(dale).from_pretrained(tmp_path))
+    np.testing.assert_allclose(pipe.estimate_ratings(textures, RATE, 0.6), before, atol=1e-6)  # float32
+
+
+@pytest.mark.parametrize("friction", [0, -0.5, np.inf, [0.5, 0.5, -np.inf], torch.tensor(-1.0)])
+def test_friction_coefficients_that_are_none_are_refused_before_any_work(pipe, textures, monkeypatch, friction):
+    monkeypatch.setattr(pipe, "encode", None)
+    with pytest.raises(ValueError, match="`friction_coefficient` must be finite and above 0, or NaN = unknown, got"):
+        pipe.estimate_ratings(textures, RATE, friction)
+
+
+def test_a_friction_coefficient_in_per_cent_is_warned_of(pipe, textures, recorded_warnings):
+    with recorded_warnings() as found:
+        pipe.estimate_ratings(textures, RATE, [0.5, None, 50])
+        pipe.estimate_ratings(textures, RATE, 3.0)
+    assert len(found) == 1 and "`friction_coefficient` 50 is more than skin has" in found[0]
+
+
+@pytest.mark.parametrize("samples", [1, 60, 200])
+def test_a_texture_shorter_than_a_patch_is_estimated(make_pipeline, randomized, pink_noise, samples):
+    pipe = make_pipeline(dale_config={"patch_size": 4})
+    pipe.register_modules(rating_estimator=randomized(RatingEstimator(pipe.dale.channel_groups, width=8), 5).eval())
+    texture = pink_noise(2048, RATE)[:, :samples]
+    assert pipe.encode(texture, RATE).latents.shape[-1] < 5
+    assert np.isfinite(pipe.estimate_ratings(texture, RATE, 0.5)).all()

@@ -8,7 +8,13 @@ import pandas as pd
 import pytest
 import torch
 
-from tactile_diffusers import TactileLatents, TactileTexturePipeline, TactileTexturePipelineOutput, bundled_checkpoint
+from tactile_diffusers import (
+    TactileLatents,
+    TactileTextureEditPipeline,
+    TactileTexturePipeline,
+    TactileTexturePipelineOutput,
+    bundled_checkpoint,
+)
 from tactile_diffusers.signal import rms
 
 #: Batched and single convolutions add in another order: float32 errors of 1e-6 grow by the steps of two stages.
@@ -262,10 +268,16 @@ def test_half_precision(pipe, dtype):
 
 
 @pytest.mark.parametrize("offload_type", ["block_level", "leaf_level"])
-def test_group_offload(pipe, pink_noise, tmp_path, offload_type):
+def test_group_offload(make_pipeline, pink_noise, tmp_path, offload_type):
     # offloading to the disk leaves nothing usable behind, even on a machine without an accelerator
-    texture = pink_noise(SAMPLES, 10_000)
-    expected, latents = _run(pipe, duration_s=0.5), pipe.encode(texture, 10_000).latents
+    pipe, texture = make_pipeline(dale_config={"scalar_width": 16, "distilled_steps": 1}), pink_noise(4096, 10_000)
+
+    def edited():
+        options = {"ratings": {"roughness": 1.0}, "source_ratings": [0.0] * 3, "generator": _generator()}
+        return TactileTextureEditPipeline.from_pipe(pipe)(texture, 10_000, **options).textures
+
+    wanted = [_run(pipe, duration_s=0.5, guidance_scale=scale).textures for scale in (1.0, 1.5)] + [edited()]
+    latents = pipe.encode(texture, 10_000).latents
     blocks = {"num_blocks_per_group": 1} if offload_type == "block_level" else {}
     for name in ("dale", "lctg"):
         getattr(pipe, name).enable_group_offload(
@@ -276,7 +288,9 @@ def test_group_offload(pipe, pink_noise, tmp_path, offload_type):
             **blocks,
         )
     assert torch.equal(pipe.encode(texture, 10_000).latents, latents)
-    _assert_same_textures(_run(pipe, duration_s=0.5).textures, expected.textures)
+    made = [_run(pipe, duration_s=0.5, guidance_scale=scale).textures for scale in (1.0, 1.5)] + [edited()]
+    for ours, expected in zip(made, wanted, strict=True):
+        _assert_same_textures(ours, expected)
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs an accelerator")

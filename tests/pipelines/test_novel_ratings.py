@@ -56,7 +56,7 @@ def test_a_combination_that_no_surface_is_near_to_warns_though_each_axis_is_insi
     for alone in ([1.2, NAN, NAN], [NAN, -1.2, NAN], [NAN, NAN, 0.3]):
         assert warned(alone) == []
     (message,) = warned([[0.0, 0.0, 0.0], [1.2, -1.2, 0.3]])
-    assert "the combination [1.2, -1.2, 0.3] is extrapolated: no surface is near to it" in message
+    assert "the combination [1.2, -1.2, 0.3] is extrapolated: no surface is near it" in message
     (message,) = warned([1.2, -1.2, NAN])  # of two axes too
     assert "combination" in message
 

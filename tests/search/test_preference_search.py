@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from tactile_diffusers import TactileTexturePipeline
+from tactile_diffusers.models.calibration import own_calibration
 from tactile_diffusers.search import PreferenceSearch
 
 SCALARS = {"scalar_width": 16, "distilled_steps": 1}
@@ -85,12 +87,19 @@ def test_another_checkpoint_is_refused(cascade, make_pipeline, tmp_path):
         PreferenceSearch.load(tmp_path / "search.json", make_pipeline(seed=5, dale_config=SCALARS))
     assert (tmp_path / "search.json").read_bytes() == before
     PreferenceSearch.load(tmp_path / "search.json", make_pipeline(dale_config=SCALARS))  # the same weights
+    cascade.save_pretrained(tmp_path / "pipeline")
+    PreferenceSearch.load(tmp_path / "search.json", TactileTexturePipeline.from_pretrained(tmp_path / "pipeline"))
+    adapted = make_pipeline(dale_config=SCALARS)
+    adapted.dale.register_to_config(level_std=2 * adapted.dale.config.level_std)  # all that `adapt` changes is configs
+    with pytest.raises(ValueError, match="search.json belongs to another checkpoint"):
+        PreferenceSearch.load(tmp_path / "search.json", adapted)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"format": "other"}, '"format": "tactile-preference-search"'),
+        ({"version": 1}, "version 1 did not tell an adapted checkpoint from the original"),
         ({"answers": [{"first": [0, 0, 9], "second": [0, 0, 0], "answer": "first"}]}, "`first` must be a point"),
         ({"answers": [{"first": [0, 0, 0], "second": [0, 0, 0], "answer": "both"}]}, "`answer` must be one of"),
         ({"axes": ["warmth"]}, "`axes` must be a list"),
@@ -116,6 +125,7 @@ def test_damaged_files_are_refused_by_name(cascade, tmp_path, change, message):
         ({"directions": 9}, "`directions` must be a whole number of at least 0 and at most 8"),
         ({"ratings": {"roughness": 1.0}}, "`ratings` holds axes that are not searched"),
         ({"axes": ["roughness"], "ratings": {"bumpiness": None}}, "must be a finite number"),
+        ({"axes": ["roughness"], "ratings": {"bumpiness": 7.0}}, r"`ratings\['bumpiness'\]` must .* at most 6, got 7"),
         ({"seed": -1}, "`seed` must be"),
     ],
 )
@@ -143,3 +153,26 @@ def test_bad_answers_change_nothing(cascade):
             search.answer(*arguments)
     assert not search.answers
     np.testing.assert_array_equal(search.next_pair(), pair)
+
+
+def test_held_ratings_beyond_all_surfaces_are_refused(make_pipeline, rating_statistics):
+    pipe = make_pipeline(dale_config=SCALARS | {"rating_statistics": rating_statistics | {"reach": 3.0}})
+    search = PreferenceSearch(pipe, ["roughness"], 0, {"bumpiness": 2.0})
+    points = search.space.draw(50, np.random.default_rng(0))
+    away = np.concatenate([points, np.full((50, 1), 2.0)], axis=1)
+    covariance = np.array(rating_statistics["covariance"])[:2, :2]
+    assert (np.einsum("ni,ij,nj->n", away, np.linalg.inv(covariance), away) <= 9).all()
+    with pytest.raises(ValueError, match="`ratings` {'bumpiness': 3.0} lie beyond all training surfaces"):
+        PreferenceSearch(pipe, ["roughness"], 0, {"bumpiness": 3.0})
+
+
+def test_directions_of_an_adapted_checkpoint_with_a_further_axis(make_pipeline):
+    pipe = make_pipeline(dale_config=SCALARS)
+    wanted = PreferenceSearch(pipe).space._vectors
+    further, axes = own_calibration(pipe.dale.config, pipe.dale.num_scalars), pipe.dale.config.rating_axes
+    further |= {"slopes": [[0.0] * pipe.dale.num_scalars] * 4, "centre": [0.0] * 4, "covariance": np.eye(4).tolist()}
+    pipe.dale.register_to_config(rating_axes=(*axes, "fineness"), network_axes=3, calibration=further)
+    search = PreferenceSearch(pipe)
+    assert search.names == [*axes, "fineness", "direction 1", "direction 2"]
+    np.testing.assert_array_equal(search.space._vectors, wanted)
+    assert np.isfinite(search.propose().textures).all()

@@ -67,13 +67,18 @@ def scalar_shift(config, ratings):
         return None
     count = config.network_axes or len(config.rating_axes)
     found = {name: torch.tensor(v, device=ratings.device).float() for name, v in config.calibration.items()}
-    ratings = ratings.float()
-    limits = (config.rating_statistics or {}).get("range")
-    if limits is not None:
-        ratings = ratings.clamp(*torch.tensor(limits, device=ratings.device).unbind(-1))
+    ratings = held_ratings(config, ratings.float())
     inputs = calibration_inputs(ratings, found["centre"], found["covariance"], count)
     shift = found["offset"] + inputs @ found["slopes"]
     return shift + products(inputs[:, :count]) @ found["curves"] if "curves" in found else shift
+
+
+def held_ratings(config, ratings):
+    """Ratings (batch, axes) within the training surfaces' range: beyond it nothing is known, and nothing turns back."""
+    limits = (config.rating_statistics or {}).get("range")
+    if limits is None:
+        return ratings
+    return ratings.clamp(*torch.tensor(limits, dtype=ratings.dtype, device=ratings.device).unbind(-1))
 
 
 def products(inputs):

@@ -2,7 +2,7 @@
 
 import torch
 import torch.nn.functional as F
-from diffusers.configuration_utils import ConfigMixin, register_to_config
+from diffusers.configuration_utils import ConfigMixin, FrozenDict, register_to_config
 from diffusers.loaders import PeftAdapterMixin
 from diffusers.models.attention import AttentionMixin
 from diffusers.models.modeling_utils import ModelMixin
@@ -10,7 +10,7 @@ from diffusers.models.modeling_utils import ModelMixin
 from ..schedulers.angles import to_angle
 from ..signal import RATING_AXES
 from ..signal.checks import check_whole_number
-from .calibration import check_calibration, check_network_axes, network_ratings, scalar_shift
+from .calibration import check_calibration, check_network_axes, held_ratings, network_ratings, scalar_shift
 from .dale_parts import DALEConditions, DALEOutput, ScalarNetwork
 from .dale_state import (
     MODULATIONS,
@@ -86,6 +86,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         scalar_width (`int`, *optional*): of a network that generates the scalars first, in one step, so that the U-Net
             generates the rest of the state to fit them; `None` = all together. Needs `distilled_steps` = 1.
         calibration (`dict`, *optional*): by how much scalars are shifted, given the ratings (`calibration.py`).
+        estimator_statistics (`dict`, *optional*): those that the rating estimator was trained with, where others.
         network_axes (`int`, *optional*): how many of the axes, the first ones, the networks know; the others act
             through `calibration` alone; `None` = all.
         num_train_timesteps (`int`, *optional*, defaults to 1000): length of the time axis, t in [-1, 999].
@@ -131,6 +132,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         scalar_width: int | None = None,
         calibration: dict | None = None,
         network_axes: int | None = None,
+        estimator_statistics: dict | None = None,
     ):
         super().__init__()
         check_whole_number("distilled_steps", 1 if distilled_steps is None else distilled_steps)
@@ -224,14 +226,14 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         departures = departures.repeat_interleave(size, dim=-1) / size**0.5
         return self.append_scalars(torch.cat([from_patches(learned, size), departures], dim=1), scalars.mean(-1))
 
-    def _statistics(self, like):
+    def _statistics(self, like, config=None):
         """Means and standard deviations; no buffers: offloading would miss them.
 
         Returns:
             `tuple`: of scalars but level and friction, (2, n); of learned latents, (2, channels, 1); standard
             deviation of departures, (bands, 1).
         """
-        config, levels = self.config, self.config.level_channels
+        config, levels = config or self.config, self.config.level_channels
         count = self.latent_channels - config.envelope_channels
         latents = torch.tensor([config.latent_mean or [0.0] * count, config.latent_std or [1.0] * count]).to(like)
         sizes = [config.size_mean or [0.0] * self.num_sizes, config.size_std or [1.0] * self.num_sizes]
@@ -258,21 +260,22 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
             departures = unit_shape(departures)[0] * departure_size.exp()[..., None] * departure_std
         return coloured(envelope, modulation), learned, departures, means, quantiles, scalars
 
-    def pack(self, latents, level, friction_coefficient):
+    def pack(self, latents, level, friction_coefficient, statistics=None):
         """The state x0 of the diffusion: latents, level and friction coefficient, each at unit variance.
 
         Args:
             latents (`torch.Tensor`): (batch, latent_channels, frames), base layer of `LCTGModel.encode`.
             level (`torch.Tensor`): (batch,), natural log of the RMS in N.
             friction_coefficient (`torch.Tensor`): (batch,); NaN = unknown, which becomes the training mean.
+            statistics (`dict`, *optional*): in place of those of the config, as `estimator_statistics`.
 
         Returns:
             `torch.Tensor`: (batch, in_channels, frames).
         """
-        config, levels = self.config, self.config.level_channels
-        friction = standardized(friction_coefficient.clamp_min(1e-3).log(), *log_friction_statistics(self.config))
+        config, levels = FrozenDict({**self.config, **(statistics or {})}), self.config.level_channels
+        friction = standardized(friction_coefficient.clamp_min(1e-3).log(), *log_friction_statistics(config))
         level = standardized(level, config.level_mean, config.level_std)
-        statistics, (mean, std), departure_std = self._statistics(latents)
+        statistics, (mean, std), departure_std = self._statistics(latents, config)
         band_levels, envelope, learned = latents.tensor_split([levels, levels + config.envelope_channels], dim=1)
         means, departures = cepstra(band_levels, config.patch_size)
         departures, departure_size = unit_shape(departures / departure_std)
@@ -330,11 +333,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
                 f"`ratings` must be (batch, {len(self.config.rating_axes)}), in the order "
                 f"{list(self.config.rating_axes)}, got {tuple(ratings.shape)}."
             )
-        limits = (self.config.rating_statistics or {}).get("range")
-        if limits is not None:  # nothing is known beyond: the response is held, it does not turn back
-            low, high = torch.tensor(limits, dtype=ratings.dtype, device=ratings.device).unbind(-1)
-            ratings = ratings.clamp(low, high)
-        return network_ratings(self.config, ratings)
+        return network_ratings(self.config, held_ratings(self.config, ratings))
 
     def _embed(self, ratings, timesteps, dtype):
         """Embeddings of times and ratings (batch, dim) or (steps, batch, dim), and tokens (batch, axes, dim)."""
@@ -347,7 +346,7 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         """Velocity of a noisy state.
 
         Args:
-            sample (`torch.Tensor`): (batch, in_channels, frames).
+            sample (`torch.Tensor`): (batch, in_channels, frames); or noise (batch, num_scalars): to scalars alone.
             timestep (`float`, `int` or `torch.Tensor`): t in [-1, num_train_timesteps - 1], (batch,) or scalar.
             ratings (`torch.Tensor` or `DALEConditions`): (batch, axes) in z-scores, NaN = not specified; or the
                 conditions of this timestep that `condition` prepared from them.
@@ -358,6 +357,9 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         """
         prepared = isinstance(ratings, DALEConditions)
         asked = ratings.ratings if prepared else ratings
+        if sample.ndim == 2:  # here, because hooks (offloading) see no other method
+            scalars = self.scalar_network(sample, self._held(asked))
+            return DALEOutput(sample=scalars) if return_dict else (scalars,)
         shift = ratings.shift if prepared else scalar_shift(self.config, ratings)
         if self.scalar_network is not None:  # at the one step there is, the velocity is minus the clean state
             field, noise = self.split_scalars(sample)

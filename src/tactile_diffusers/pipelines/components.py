@@ -2,14 +2,12 @@
 
 import inspect
 
-import numpy as np
 import torch
 
 from ..features import TactileFeatureExtractor
 from ..models import DALEModel, LCTGModel, RatingEstimator
 from ..schedulers import VDDIMScheduler
-from ..schedulers.angles import to_angle
-from ..schedulers.scheduling_v_ddim import SAME_SCHEDULE
+from ..schedulers.scheduling_v_ddim import is_cosine
 
 #: The class of every component that is not a scheduler; whether it may be missing.
 _CLASSES = {
@@ -102,9 +100,7 @@ def check_other_scheduler(name, scheduler):
             f"`{name}` must have `use_exponential_sigmas` if it is a {kind}: its first step from pure noise diverges "
             f"otherwise. Make it by `{kind}.from_config(pipe.{name}.config, use_exponential_sigmas=True)`."
         )
-    angles = np.arccos(np.sqrt(np.clip(np.asarray(torch.as_tensor(alphas).cpu(), np.float64), 0, 1)))
-    ours = to_angle(np.arange(len(angles)), len(angles))
-    if not np.abs(angles - ours).max() < SAME_SCHEDULE:
+    if not is_cosine(torch.as_tensor(alphas).cpu()):
         raise ValueError(
             f"`{name}` must have the noise schedule that the models were trained on (`beta_schedule` "
             f"'squaredcos_cap_v2'), got a {kind} with {config.get('beta_schedule')!r}. {remedy}"

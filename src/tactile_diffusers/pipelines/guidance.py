@@ -82,7 +82,7 @@ def mean_scalars(dale, ratings):
     """Mean of what DALE's scalar network draws for ratings (batch, axes), the same noise for each: (batch, scalars)."""
     noise = torch.randn(DRAWS, dale.num_scalars, generator=torch.Generator("cpu").manual_seed(0))
     noise = noise.to(ratings.device, dale.dtype).repeat(len(ratings), 1)
-    means = dale.scalar_network(noise, dale._held(ratings).repeat_interleave(DRAWS, dim=0))
+    means = dale(noise, None, ratings.repeat_interleave(DRAWS, dim=0), return_dict=False)[0]
     means, shift = means.unflatten(0, (-1, DRAWS)).mean(1), scalar_shift(dale.config, ratings)
     return means if shift is None else means + shift
 

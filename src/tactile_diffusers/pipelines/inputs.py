@@ -101,9 +101,7 @@ def warn_of_novel_ratings(ratings, config):
         distances = coverage_distance(ratings.numpy(), statistics.centre, statistics.covariance)
         if np.nanmax(distances, initial=0.0) > statistics.reach:
             row = ratings[int(np.nanargmax(distances))].tolist()
-            found.append(
-                f"the combination {[round(value, 2) for value in row]} is extrapolated: no surface is near to it"
-            )
+            found.append(f"the combination {[round(value, 2) for value in row]} is extrapolated: no surface is near it")
     if found:
         logger.warning(f"`ratings` lie outside what training covered: {'; '.join(found)}.")
 
@@ -262,9 +260,7 @@ def check_callback(callback, names, allowed):
 def check_noise(name, noise, shape):
     """Raises a `ValueError` unless `noise` is a tensor of finite real numbers of this shape."""
     if not isinstance(noise, torch.Tensor) or noise.is_complex():
-        raise ValueError(
-            f"`{name}` must be a torch.Tensor of real numbers, got {getattr(noise, 'dtype', type(noise))}."
-        )
+        raise ValueError(f"`{name}` must be a torch.Tensor of reals, got {getattr(noise, 'dtype', type(noise))}.")
     if tuple(noise.shape) != tuple(shape):
         raise ValueError(f"`{name}` must have the shape {tuple(shape)}, got {tuple(noise.shape)}.")
     if not torch.isfinite(noise).all():

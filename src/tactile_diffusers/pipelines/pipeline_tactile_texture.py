@@ -163,6 +163,9 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
             self._warned_of.append((topic, value))
             warn(*arguments)
 
+    def _warn_of_novel(self, ratings):
+        self._warn_once("ratings", ratings.numpy().tobytes(), warn_of_novel_ratings, ratings, self.dale.config)
+
     def prepare_latents(self, shape, generator, device, dtype, latents=None, name="latents"):
         """The initial noise of a stage: drawn, or the caller's own, cast and moved. `_denoise` scales it.
 
@@ -276,7 +279,7 @@ class TactileTexturePipeline(ReconstructionMixin, LoadingMixin, DiffusionPipelin
 
         # 2. Encode the ratings
         ratings = parse_ratings(ratings, self.dale.config, rating_scale)
-        self._warn_once("ratings", ratings.numpy().tobytes(), warn_of_novel_ratings, ratings, self.dale.config)
+        self._warn_of_novel(ratings)
         ratings = ratings.repeat_interleave(int(num_textures_per_rating), dim=0)
         generator = check_generator(generator, len(ratings))
         device, dtype = self._execution_device, self.dale.dtype

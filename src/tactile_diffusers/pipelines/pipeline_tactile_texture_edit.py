@@ -127,7 +127,7 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
         extractor, config = self.feature_extractor, self.dale.config
         extractor.check_sampling_rate(sampling_rate)
         guesses = rows = texture_rows(texture)
-        generator = check_generator(generator, len(rows))
+        generator, friction = check_generator(generator, len(rows)), friction_of(friction_coefficient, len(rows))
         if rows.shape[-1] < LEAST_SECONDS * sampling_rate:
             seconds = rows.shape[-1] / sampling_rate
             raise ValueError(f"`texture` must last at least {LEAST_SECONDS} s, got {seconds:.3g} s.")
@@ -136,19 +136,18 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
             guesses = np.stack([guessed(row, missing) for row, missing, _ in laid_out])
         encoded = self.encode(guesses, sampling_rate)  # refuses NaN
         check_recording(guesses, sampling_rate, extractor, config)
-        encoded.friction_coefficient = friction_of(friction_coefficient, encoded.level)
-        source = self._source(source_ratings, encoded)
+        encoded.friction_coefficient = friction.to(encoded.level)
+        given, source = self._source(source_ratings, encoded)
+        target = source if filling else target_ratings(ratings, rating_scale, source, config)
+        super()._warn_of_novel(torch.where(target == source, given, target))
         if filling:
             generators = generator if isinstance(generator, list) else [generator] * len(rows)
-            filled = [
-                self._filled(
-                    *laid_out[k], guesses[k], sampling_rate, _row(encoded, k), source[[k]], generators[k], steps
-                )
-                for k in range(len(rows))
-            ]
+            filled = []
+            for k in range(len(rows)):
+                own = guesses[k], sampling_rate, _row(encoded, k), source[[k]], generators[k], steps
+                filled.append(self._filled(*laid_out[k], *own))
             out = self._as_output(np.stack(filled), texture, sampling_rate, encoded, output_type)
         else:
-            target = target_ratings(ratings, rating_scale, source, config)
             samples = max(1, round(rows.shape[-1] * extractor.delivery_rate / sampling_rate))
             common = {**steps, "generator": generator, "output_type": output_type}
             if strength == 1:
@@ -179,8 +178,11 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
             raise ValueError(f"`texture` must be one, (samples,), got {len(row)}.")
         return self(np.repeat(row, n, axis=0), sampling_rate, strength=strength, **options)
 
+    def _warn_of_novel(self, ratings):
+        """Nothing: takes inside of an edit are of estimates, too, and a call warns of what its caller gave."""
+
     def _source(self, ratings, encoded):
-        """The recordings' own ratings: given, else estimated, else NaN: (n, axes) on the CPU."""
+        """The recordings' own ratings, those that are given, and with estimates beside: (n, axes) each, on the CPU."""
         try:
             given = parse_ratings(ratings, self.dale.config)
         except ValueError as error:
@@ -189,9 +191,9 @@ class TactileTextureEditPipeline(TactileTexturePipeline):
             raise ValueError(f"`source_ratings` must be of one texture or {len(encoded.level)}, got {len(given)}.")
         given = given.expand(len(encoded.level), -1)
         if self.rating_estimator is None or not given.isnan().any():
-            return given
+            return given, given
         estimated = torch.from_numpy(self._estimate(encoded, encoded.friction_coefficient))
-        return torch.where(given.isnan(), estimated.clamp(-LARGEST_RATING, LARGEST_RATING), given)
+        return given, torch.where(given.isnan(), estimated.clamp(-LARGEST_RATING, LARGEST_RATING), given)
 
     def _edited(self, encoded, source, target, strength, samples, generator, output_type, **steps):
         """Recordings on the way to fresh takes of the target ratings."""

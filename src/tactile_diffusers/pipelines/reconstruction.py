@@ -1,11 +1,10 @@
 """Encoding, decoding and reconstruction of textures, and an estimate of their ratings."""
 
-import math
-
 import numpy as np
 import torch
 from diffusers.utils import logging
 
+from ..signal.checks import texture_rows
 from .components import check_scheduler
 from .inputs import (
     check_decoding,
@@ -25,9 +24,9 @@ _ADAPTER = (
     "`lctg` has an adapter, but `lctg_distilled` decodes in so few steps: the adapter does nothing. Ask for "
     "`num_inference_steps=5`, or add it to `pipe.lctg_distilled`."
 )
-_ESTIMATOR = (
-    "The checkpoint was adapted, its `rating_estimator` was not: it estimates by the surfaces that it was trained on."
-)
+_ESTIMATOR = "The checkpoint was adapted, its `rating_estimator` was not: it estimates as it was trained to."
+#: Friction coefficient beyond which a warning is logged: 50 is per cent.
+LARGEST_FRICTION = 5.0
 logger = logging.get_logger(__name__)
 
 
@@ -167,40 +166,46 @@ class ReconstructionMixin:
             the estimator does not know.
 
         Raises:
-            ValueError: if the checkpoint has no estimator, or there is another number of friction coefficients.
+            ValueError: if the checkpoint has no estimator, or friction coefficients are not above 0, or another number.
         """
         if self.dale is None or self.rating_estimator is None:
-            raise ValueError(
-                "This checkpoint has no `rating_estimator`: examples/train_dale.py trains one along with DALE."
-            )
+            raise ValueError("This checkpoint has no `rating_estimator`: examples/train_dale.py trains one with DALE.")
+        friction = friction_of(friction_coefficient, len(texture_rows(texture)))
+        return self._estimate(self.encode(texture, sampling_rate), friction)
+
+    def _estimate(self, encoded, friction):
+        """`estimate_ratings` of what `encode` returned, and friction coefficients, (batch,)."""
         if self.dale.config.calibration is not None:
             self._warn_once("estimator", True, logger.warning, _ESTIMATOR)
-        return self._estimate(self.encode(texture, sampling_rate), friction_coefficient)
-
-    def _estimate(self, encoded, friction_coefficient):
-        """`estimate_ratings` of what `encode` returned."""
-        friction, size = friction_of(friction_coefficient, encoded.level), self.dale.config.patch_size
-        latents = encoded.latents[:, : self.lctg.base_channels, : encoded.latents.shape[-1] // size * size]
-        pooled = self.dale.pool_state(self.dale.pack(latents, encoded.level, friction)).to(self.rating_estimator.dtype)
+        friction, size = friction.to(encoded.level), self.dale.config.patch_size
+        latents = encoded.latents[:, : self.lctg.base_channels]
+        if (missing := size - latents.shape[-1]) > 0:
+            latents = torch.cat([latents, latents[..., -1:].expand(-1, -1, missing)], dim=-1)
+        latents = latents[..., : latents.shape[-1] // size * size]
+        state = self.dale.pack(latents, encoded.level, friction, self.dale.config.estimator_statistics)
+        pooled = self.dale.pool_state(state).to(self.rating_estimator.dtype)
         ratings = self.rating_estimator(pooled, torch.isfinite(friction)).float().cpu().numpy()
         self.maybe_free_model_hooks()
         further = len(self.dale.config.rating_axes) - ratings.shape[1]  # an adapted DALE's own axes
         return np.pad(ratings, ((0, 0), (0, max(0, further))), constant_values=np.nan)
 
 
-def friction_of(friction_coefficient, level):
-    """Friction coefficients, one number or one for each texture, NaN or None = unknown, like `level` (batch,).
+def friction_of(friction_coefficient, count):
+    """Friction coefficients of so many textures, of one number or one for each, NaN or None = unknown: (count,) float.
 
     Raises:
-        ValueError: if they are no numbers, or another number of them.
+        ValueError: if they are no numbers above 0, or another number of them.
     """
     try:
-        friction = torch.as_tensor(math.nan if friction_coefficient is None else friction_coefficient).to(level)
+        if not isinstance(friction_coefficient, torch.Tensor):
+            friction_coefficient = np.asarray(friction_coefficient, dtype=np.float32)  # None becomes NaN
+        friction = torch.as_tensor(friction_coefficient).float()
     except (TypeError, ValueError, RuntimeError) as error:
         raise ValueError(f"`friction_coefficient` must be numbers, got {friction_coefficient!r}.") from error
-    if friction.ndim and friction.shape != level.shape:
-        raise ValueError(
-            f"`friction_coefficient` must be one number or ({len(level)},), one for each texture, got "
-            f"{tuple(friction.shape)}."
-        )
-    return friction.expand(len(level))
+    if friction.ndim and friction.shape != (count,):
+        raise ValueError(f"`friction_coefficient` must be one number or {count}, got shape {tuple(friction.shape)}.")
+    if len(wrong := friction[(friction <= 0) | friction.isinf()]):
+        raise ValueError(f"`friction_coefficient` must be finite and above 0, or NaN = unknown, got {wrong[0]:g}.")
+    if (friction > LARGEST_FRICTION).any():
+        logger.warning(f"`friction_coefficient` {friction.nan_to_num().max():g} is more than skin has: is it per cent?")
+    return friction.expand(count)

@@ -40,6 +40,12 @@ def draw_noise(shape, generator, device, dtype):
     return randn_tensor(shape, generator=generator, device=device, dtype=torch.float32).to(dtype)
 
 
+def is_cosine(alphas_cumprod):
+    """Whether a schedule, (n,), is that of cos^2 over n timesteps, to `SAME_SCHEDULE` rad."""
+    angles = np.arccos(np.sqrt(np.clip(np.asarray(alphas_cumprod, dtype=np.float64), 0, 1)))
+    return np.abs(angles - to_angle(np.arange(len(angles)), len(angles))).max() < SAME_SCHEDULE
+
+
 @dataclass
 class VDDIMSchedulerOutput(BaseOutput):
     """Output of `VDDIMScheduler.step`.
@@ -158,9 +164,8 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
                     "schedule would be given the wrong times."
                 )
             return
-        angles = np.arccos(np.sqrt(np.clip(np.cumprod(1 - np.asarray(trained_betas, dtype=np.float64)), 0, 1)))
-        ours = to_angle(np.arange(length), length)
-        if angles.shape != ours.shape or not np.abs(angles - ours).max() < SAME_SCHEDULE:
+        alphas = np.cumprod(1 - np.asarray(trained_betas, dtype=np.float64))
+        if len(alphas) != length or not is_cosine(alphas):
             raise ValueError(
                 f"`trained_betas` must be those of cos^2 over {length} timesteps (`betas`), to {SAME_SCHEDULE} rad: "
                 "a model trained on another schedule would be given the wrong times."
@@ -242,9 +247,7 @@ class VDDIMScheduler(SchedulerMixin, ConfigMixin):
         distance = (self.timesteps - torch.as_tensor(timestep).to(self.timesteps)).abs()
         index = int(distance.argmin())
         if not distance[index] <= _TOLERANCE:  # NaN fails too
-            raise ValueError(
-                f"`timestep` must be one of the scheduler's timesteps {self.timesteps.tolist()}, got {timestep}."
-            )
+            raise ValueError(f"`timestep` must be one of the timesteps {self.timesteps.tolist()}, got {timestep}.")
         self._step_index = index
 
     def step(self, model_output, timestep, sample, eta=0.0, generator=None, return_dict=True):

@@ -13,7 +13,7 @@ from ..signal.checks import check_seed
 from .preference_model import ANSWERS, PreferenceModel
 from .search_space import SearchSpace
 
-FORMAT, VERSION = "tactile-preference-search", 1
+FORMAT, VERSION = "tactile-preference-search", 2
 #: Points of which the next pair is chosen, and how many of them may still be the best: mean and standard deviation of
 #: their utility add up to most.
 _PAIRED, _LIKELY = 200, 60
@@ -140,7 +140,7 @@ class PreferenceSearch:
         return BestTexture(self.space.textures(point[None]), *named)
 
     def save(self, path):
-        """Writes the search as JSON: its arguments, the answers with their points, a digest of the weights."""
+        """Writes the search as JSON: its arguments, the answers with their points, a digest of the checkpoint."""
         space = self.space
         content = {"format": FORMAT, "version": VERSION, "checkpoint_sha256": space.fingerprint()}
         content |= {"axes": list(space.axes), "directions": space.directions, "ratings": space.held}
@@ -158,9 +158,9 @@ class PreferenceSearch:
         with reading(path, "a preference search", "Begin another one, or correct it."):
             content = read_json(path, "a preference search", "Begin another one, or correct it.")
             if (content.get("format"), content.get("version")) != (FORMAT, VERSION):
-                raise ValueError(f'it has no "format": "{FORMAT}" and "version": {VERSION}')
-            names = ("axes", "directions", "ratings", "seed")
-            search = cls(pipe, **{name: content[name] for name in names})
+                earlier = "; version 1 did not tell an adapted checkpoint from the original"
+                raise ValueError(f'it has no "format": "{FORMAT}" and "version": {VERSION}{earlier}')
+            search = cls(pipe, **{name: content[name] for name in ("axes", "directions", "ratings", "seed")})
             if content["checkpoint_sha256"] != search.space.fingerprint():
                 raise ValueError(
                     f"{path} belongs to another checkpoint: its points would be other textures. Load the pipeline that "

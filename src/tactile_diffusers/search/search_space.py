@@ -1,19 +1,22 @@
 """Where a preference is searched: ratings, and what of a texture's numbers ratings leave open."""
 
 import hashlib
+import json
 
 import numpy as np
 import torch
 
 from ..models import RatingStatistics
+from ..pipelines.inputs import LARGEST_RATING
 from ..schedulers import draw_noise
+from ..signal import coverage_distance
 from ..signal.checks import check_number, check_whole_number
 
 #: Range of an axis, z-scores, where the checkpoint knows none; and of a direction, standard deviations of its noise.
 RATING_RANGE, DIRECTION_RANGE = (-2.0, 2.0), (-2.0, 2.0)
 #: Most directions: each costs comparisons, and the noise of the tenth is hardly felt.
 MOST_DIRECTIONS = 8
-_FITTED_ON = 2000
+_FITTED_ON, _MOST_ROUNDS = 2000, 2000
 
 
 class SearchSpace:
@@ -46,7 +49,8 @@ class SearchSpace:
         self.directions = check_whole_number("directions", directions, at_least=0, at_most=MOST_DIRECTIONS)
         if not self.axes and not self.directions:
             raise ValueError("`axes` is empty and `directions` is 0: there is nothing to search.")
-        self.held = {axis: check_number(f"ratings[{axis!r}]", value) for axis, value in (ratings or {}).items()}
+        limits = {"at_least": -LARGEST_RATING, "at_most": LARGEST_RATING}
+        self.held = {axis: check_number(f"ratings[{axis!r}]", z, **limits) for axis, z in (ratings or {}).items()}
         wrong = [axis for axis in self.held if axis not in known or axis in self.axes]
         if wrong:
             free = [axis for axis in known if axis not in self.axes]
@@ -59,6 +63,7 @@ class SearchSpace:
         spread = np.sqrt(np.diag(statistics.covariance)) if statistics.covariance else np.ones(len(known))
         self.scale = np.array([*spread[self._columns], *np.ones(directions)])
         self._statistics = statistics
+        self.draw(1, np.random.default_rng(0))  # refuses what no point can bring near
 
     @property
     def names(self):
@@ -72,7 +77,8 @@ class SearchSpace:
             raise ValueError("`directions` needs a DALE with a network of scalars (`scalar_width`). Give 0.")
         generator, parameter = torch.Generator().manual_seed(0), next(network.parameters())
         noise = torch.randn(_FITTED_ON, self.pipe.dale.num_scalars, generator=generator)
-        ratings = torch.randn(_FITTED_ON, len(self.pipe.dale.config.rating_axes), generator=generator)
+        config = self.pipe.dale.config
+        ratings = torch.randn(_FITTED_ON, config.network_axes or len(config.rating_axes), generator=generator)
         with torch.no_grad():
             found = network(noise.to(parameter), ratings.to(parameter)).float().cpu().numpy()
         inputs = np.hstack([noise.numpy(), ratings.numpy()])
@@ -85,16 +91,17 @@ class SearchSpace:
         return torch.from_numpy(vectors * signs[:, None])
 
     def draw(self, count, rng):
-        """Points (count, dimensions), even over the range, of ratings that the training surfaces surround."""
-        found, specified = np.empty((0, len(self.low))), np.flatnonzero(np.isfinite(self.ratings(self.low[None])[0]))
-        while len(found) < count:
+        """Points (count, dimensions), even over the range, amid the training surfaces; a `ValueError` if none is."""
+        found, known = np.empty((0, len(self.low))), self._statistics
+        for _ in range(_MOST_ROUNDS):
             points = rng.uniform(self.low, self.high, (2 * count, len(self.low)))
-            if self._statistics.reach is not None and len(specified):
-                away = self.ratings(points)[:, specified] - np.array(self._statistics.centre)[specified]
-                precision = np.linalg.inv(np.array(self._statistics.covariance)[np.ix_(specified, specified)])
-                points = points[np.einsum("ni,ij,nj->n", away, precision, away) <= self._statistics.reach**2]
+            if known.reach is not None:
+                away = coverage_distance(self.ratings(points), known.centre, known.covariance)
+                points = points[~(away > known.reach)]  # NaN: none is specified
             found = np.concatenate([found, points])
-        return found[:count]
+            if len(found) >= count:
+                return found[:count]
+        raise ValueError(f"`ratings` {self.held} lie beyond all training surfaces: hold values nearer to 0, or none.")
 
     def ratings(self, points):
         """Ratings of points, (n, axes of the checkpoint); NaN = not specified."""
@@ -122,9 +129,14 @@ class SearchSpace:
         )
 
     def fingerprint(self):
-        """Digest of the weights that make the textures: a search belongs to one checkpoint."""
-        digest = hashlib.sha256()
-        for model in (self.pipe.dale, self.pipe.lctg_distilled or self.pipe.lctg):
+        """Digest of the weights and the configs that make the textures: a search belongs to one checkpoint."""
+        pipe = self.pipe
+        models = pipe.dale, pipe.lctg_distilled or pipe.lctg
+        configs = [part.config for part in (*models, pipe.dale_scheduler, pipe.scheduler)]
+        # without what says where they lie
+        configs = [{k: v for k, v in c.items() if k[0] != "_"} for c in (*configs, pipe.feature_extractor.to_dict())]
+        digest = hashlib.sha256(json.dumps(configs, sort_keys=True, default=str).encode())
+        for model in models:
             for name, part in sorted(model.state_dict().items()):
                 digest.update(name.encode() + part.detach().float().cpu().contiguous().numpy().tobytes())
         return digest.hexdigest()

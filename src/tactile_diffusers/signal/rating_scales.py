@@ -29,10 +29,9 @@ def from_percentile(percentiles, quantiles):
 def coverage_distance(ratings, centre, covariance):
     """Mahalanobis distance of ratings (n, axes) from the centre over the axes that each specifies: (n,), NaN = none."""
     ratings, centre, covariance = (np.asarray(values, dtype=np.float64) for values in (ratings, centre, covariance))
-    distances = np.full(len(ratings), np.nan)
-    for row, rating in enumerate(ratings):
-        specified = np.flatnonzero(np.isfinite(rating))
-        if len(specified):
-            away = rating[specified] - centre[specified]
-            distances[row] = np.sqrt(away @ np.linalg.solve(covariance[np.ix_(specified, specified)], away))
-    return distances
+    specified = np.isfinite(ratings)
+    away = np.where(specified, ratings - centre, 0.0)[..., None]
+    # among the specified axes their covariance; beside them nothing that could mix
+    among = np.where(specified[:, :, None] & specified[:, None], covariance, np.eye(len(centre)))
+    squares = (away.mT @ np.linalg.solve(among, away))[:, 0, 0]
+    return np.where(specified.any(1), np.sqrt(squares), np.nan)

@@ -214,7 +214,8 @@ class Recalibration:
         }
         if config.log_friction_std is not None:
             changes["log_friction_std"] = float(config.log_friction_std * self.factor[-1])
-        dale.register_to_config(**changes)
+        trained = config.estimator_statistics or {name: config[name] for name in changes if name != "calibration"}
+        dale.register_to_config(**changes, estimator_statistics=trained)
 
 
 @dataclass(frozen=True, eq=False)
