@@ -18,7 +18,7 @@ from distilling.scalars import fit_scalar_network
 
 from tactile_diffusers import DALEModel, TactileTexturePipeline
 from tactile_diffusers.data.dataset import PreparedDataset
-from tactile_diffusers.training.batches import make_collate
+from tactile_diffusers.training.batches import EndlessBatches, make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
 from tactile_diffusers.training.launch import (
@@ -129,6 +129,7 @@ def main(argv=None):
             pipe.lctg.requires_grad_(False)
         rate = pipe.feature_extractor.sampling_rate
         dataset = PreparedDataset(args.train_data_dir, "train", "filtered", rate, max_samples=args.max_train_samples)
+        EndlessBatches(len(dataset), args.train_batch_size, args.seed, 0, accelerator.num_processes)  # or refuses now
         if args.model == "dale":
             dataset.set_axes(teacher.config.rating_axes)
     {"lctg": train_decoder, "dale": train_dale}[args.model](args, pipe, accelerator, dataset)

@@ -15,6 +15,7 @@ import torch
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.schedulers import RECOMMENDED
+from tactile_diffusers.training.batches import EndlessBatches
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.checkpoints import writing
 from tactile_diffusers.training.dale_data import (
@@ -143,6 +144,7 @@ def main(argv=None):
         pipe.to(accelerator.device)
         pipe.lctg.requires_grad_(False)
         dataset, held_out = read_datasets(args, pipe.feature_extractor.sampling_rate)
+        EndlessBatches(len(dataset), args.train_batch_size, args.seed, 0, accelerator.num_processes)  # or refuses now
     latents = encode_dataset(pipe, dataset, args.quiet)
     settings = {name: value for name, value in config.get("dale", {}).items() if value is not None}
     if pipe.feature_extractor.fixed_scale:

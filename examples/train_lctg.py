@@ -18,7 +18,7 @@ import numpy as np
 from tactile_diffusers import LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data.dataset import PreparedDataset
 from tactile_diffusers.schedulers import RECOMMENDED
-from tactile_diffusers.training.batches import make_collate
+from tactile_diffusers.training.batches import EndlessBatches, make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.checkpoints import writing
 from tactile_diffusers.training.fitting import fit_preemphasis
@@ -116,6 +116,7 @@ def main(argv=None):
         dataset = PreparedDataset(
             args.train_data_dir, "train", args.subset, extractor.sampling_rate, max_samples=args.max_train_samples
         )
+        EndlessBatches(len(dataset), args.train_batch_size, args.seed, 0, accelerator.num_processes)  # or refuses now
         validate = make_validation(args, pipe) if args.validation_samples else None
     step = LCTGTrainingStep(
         pipe.lctg,

@@ -134,6 +134,10 @@ def test_split_seed_and_sizes():
     for arguments in ({"test": -0.1}, {"validation": 1.5}, {"validation": 3, "test": 3}):
         with pytest.raises(ValueError, match="`(test|validation)`"):
             split_surfaces(6, **arguments)
+    with pytest.raises(ValueError, match="`split_seed` must be a whole number of at least 0, got -1"):
+        split_surfaces(6, seed=-1)
+    with pytest.raises(ValueError, match="`test` must be a share below 1 or a whole number"):
+        split_surfaces(6, test=float("inf"))
 
 
 @pytest.mark.parametrize(

@@ -79,6 +79,9 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
     assert "exists" in capsys.readouterr().err
 
 
+FOLDER = "--source folder --root {tmp} --layout " + __file__ + " --output {tmp}/r.h5 --prepared {tmp}/p.h5"
+
+
 @pytest.mark.parametrize(
     "flags, message",
     [
@@ -96,10 +99,12 @@ def test_inspect_lists_and_drafts_but_never_over_an_older_draft(tmp_path, virtua
         ("--inspect {tmp} --draft {tmp}/nowhere/l.toml", "nowhere of l.toml does not exist"),
         ("--inspect {tmp}", "there is no file that can be read as a table"),
         ("--root {tmp} --output {tmp}/r.h5", "not to virtual. Files of your own: --source folder."),
-        ("--output {tmp}/r.h5 --seconds 1", "`seconds`"),
+        ("--output {tmp}/r.h5 --seconds 0.2", "`seconds`"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --band 500 20", "--band must satisfy"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --overlap 1", "`overlap`"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --surfaces 2", "leave none of 2 surfaces"),
+        (f"{FOLDER} --split-seed -1", "`split_seed` must be"),
+        (f"{FOLDER} --validation 1.5", "`validation` must be"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --no-limits --speed 10 20", "contradicts"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --hold-out-explorers explorer-2", "matches none of the 2"),
         ("--output {tmp}/r.h5 --prepared {tmp}/p.h5 --hold-out-raters rater-12", "matches none of the 12"),

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tactile_diffusers.data import RecordingsFile, RecordingsWriter, SegmentLimits, prepare_recordings
-from tactile_diffusers.signal import RATING_AXES, SEGMENT_SECONDS
+from tactile_diffusers.signal import RATING_AXES
+from tactile_diffusers.signal.constants import LEAST_RECORDING
 
 
 def test_roundtrip(tmp_path, recording_maker, recordings_writer):
@@ -57,6 +58,18 @@ def test_what_was_measured_tells_wrong_units_and_short_runs(tmp_path, recording_
     assert report.segments["filtered"]["train"]
 
 
+@pytest.mark.parametrize(("seconds", "segment"), [(1.5, 0.5), (0.25, 0.05)])
+def test_short_recordings_give_short_segments(tmp_path, recording_maker, recordings_writer, seconds, segment):
+    recording = recording_maker()
+    for name, rate in (("force", 10_000), ("velocity", 500)):
+        recording[name] = recording[name][: int(seconds * rate)]
+    path = recordings_writer(tmp_path / "r.h5", {name: recording for name in "abc"})
+    report = prepare_recordings(path, tmp_path / "p.h5", SegmentLimits(seconds=segment, overlap=0), quiet=True)
+    assert report.segments["full"]["train"] == (2 if seconds == 1.5 else 1)  # 0.1 s at each end are the filter's
+    with pytest.raises(ValueError, match="a segment lasts 1.64 s"):
+        prepare_recordings(path, tmp_path / "p.h5", quiet=True)
+
+
 FORCE, VELOCITY = "recordings/a/explorer/0/force", "recordings/a/explorer/0/velocity"
 
 
@@ -96,8 +109,8 @@ def replaced_group(file):
             rf"/{FORCE}: it holds \|S20, not real numbers: store it as float32",
         ),
         (
-            stored_as(lambda values: values[: int(SEGMENT_SECONDS * 10_000) - 1]),
-            f"/{FORCE}: it lasts 1.64 s, less than",
+            stored_as(lambda values: values[: int(LEAST_RECORDING * 10_000) - 1]),
+            f"/{FORCE}: it lasts 0.25 s, the filter needs 0.25 s: leave it out",
         ),
         (lambda file: file.__delitem__(FORCE), r"explorer/0: it has \['velocity'\]: store exactly one of `force`"),
         (lambda file: file.move(FORCE, "recordings/a/force"), "/recordings/a: it is not a group of groups"),

@@ -349,7 +349,7 @@ def test_impossible_limits_are_refused_by_name(name):
         "normal_force": ranges,
         "speed": ranges,
         "longest_excursion": [-0.1, np.nan, np.inf, "x", None],
-        "seconds": [0, -1, np.nan, np.inf, "x", None],
+        "seconds": [0, -1, 1e-5, np.nan, np.inf, "x", None],
         "overlap": [-0.1, 1, 2, np.nan, "x", None],
     }
     for value in bad[name]:

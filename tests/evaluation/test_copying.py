@@ -95,6 +95,8 @@ def test_share_is_that_above_a_quantile_of_the_other_surfaces():
         copied_share(real, groups, real, groups, quantile=1)
     with pytest.raises(ValueError, match="`real_values` must have the shape"):
         copied_share(real, groups, [], [])
+    with pytest.raises(ValueError, match="`real_groups` must name two surfaces or more, got"):
+        copied_share(real, groups, real, np.zeros(100, int))
     with pytest.raises(ValueError, match="`values` must be finite"):
         copied_share([np.nan], [0], real, groups)
 

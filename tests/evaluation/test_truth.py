@@ -61,6 +61,14 @@ def test_effective_size_counts_surfaces_not_textures(surface_ids):
     assert textures.effective_size(POPULATION) == pytest.approx(4**2 / (1 + 1 + 4))
 
 
+@pytest.mark.parametrize("rows", [1, 5])
+def test_parts_that_do_not_fit_together_are_refused(rows):
+    with pytest.raises(ValueError, match=f"`ratings` must have a row .* got {rows}"):
+        RatedTextures({}, [0, 1], np.zeros((rows, 3)), np.ones(2))
+    with pytest.raises(ValueError, match="`measures` must have one entry per texture, 4, got {'x': 3}"):
+        RatedTextures({"x": np.zeros(3)}, [0, 0, 1, 1], np.zeros((2, 3)), np.ones(2))
+
+
 def test_interval_equals_leaving_out_each_surface_by_hand():
     rng = np.random.default_rng(5)
     ratings, importance = SPREAD * rng.standard_normal((12, 3)), rng.uniform(1, 3, 12)

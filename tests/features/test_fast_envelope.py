@@ -58,6 +58,10 @@ def test_the_gain_is_straight_in_log_amplitude_between_the_middles_of_values():
     np.testing.assert_allclose(gain[0], expected, rtol=1e-12)
 
 
+def test_a_value_for_each_sample_has_a_gain_for_each():
+    assert envelope_gain(np.zeros((2, 5)), 1).tolist() == [[1.0] * 5] * 2
+
+
 def test_an_evened_waveform_is_steady_and_comes_back_exactly(make_extractor):
     extractor = make_extractor(envelope_samples=2, preemphasis_frequencies=None, preemphasis_db=None)
     bursts = np.exp(np.sin(2 * np.pi * 10 * np.arange(4096) / RATE)) ** 2

@@ -15,7 +15,7 @@ from tactile_diffusers.cli import adapt as command
 from tactile_diffusers.data.dataset import PreparedDataset, check_fit
 from tactile_diffusers.models.calibration import own_calibration, products, scalar_shift
 from tactile_diffusers.training import adapting, further_training, recalibration
-from tactile_diffusers.training.adapting import Errors, adapt, trains_decoder
+from tactile_diffusers.training.adapting import Errors, adapt, adaptation_parser, trains_decoder
 from tactile_diffusers.training.further_training import DecoderFit
 from tactile_diffusers.training.loop import Trainer
 from tactile_diffusers.training.recalibration import (
@@ -292,6 +292,33 @@ class TestAdapting:
         record = json.loads((tmp_path / "a" / "training.json").read_text())
         assert record["steps"] == 0 and len(record["trained_on"]["surfaces"]) == 4
 
+    def test_two_surfaces_on_the_device_and_back(self, make_pipeline, prepared, tmp_path, monkeypatch):
+        two, moved = PreparedDataset(prepared, "train", "filtered", 2500, max_surfaces=2), []
+        pipe = make_pipeline()
+        monkeypatch.setattr(TactileTexturePipeline, "to", lambda self, device: moved.append(device))
+        pipe, verdict = adapt(pipe, two, tmp_path / "out")
+        assert "of 2 surfaces left out" in verdict and np.isfinite(pipe.dale.config.calibration["offset"]).all()
+        assert moved == [torch.device("cpu")] * 2
+
+    def test_a_new_run_without_decoder_clears_the_old_one_and_records_its_own_updates(
+        self, distilled_pipe, dataset, tmp_path, monkeypatch
+    ):
+        words = ["--train_data_dir", str(dataset.path), "--output_dir", str(tmp_path), "--overwrite_output_dir"]
+        args = adaptation_parser("").parse_args(words)
+        given = dict(vars(args))
+        adapt(distilled_pipe(), dataset, tmp_path / "out", args, fine_tuning="yes", **SHORT)
+        assert dict(vars(args)) == given and (tmp_path / "out" / "log.jsonl").exists()
+        monkeypatch.setattr(adapting, "LEAST_FOR_FIELDS", 4)
+        monkeypatch.setattr(adapting.Lab, "train_fields", lambda lab, args, accelerator: "Fields.")
+        monkeypatch.setattr(adapting, "trains_decoder", lambda *_: False)
+        pipe = distilled_pipe()
+        pipe.dale.register_to_config(distilled_steps=1)
+        adapt(pipe, dataset, tmp_path / "out", args, **SHORT)
+        assert not any(path.name.startswith(("checkpoint-", "log")) for path in (tmp_path / "out").iterdir())
+        record = json.loads((tmp_path / "out" / "training.json").read_text())
+        assert record["steps"] == record["arguments"]["max_train_steps"] == 4
+        assert "4 optimiser steps" in (tmp_path / "out" / "README.md").read_text()
+
     def test_the_decoder_is_trained_where_that_helps(self, distilled_pipe, dataset, tmp_path, capsys):
         pipe = distilled_pipe()
         before, teacher = _weights(pipe.lctg_distilled), _weights(pipe.lctg)
@@ -359,6 +386,15 @@ class TestRefusals:
         single = PreparedDataset(prepared, "train", "filtered", 2500, max_surfaces=1)
         with pytest.raises(ValueError, match="a single surface"):
             adapt(make_pipeline(), single, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+
+    @pytest.mark.parametrize(
+        ("option", "value"),
+        [("max_train_step", 5), ("fine_tuning", "never"), ("max_train_steps", 0), ("quiet", 1), ("further", None)],
+    )
+    def test_options_are_checked_by_name(self, make_pipeline, dataset, tmp_path, option, value):
+        with pytest.raises(ValueError, match=rf"--{option}\b.*{value}"):
+            adapt(make_pipeline(), dataset, tmp_path / "out", **{option: value})
         assert not (tmp_path / "out").exists()
 
     def test_no_dale(self, make_pipeline, dataset, tmp_path):

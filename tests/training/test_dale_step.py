@@ -7,7 +7,7 @@ from tactile_diffusers import VDDIMScheduler
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.models.rating_estimator import RatingEstimator
 from tactile_diffusers.training.dale_data import training_states
-from tactile_diffusers.training.steps import BatchNoise, DALETrainingStep
+from tactile_diffusers.training.steps import BatchNoise, DALETrainingStep, drawn_ratings
 
 ROWS = 64
 
@@ -66,6 +66,23 @@ def _ratings_over_calls(module, batch, calls):
     for seed in range(calls):
         module(batch, _random(seed))
     return torch.stack([ratings for _, _, ratings in module.model.inputs])
+
+
+def test_noise_is_drawn_where_the_generator_is_and_given_on_the_device():
+    random, drawn = BatchNoise(torch.Generator(), torch.device("meta")), []
+    rows = random._rows(lambda shape, generator, device: drawn.append(device) or torch.zeros(shape), 2, 3)
+    assert drawn == [torch.device("cpu")] and rows.device.type == "meta"
+
+
+def test_a_single_rater_is_drawn_of_those_who_rated_the_surface():
+    ratings = torch.arange(5.0).expand(200, 5)[..., None].repeat(1, 1, 3)
+    sparse = ratings.clone()
+    sparse[:, [0, 2, 4]] = torch.nan
+    sparse[0] = torch.nan
+    whole, drawn = (drawn_ratings({"ratings": rows}, _random(), 0.0, 0.0)[:, 0] for rows in (ratings, sparse))
+    place = _random().uniform(200)
+    assert torch.equal(whole, (place * 5).long().float())
+    assert drawn[0].isnan() and torch.equal(drawn[1:], 1.0 + 2 * (place[1:] * 2).long())
 
 
 def test_times_are_stratified_and_states_get_the_schedulers_noise(step, batch):

@@ -41,6 +41,12 @@ def test_bad_input_is_refused_in_one_line(refusal, prepared, tmp_path, name, cha
     assert name == "train_lctg" or not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(("name", "value"), [("train_batch_size", 10**6), ("resume_from_checkpoint", "nope")])
+def test_what_the_loop_cannot_take_is_refused_before_it(refusal, tmp_path, name, value):
+    line = refusal("train_lctg", tmp_path / "out", **{name: value})
+    assert line.startswith("train_lctg.py: error: ") and name in line and str(value) in line
+
+
 @pytest.mark.skipif(fcntl is None, reason="needs flock")
 @pytest.mark.parametrize("how", [{"overwrite_output_dir": True}, {"resume_from_checkpoint": "latest"}], ids=str)
 def test_a_folder_in_which_another_process_trains(refusal, tmp_path, how):

@@ -149,7 +149,7 @@ class TestRefusals:
         [
             ({"train_data_dir": "/nowhere/prepared.h5"}, FileNotFoundError, "/nowhere/prepared.h5"),
             ({"train_batch_size": 100_000}, ValueError, "train_batch_size"),
-            ({"lr_scheduler": "zigzag"}, ValueError, "zigzag"),
+            ({"lr_scheduler": "zigzag"}, SystemExit, "2"),
         ],
         ids=lambda value: str(value) if isinstance(value, dict) else None,
     )

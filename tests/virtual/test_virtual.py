@@ -300,7 +300,7 @@ def test_calibration_file_is_reproduced():
     [
         ({"surfaces": 0}, "`surfaces`"),
         ({"explorers": 1.5}, "`explorers`"),
-        ({"seconds": 1.0}, "`seconds`.*1.64"),
+        ({"seconds": 0.2}, "`seconds`.*0.25"),
         ({"seconds": float("nan")}, "`seconds`"),
         ({"agreement": 0}, "`agreement`"),
         ({"seed": -1}, "`seed`"),

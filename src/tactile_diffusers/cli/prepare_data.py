@@ -8,6 +8,7 @@ import pandas as pd
 from .. import virtual
 from ..data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings, split_surfaces
 from ..data.folder import convert_folder, draft_layout, inspect_folder
+from ..data.splits import check_split
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
@@ -192,6 +193,7 @@ def _preparation(args):
     band = tuple(args.band) if args.band else BAND_HZ
     if not 0 < band[0] < band[1] < DEVICE_RATE / 2:
         raise ValueError(f"--band must satisfy 0 < LOW < HIGH < {DEVICE_RATE / 2:g} Hz, got {band}.")
+    check_split(args.validation, args.test, args.split_seed)
     if args.source == "virtual":
         split_surfaces(args.surfaces, args.validation, args.test, args.split_seed)
         if args.seconds < limits.seconds:

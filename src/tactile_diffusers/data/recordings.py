@@ -15,7 +15,7 @@ import numpy as np
 
 from ..io.hdf5 import as_strings, open_whole, plain_attributes, whole_file
 from ..io.reading import check_size, reading
-from ..signal import SEGMENT_SECONDS
+from ..signal.constants import LEAST_RECORDING
 from .force_checks import check_forces, check_ratings
 
 FORMAT = "tactile-recordings"
@@ -270,8 +270,8 @@ class RecordingsFile:
                 self._fail(dataset.name, f"it holds {dataset.dtype}, not real numbers: store it as float32")
             if name != "velocity" and rate != int(rate):
                 self._fail(dataset.name, f"the rate is {rate}: resample to a whole number of Hz")
-            if len(dataset) / rate < SEGMENT_SECONDS:
-                problem = f"it lasts {len(dataset) / rate:.3g} s, less than one segment of {SEGMENT_SECONDS} s"
+            if len(dataset) / rate < LEAST_RECORDING:
+                problem = f"it lasts {len(dataset) / rate:.3g} s, the filter needs {LEAST_RECORDING} s"
                 self._fail(dataset.name, f"{problem}: leave it out, or check its rate")
 
     def rate(self, name):

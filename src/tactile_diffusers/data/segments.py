@@ -6,7 +6,7 @@ from numbers import Real
 import numpy as np
 from scipy import ndimage
 
-from ..signal import SEGMENT_SECONDS, level
+from ..signal import BAND_HZ, SEGMENT_SECONDS, level
 from ..signal.checks import check_number
 from ..signal.masks import bridge_gaps, true_runs
 from .turnarounds import DIP_SECONDS, around
@@ -32,7 +32,7 @@ class SegmentLimits:
         normal_force (`tuple[float, float]` or `None`): N; `None` = any.
         speed (`tuple[float, float]` or `None`): mm/s; `None` = any.
         longest_excursion (`float`): s; deviations up to this long are bridged.
-        seconds (`float`): length of a segment, s.
+        seconds (`float`): length of a segment, s; at least one period of the low edge of the band, 0.05 s.
         overlap (`float`): share of a segment that the next one repeats, 0 to below 1.
 
     Raises:
@@ -55,7 +55,7 @@ class SegmentLimits:
                 raise ValueError(f"`{name}` must be (low, high) with 0 <= low < high, or None, got {limits!r}.")
             object.__setattr__(self, name, tuple(map(float, limits)))
         check_number("longest_excursion", self.longest_excursion, "s", at_least=0)
-        check_number("seconds", self.seconds, "s", above=0)
+        check_number("seconds", self.seconds, "s", at_least=1 / BAND_HZ[0])
         if not (isinstance(self.overlap, Real) and 0 <= self.overlap < 1):
             raise ValueError(f"`overlap` must be at least 0 and below 1, got {self.overlap!r}.")
         for name in ("longest_excursion", "seconds", "overlap"):  # plain numbers: they are stored as JSON

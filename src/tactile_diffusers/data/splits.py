@@ -5,6 +5,8 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from ..signal.checks import check_whole_number
+
 #: Ordinary splits, and windows of what a `HoldOut` keeps apart.
 SPLITS = ("train", "validation", "test", "hard")
 _LISTED = 8
@@ -68,6 +70,14 @@ class HoldOut:
         return held
 
 
+def check_split(validation, test, seed):
+    """Raises a `ValueError` if these arguments of `split_surfaces` are out of range for any number of surfaces."""
+    for name, size in (("validation", validation), ("test", test)):
+        if not (0 <= size < 1 or (size >= 1 and float(size).is_integer())):
+            raise ValueError(f"`{name}` must be a share below 1 or a whole number of surfaces, got {size}.")
+    check_whole_number("split_seed", seed, at_least=0)
+
+
 def split_surfaces(surfaces, validation=0.1, test=0.1, seed=0):
     """Splits surfaces, never segments, into training, validation and test.
 
@@ -83,10 +93,9 @@ def split_surfaces(surfaces, validation=0.1, test=0.1, seed=0):
     Raises:
         ValueError: if an argument is out of range or no surface is left for training.
     """
+    check_split(validation, test, seed)
     counts = []
-    for name, size in (("validation", validation), ("test", test)):
-        if not (0 <= size < 1 or (size >= 1 and size == int(size))):
-            raise ValueError(f"`{name}` must be a share below 1 or a whole number of surfaces, got {size}.")
+    for size in (validation, test):
         least = 2 if surfaces >= ENOUGH_FOR_TWO and size >= SHARE_FOR_TWO else 1
         counts.append(int(size) if size >= 1 or size == 0 else max(least, round(size * surfaces)))
     if sum(counts) >= surfaces:

@@ -44,6 +44,10 @@ class RatedTextures:
             raise ValueError("`surface_ids` must name each surface of `importance` at least once, and no other.")
         if not (self.importance > 0).all():
             raise ValueError("`importance` must be above zero: leave out surfaces that were not drawn.")
+        if len(self.ratings) != len(self.importance):
+            raise ValueError(f"`ratings` must have a row for each of `importance`, got {len(self.ratings)}.")
+        if wrong := {name: len(v) for name, v in self.measures.items() if len(v) != len(self.surface_ids)}:
+            raise ValueError(f"`measures` must have one entry per texture, {len(self.surface_ids)}, got {wrong}.")
         self._textures = np.bincount(self.surface_ids)
 
     def surface_weights(self, request):
@@ -154,7 +158,8 @@ def log_kernel(ratings, request, width=KERNEL_WIDTH):
 def recorded_truth(dataset, describe, per_surface=4, seed=0):
     """The truth of requests, of importance 1, from all surfaces of a view of a data set (the split "all").
 
-    `describe` is as in `virtual_truth`, but levels and friction coefficients may be NaN.
+    `describe(textures, levels, friction_coefficients)` gives `measures` of textures (n, samples) in N; levels and
+    friction coefficients, both (n,), may be NaN.
     """
     chosen = dataset.non_overlapping(per_surface, seed)
     measures = [

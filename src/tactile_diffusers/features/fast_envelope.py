@@ -60,7 +60,8 @@ def envelope_gain(envelope, step):
     share = ((np.arange(step) + 0.5) / step).astype(envelope.dtype)
     # from the middle of a value to that of the next one
     between = padded[:, :-1, None] + np.diff(padded)[..., None] * share
-    return np.exp(between.reshape(len(envelope), -1)[:, step - step // 2 : -(step // 2)])
+    start = step - step // 2
+    return np.exp(between.reshape(len(envelope), -1)[:, start : start + envelope.shape[1] * step])
 
 
 def gain_of_frames(envelope, samples):

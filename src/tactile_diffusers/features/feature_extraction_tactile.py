@@ -190,7 +190,7 @@ class TactileFeatureExtractor(SequenceFeatureExtractor):
         energies = 0.0
         for length, bank in zip(self.window_lengths, banks, strict=True):
             window = np.hanning(length + 1)[:-1]
-            # centred on the middle of each hop; odd lengths of padding never arise as both are even
+            # centred on the middle of each hop, or half a sample later where the two differ by an odd number
             before = (length - self.hop_length) // 2
             padded = np.pad(waveform, ((0, 0), (before, length)), mode="reflect")
             pieces = np.lib.stride_tricks.sliding_window_view(padded, length, axis=-1)[:, :: self.hop_length][

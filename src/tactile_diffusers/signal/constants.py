@@ -7,7 +7,9 @@ DEVICE_RATE = 10_000
 #: Samples of one segment at ``DEVICE_RATE``: 1.6384 s (paper section 2.1).
 SEGMENT_SAMPLES = 2**14
 SEGMENT_SECONDS = SEGMENT_SAMPLES / DEVICE_RATE
-#: Rate at which the default decoder runs, Hz: nothing above 1 kHz is felt (DESIGN decision 1).
+#: Shortest recording that is taken, s: its filter leaves 0.1 s at each end unused, two periods of the band's low edge.
+LEAST_RECORDING = 0.25
+#: Rate at which the default decoder runs, Hz: nothing above 1 kHz is felt.
 WORKING_RATE = 2500
 #: Normal force at which textures are recorded, N: the middle of the paper's limits (section 2.1).
 REFERENCE_FORCE = 0.5

@@ -15,7 +15,7 @@ def rms(texture):
 
 
 def level(texture):
-    """Natural logarithm of the RMS in N: the level of a texture (DESIGN section 2)."""
+    """Natural logarithm of the RMS in N: the level of a texture, as loudness is perceived: by ratios."""
     return 0.5 * np.log(np.maximum(np.square(rms(texture)), POWER_FLOOR))
 
 

@@ -5,6 +5,7 @@ is a decoder that knows the lab's textures less well than its own. How much that
 left out, and said in words.
 """
 
+from argparse import Namespace
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ from sklearn.linear_model import Ridge
 from ..data.dataset import check_fit
 from ..data.ratings import check_axes
 from .card import finish
+from .checkpoints import clear_run
 from .dale_data import encode_dataset, mean_and_std, training_states
 from .further_training import LEAST_FOR_FIELDS, LEAST_SURFACES, judge_decoder, left_out, train_decoder, train_fields
 from .launch import make_accelerator, training_parser
@@ -61,22 +63,20 @@ def adapt(pipe, dataset, output_dir, args=None, **options):
         dataset (`PreparedDataset`): a few surfaces, two at least, at the pipeline's working rate.
         output_dir (`str` or `Path`): of the adapted pipeline, checkpoints and logs.
         args (`argparse.Namespace`, *optional*): of `adaptation_parser`; defaults to its defaults.
-        options: of the parser, in place of those in `args`.
+        options: of the parser, in place of those in `args`, which stays as it is.
 
     Returns:
         `tuple[TactileTexturePipeline, str]`: the adapted pipeline, and the verdict.
 
     Raises:
-        ValueError: before any work, if there is nothing to adapt to, or the data do not fit the pipeline.
+        ValueError: before any work, if there is nothing to adapt to, the data do not fit the pipeline, or an option is
+            unknown or out of range.
     """
     check_adaptable(pipe, dataset)
-    if args is None:
-        words = ["--train_data_dir", str(dataset.path), "--output_dir", str(output_dir)]
-        args = adaptation_parser("").parse_args(words)
-        args.quiet = True
-    vars(args).update(output_dir=str(output_dir), **options)
-    accelerator = make_accelerator(args)
-    say = accelerator.print
+    args = _with_options(args, dataset, output_dir, options)
+    accelerator, given_device = make_accelerator(args), pipe.device
+    pipe.to(accelerator.device)
+    say, updates = accelerator.print, 0
     lab = Lab.read(pipe, dataset, args)
     decoder = judge_decoder(pipe, dataset, args.seed)
     lines = [*lab.what_is_adapted(), decoder.words()]
@@ -86,19 +86,41 @@ def adapt(pipe, dataset, output_dir, args=None, **options):
     verdict = verdict_of(judged) + lab.recalibrate(pipe.dale)
     if args.fine_tuning != "no" and pipe.dale.config.distilled_steps == 1 and len(lab.real) >= LEAST_FOR_FIELDS:
         verdict += " " + lab.train_fields(args, accelerator)
+        updates = args.max_train_steps
     if trains_decoder(pipe, lab, decoder, args.fine_tuning):
         verdict += " " + train_decoder(pipe, dataset, args, accelerator)
     else:
-        args.max_train_steps = 0
         verdict += " The decoder stays as it is"
         verdict += "." if decoder.knows else "; examples/train_lctg.py, with your recordings, may help."
         if accelerator.is_main_process:
-            write_record(args, accelerator, len(dataset), 0, surfaces_of(dataset))
+            if not args.resume_from_checkpoint:
+                clear_run(args.output_dir)
+            write_record(args, accelerator, len(dataset), updates, surfaces_of(dataset))
+    pipe.to(given_device)
     say(verdict)
     if accelerator.is_main_process:
         note = "\n\n".join([*lines, verdict])
         finish(args, pipe.save_pretrained, pipe, dataset, note=note, base=_name(args, pipe))
     return pipe, verdict
+
+
+def _with_options(args, dataset, output_dir, options):
+    """A copy of the arguments, with options in place of some; these are refused by name as on the command line."""
+
+    def refuse(message):
+        raise ValueError(f"`adapt`: {message}")
+
+    parser = adaptation_parser("")
+    parser.allow_abbrev, parser.error = False, refuse
+    words = ["--train_data_dir", str(dataset.path), "--output_dir", str(output_dir)]
+    defaults = vars(parser.parse_args(words))
+    # flags, and None for what has no default, are no words
+    plain = {k for k, v in options.items() if v is None or isinstance(v, bool)}
+    plain = {k for k in plain if type(defaults.get(k, 0)) is type(options[k])}
+    words += [f"--{name}={value}" for name, value in options.items() if name not in plain]
+    checked = vars(parser.parse_args(words)) | {name: options[name] for name in plain}
+    given = defaults | {"quiet": True} if args is None else vars(args)
+    return Namespace(**given | {name: checked[name] for name in ("output_dir", *options)})
 
 
 def trains_decoder(pipe, lab, decoder, wanted):
@@ -185,7 +207,7 @@ class Lab:
 
     def train_fields(self, args, accelerator):
         """Trains the recalibrated DALE's U-Net; says what that did."""
-        dale, out = self.pipe.dale.to(accelerator.device), left_out(self.dataset, args.seed)
+        dale, out = self.pipe.dale, left_out(self.dataset, args.seed)
         states = training_states(dale, self.dataset, self.latents)
         updates, quiet = args.max_train_steps, args.quiet or not accelerator.is_main_process
         return train_fields(dale, self.pipe.dale_scheduler, states, out, updates, args.seed, quiet)

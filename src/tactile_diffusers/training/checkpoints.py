@@ -11,6 +11,8 @@ from pathlib import Path
 
 from safetensors import SafetensorError
 
+#: Folder of the tracker, in the output folder.
+LOGS = "logs"
 _CHECKPOINT = re.compile(r"checkpoint-(\d+)")
 _RESULT = "unfinished-result"
 _UNFINISHED = re.compile(rf"unfinished-(removal-of-)?checkpoint-\d+|{_RESULT}")
@@ -55,6 +57,14 @@ def remove_checkpoint(folder):
     shutil.rmtree(aside, ignore_errors=True)
     os.replace(folder, aside)
     shutil.rmtree(aside, ignore_errors=True)
+
+
+def clear_run(output_dir):
+    """Removes the checkpoints and logs of an earlier training, for a new one."""
+    for path in checkpoints(output_dir):
+        remove_checkpoint(path)
+    shutil.rmtree(Path(output_dir) / LOGS, ignore_errors=True)
+    (Path(output_dir) / "log.jsonl").unlink(missing_ok=True)
 
 
 def clear_unfinished(output_dir):

@@ -16,7 +16,7 @@ LIMITS = (0.5, 2.0)
 
 
 def fit_preemphasis(textures, sampling_rate, band=BAND_HZ, points=33, clip_db=30.0):
-    """Gains that whiten the mean amplitude spectrum of textures at unit RMS (DESIGN decision 5).
+    """Gains that whiten the mean amplitude spectrum of textures at unit RMS: few diffusion steps then keep weak bands.
 
     Args:
         textures (`np.ndarray`): (n, samples), N.

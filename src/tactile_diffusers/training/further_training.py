@@ -22,7 +22,7 @@ from .steps import BatchNoise
 BATCH, LEARNING_RATE, BETAS = 32, 2e-4, (0.9, 0.99)
 #: With fewer it can lose more than the two that are left out show: with five, the kernel distance doubled.
 LEAST_FOR_FIELDS = 20
-#: Textures of left-out surfaces at most by which the training of fields is judged.
+#: Textures of left-out surfaces by which the training of fields is judged: of more, so many to nearly twice as many.
 JUDGED = 256
 #: Textures at most by which the decoder is judged.
 DECODED = 32
@@ -61,7 +61,7 @@ def train_fields(dale, scheduler, states, left_out, updates, seed, quiet=True):
 
     @torch.no_grad()
     def judge():
-        return float(step(held_out, BatchNoise(torch.Generator(device).manual_seed(seed), device))[0])
+        return float(step(held_out, BatchNoise(torch.Generator().manual_seed(seed), device))[0])
 
     before = judge()
     weights = [value for name, value in dale.named_parameters() if not name.startswith("scalar_network")]
@@ -191,7 +191,7 @@ def make_validation(step, collate, dataset, rows):
     @torch.no_grad()
     def validate(model):
         device = next(model.parameters()).device
-        random = BatchNoise(torch.Generator(device).manual_seed(0), device)
+        random = BatchNoise(torch.Generator().manual_seed(0), device)
         return {"energy": float(step({name: value.to(device) for name, value in batch.items()}, random)[0])}
 
     return validate

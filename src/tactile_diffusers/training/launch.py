@@ -18,17 +18,18 @@ from pathlib import Path
 import torch
 from accelerate import Accelerator
 from accelerate.utils import DataLoaderConfiguration, ProjectConfiguration, parse_flag_from_env, set_seed
+from diffusers.optimization import SchedulerType
 
 from ..checkpoints import bundled_checkpoint
 from ..io.locks import lock_folder
 from ..io.reading import read_json
-from .checkpoints import step_of
+from .checkpoints import LOGS, step_of
 
 _REFUSALS = (OSError, ValueError)
 #: Trackers, and what installs them.
 TRACKERS = {"tensorboard": 'pip install "tactile-diffusers[training]"', "wandb": "pip install wandb"}
-#: Folder of the tracker, in the output folder.
-LOGS = "logs"
+#: Courses of the learning rate; `piecewise_constant` needs rules that have no argument here.
+SCHEDULES = [kind.value for kind in SchedulerType if kind is not SchedulerType.PIECEWISE_CONSTANT]
 _RESUME_HELP = (
     "a checkpoint folder, or 'latest'. Only resume trainings of your own: optimiser and random state are pickles, "
     "which may run any code when they are read"
@@ -50,8 +51,10 @@ def _checked(kind, allowed, words):
 
 at_least_one = _checked(int, lambda value: value >= 1, "at least 1")
 positive = _checked(float, lambda value: value > 0, "positive")
+not_negative_int = _checked(int, lambda value: value >= 0, "at least 0")
 not_negative = _checked(float, lambda value: value >= 0, "at least 0")
 share = _checked(float, lambda value: 0 <= value <= 1, "in [0, 1]")
+below_one = _checked(float, lambda value: 0 <= value < 1, "in [0, 1)")
 
 
 def pipeline_source(word):
@@ -91,27 +94,26 @@ def _add_optimisation(add):
     add("--max_train_steps", type=at_least_one, help="optimiser updates; overrides --num_train_epochs")
     add("--gradient_accumulation_steps", type=at_least_one, default=1)
     add("--learning_rate", type=positive, default=1e-3)
-    add("--lr_scheduler", default="cosine")
-    add("--lr_warmup_steps", type=int, default=200)
-    add("--adam_beta1", type=float, default=0.9)
-    add("--adam_beta2", type=float, default=0.99)
-    add("--adam_weight_decay", type=float, default=1e-2)
-    add("--max_grad_norm", type=float, default=1.0)
+    add("--lr_scheduler", choices=SCHEDULES, default="cosine")
+    add("--lr_warmup_steps", type=not_negative_int, default=200)
+    add("--adam_beta1", type=below_one, default=0.9)
+    add("--adam_beta2", type=below_one, default=0.99)
+    add("--adam_weight_decay", type=not_negative, default=1e-2)
+    add("--max_grad_norm", type=positive, default=1.0)
     add("--use_ema", action=argparse.BooleanOptionalAction, default=True, help="average the weights (validated, saved)")
-    decay = _checked(float, lambda value: 0 <= value < 1, "in [0, 1)")
-    add("--ema_decay", type=decay, default=0.999)
+    add("--ema_decay", type=below_one, default=0.999)
 
 
 def _add_run(add):
-    add("--seed", type=int, default=0, help="of weights, batches and noise; the same seed gives the same training")
+    seed = _checked(int, lambda value: 0 <= value < 2**32, "at least 0 and below 2**32")
+    add("--seed", type=seed, default=0, help="of weights, batches and noise; the same seed gives the same training")
     add("--mixed_precision", choices=["no", "fp16", "bf16"], default="no")
-    add("--dataloader_num_workers", type=int, default=0)
+    add("--dataloader_num_workers", type=not_negative_int, default=0)
     add("--checkpointing_steps", type=at_least_one, default=500)
     add("--checkpoints_total_limit", type=at_least_one, default=2)
     add("--resume_from_checkpoint", help=_RESUME_HELP)
     add("--validation_steps", type=at_least_one, default=500)
-    number = _checked(int, lambda value: value >= 0, "at least 0")
-    add("--validation_samples", type=number, default=64, help="held-out segments per validation; 0 = none")
+    add("--validation_samples", type=not_negative_int, default=64, help="held-out segments per validation; 0 = none")
     add("--eval_batch_size", type=at_least_one, default=32)
     add("--report_to", choices=[*TRACKERS, "none"], default="tensorboard")
     add("--quiet", action="store_true", help="no progress bar")
@@ -184,8 +186,8 @@ def make_accelerator(args):
     The output folder is locked for this process until `checkpoints.finish`, or until the process ends.
 
     Raises:
-        ValueError: if the output folder holds another training, if another process trains there, or if the tracker is
-            not installed, naming the extra.
+        ValueError: if the output folder holds another training, if another process trains there, if there is no such
+            checkpoint to resume from, or if the tracker is not installed, naming the extra.
     """
     output = Path(args.output_dir)
     used = output.is_dir() and any(step_of(p) is not None or p.name == "log.jsonl" for p in output.iterdir())
@@ -194,6 +196,9 @@ def make_accelerator(args):
             f"--output_dir {output} already holds a training. Set --resume_from_checkpoint latest to continue it, or "
             "--overwrite_output_dir to start again."
         )
+    wanted = args.resume_from_checkpoint
+    if wanted and wanted != "latest" and not (Path(wanted).is_dir() and step_of(wanted) is not None):
+        raise ValueError(f"--resume_from_checkpoint {wanted} is neither 'latest' nor a folder checkpoint-<step>.")
     if args.report_to != "none" and find_spec(args.report_to) is None:
         raise ValueError(f"--report_to {args.report_to} needs: {TRACKERS[args.report_to]}; or set --report_to none.")
     accelerator = Accelerator(

@@ -4,7 +4,6 @@ import json
 import logging
 import math
 import os
-import shutil
 import time
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from tqdm.auto import tqdm
 from .batches import EndlessBatches
 from .checkpoints import (
     checkpoints,
+    clear_run,
     clear_unfinished,
     finish_checkpoint,
     last_good,
@@ -27,7 +27,6 @@ from .checkpoints import (
     unfinished_checkpoint,
     writing,
 )
-from .launch import LOGS
 from .record import trim_log, write_record
 from .steps import BatchNoise
 
@@ -297,10 +296,7 @@ class Trainer:
             clear_unfinished(self.output)
         if not wanted:
             if main:  # only now, when nothing is left that could refuse to start
-                for path in checkpoints(self.output):
-                    remove_checkpoint(path)
-                shutil.rmtree(self.output / LOGS, ignore_errors=True)
-                (self.output / "log.jsonl").unlink(missing_ok=True)
+                clear_run(self.output)
             return
         folder = latest_checkpoint(self.output) if wanted == "latest" else Path(wanted)
         if folder is None:
@@ -308,8 +304,6 @@ class Trainer:
             if main:
                 trim_log(self.output, 0)
             return
-        if not folder.is_dir() or step_of(folder) is None:
-            raise ValueError(f"--resume_from_checkpoint {wanted} is neither 'latest' nor a folder checkpoint-<step>.")
         self.accelerator.load_state(str(folder))
         self.step = step_of(folder)
         left = self.total_steps - self.step

@@ -256,6 +256,8 @@ def _errors(dale, differences):
 def _most_trusted(fits):
     """The first trust of fits whose surfaces left out are not clearly (80 %, paired) worse than those of the best."""
     best = min((fit.errors for fit in fits.values()), key=np.mean)
+    if len(best) < 2:  # one surface cannot tell
+        return next(iter(fits))
     apart = {trust: fit.errors - best for trust, fit in fits.items()}
     reach = stats.t.ppf(0.8, len(best) - 1) / len(best) ** 0.5
     return next(trust for trust, error in apart.items() if error.mean() <= reach * error.std(ddof=1))

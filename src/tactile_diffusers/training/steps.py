@@ -25,7 +25,7 @@ class BatchNoise:
 
     Args:
         generator (`torch.Generator`): in the same state in every process.
-        device (`torch.device`): the generator's.
+        device (`torch.device`): of the numbers; they are drawn on the generator's.
         share (`tuple[int, int]`, *optional*, defaults to `(0, 1)`): index of this process, and number of processes.
     """
 
@@ -34,8 +34,8 @@ class BatchNoise:
         self.index, self.processes = share
 
     def _rows(self, function, rows, *rest):
-        whole = function((rows * self.processes, *rest), generator=self.generator, device=self.device)
-        return whole[self.index * rows : (self.index + 1) * rows]
+        whole = function((rows * self.processes, *rest), generator=self.generator, device=self.generator.device)
+        return whole[self.index * rows : (self.index + 1) * rows].to(self.device)
 
     def normal(self, *shape):
         """Normal numbers (rows, ...) float32, where `rows` are this process's."""
@@ -247,13 +247,15 @@ def drawn_ratings(batch, random, condition_dropout=0.4, unconditional=0.1, ratin
 
     Args:
         batch (`dict`): "ratings" and "ratings_error" of `dale_data.training_states`. Of several raters' ratings (batch,
-            raters, axes), one rater's are drawn for each texture.
+            raters, axes), those of one who rated its surface are drawn for each texture.
         random (`BatchNoise`): of this batch.
         condition_dropout, unconditional, rating_jitter (`float`): of `DALETrainingStep`.
     """
     ratings = batch["ratings"]
     if ratings.ndim == 3:
-        rater = (random.uniform(len(ratings)) * ratings.shape[1]).long()
+        rated = (~ratings.isnan()).any(-1).cumsum(1)  # of raters that did not rate the texture's surface, none is drawn
+        place = (random.uniform(len(ratings)) * rated[:, -1]).long()
+        rater = (rated <= place[:, None]).sum(1).clamp(max=ratings.shape[1] - 1)
         ratings = ratings[torch.arange(len(ratings), device=ratings.device), rater]
     else:
         ratings = ratings + rating_jitter * batch["ratings_error"] * random.normal(*ratings.shape)

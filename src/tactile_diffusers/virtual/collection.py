@@ -1,13 +1,12 @@
 """A collection of virtual surfaces: the settings that its recordings and ratings depend on."""
 
 from dataclasses import asdict, dataclass
-from math import ceil
 
 import numpy as np
 
-from ..signal import RATING_AXES, SEGMENT_SECONDS
+from ..signal import RATING_AXES
 from ..signal.checks import check_number, check_seed, check_whole_number
-from .exploration import VELOCITY_RATE
+from ..signal.constants import LEAST_RECORDING
 from .raters import (
     RATERS,
     RATING_CORRELATION,
@@ -18,9 +17,6 @@ from .raters import (
 )
 from .recipe import RECIPE_VERSION
 from .surface import VirtualSurface
-
-#: One segment, in whole samples of velocity.
-LEAST_SECONDS = ceil(SEGMENT_SECONDS * VELOCITY_RATE) / VELOCITY_RATE
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,7 @@ class Collection:
 
     def __post_init__(self):
         checked = {
-            "seconds": check_number("seconds", self.seconds, "s", at_least=LEAST_SECONDS),
+            "seconds": check_number("seconds", self.seconds, "s", at_least=LEAST_RECORDING),
             "explorers": check_whole_number("explorers", self.explorers),
             "seed": check_seed(self.seed),
             "agreement": check_number("agreement", self.agreement, above=0),

@@ -235,8 +235,10 @@ def test_the_end_of_the_sensors_range_is_left_to_the_preparation(rig):
 
 def test_recordings_that_cannot_be_used_are_left_out(rig):
     rig.edit(rig.force("felt"), lambda table: table[:1500])
+    assert rig.convert().recordings == 2  # how long segments are is chosen later
+    rig.edit(rig.force("felt"), lambda table: table[:200])
     report = rig.convert()
-    assert report.recordings == 1 and "1.5 s in common are less than one segment" in report.left_out["felt/0/0"]
+    assert report.recordings == 1 and "0.2 s in common, the filter needs 0.25 s" in report.left_out["felt/0/0"]
     rig.motion("felt").unlink()
     report = rig.convert()
     assert report.left_out == {"felt/0/0": "no file with position or velocity"}
@@ -249,7 +251,7 @@ def test_recordings_that_cannot_be_used_are_left_out(rig):
 LAYOUT_FAULTS = {
     "_force.csv": ("_forces.csv", r"\[\[files\]\] 1, `pattern` = .* matches none of the 4 files.*'felt/0_force.csv'"),
     '"fz"': ('"fzz"', r"\[\[files\]\] 1: .*felt.0_force.csv has no column 'fzz'.*Did you mean 'fz'"),
-    'unit = "s"': ('unit = "ms"', "none of 2 recordings can be used; felt/0/0: .*0.003 s in common are less than one"),
+    'unit = "s"': ('unit = "ms"', "none of 2 recordings can be used; felt/0/0: .*0.003 s in common, the filter needs"),
     'time = { column = "t", unit = "s" }': ("", "`rate` is missing, there is no `time`"),
     "{surface}/{trial}_motion": ("{trial}/{surface}_motion", "no recording in .* has all its files; .* Let the fields"),
     'time = { column = "t"': (

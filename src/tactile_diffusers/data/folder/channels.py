@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...signal import BAND_HZ, SEGMENT_SECONDS, resample
+from ...signal import BAND_HZ, resample
+from ...signal.constants import LEAST_RECORDING
 from ..force_checks import check_forces, out_of_range
 from .clocks import (
     RATE_TOLERANCE,
@@ -134,8 +135,9 @@ def _on_clock(values, stamps, table, files):
 
 
 def _check_usable(channel):
-    if channel.seconds < SEGMENT_SECONDS:
-        raise Unusable(f"{channel.where}: {channel.seconds:.3g} s in common are less than one segment")
+    if channel.seconds < LEAST_RECORDING:
+        lasts = f"{channel.seconds:.3g} s in common, the filter needs {LEAST_RECORDING} s"
+        raise Unusable(f"{channel.where}: {lasts}")
     if np.isnan(channel.values).any(axis=1).all():
         raise Unusable(f"{channel.where}: holds only NaN")
 

@@ -130,6 +130,8 @@ def copied_share(values, groups, real_values, real_groups, quantile=QUANTILE, se
     if not 0 < quantile < 1:
         raise ValueError(f"`quantile` must be between 0 and 1, got {quantile}.")
     values, real = (check_textures(n, v, 1) for n, v in (("values", values), ("real_values", real_values)))
+    if len(np.unique(real_groups)) < 2:
+        raise ValueError(f"`real_groups` must name two surfaces or more, got {np.unique(real_groups).tolist()}.")
     names, group = np.unique(np.concatenate([groups, real_groups]), return_inverse=True)
     group, real_group = group[: len(values)], group[len(values) :]
     order = np.argsort(-np.asarray(real, np.float64), kind="stable")
