@@ -7,7 +7,6 @@ from pathlib import Path
 
 from ..export.convert import FORMATS, format_of, read_texture
 from ..export.generated import find_shards, read_generated
-from ..export.metadata import ABOUT
 from ..export.png import HEIGHT, PIXEL_PITCH
 from ..signal import REFERENCE_FORCE
 from .program import Parser, add_output_argument, command, count, positive_number, program, warn
@@ -93,16 +92,14 @@ def _write(name, texture, metadata, arguments):
             f"{arguments.input} knows no reference speed, so {', '.join(spatial)} cannot be written over position. "
             "Leave them out of --formats."
         )
-    common = {key: metadata[key] for key in ABOUT}
-    held = metadata.get("normal_force", REFERENCE_FORCE)
-    options = vars(arguments) | {"normal_force": arguments.normal_force or held}
     arguments.output.mkdir(parents=True, exist_ok=True)
     for chosen in arguments.formats:
         form = FORMATS[chosen]
         path = arguments.output / f"{name}{form.suffix}"
+        given = {option: value for option in form.options if (value := getattr(arguments, option)) is not None}
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
-            form.write(path, texture, **common, **{option: options[option] for option in form.options})
+            form.write(path, texture, **form.keywords(metadata, given))
         for warning in caught:
             warn("export.py", f"{path.name}: {warning.message}")
         print(f"{path}: {form.kind}, {form.description}")

@@ -1,6 +1,5 @@
 """`tactile-diffusers play`: the force that a finger would meet along a trajectory, and the drive of a display."""
 
-import json
 import math
 import warnings
 from pathlib import Path
@@ -135,7 +134,7 @@ def _write_npz(arguments, values, beside, played, about):
 
 def _write_wav(arguments, values, beside, played, about):
     from ..export.metadata import UNITS
-    from ..export.wav import sidecar_path, write_wav
+    from ..export.wav import write_wav, write_with_sidecar
 
     path = arguments.output
     if not beside:
@@ -145,13 +144,7 @@ def _write_wav(arguments, values, beside, played, about):
         further["units"] = UNITS | {"texture": f"N: {which}", "normal_force": "N", "latency": "s"}
         write_wav(path, values, sampling_rate=played.sampling_rate, **known, subtype="FLOAT", further=further)
         return
-    import soundfile
-
-    from ..io.files import atomic_path
-
     scale = {"drive_per_count": beside["max_drive"] / _COUNTS, "unit": beside["drive_unit"], "latency": played.latency}
     samples = np.round(values / scale["drive_per_count"]).astype(np.int16)
     sidecar = {"sampling_rate": played.sampling_rate, **scale, **beside}
-    with atomic_path(sidecar_path(path)) as temporary_json, atomic_path(path) as temporary_wav:
-        soundfile.write(temporary_wav, samples, played.sampling_rate, subtype="PCM_16", format="WAV")
-        temporary_json.write_text(json.dumps(sidecar, indent=1) + "\n", encoding="utf-8")
+    write_with_sidecar(path, samples, played.sampling_rate, "PCM_16", sidecar)

@@ -56,11 +56,11 @@ def add_recording_arguments(parser):
 
 
 def _read_own(path):
-    """Texture and metadata of a .npz or .h5 file of this package, or of a WAV with its sidecar; `None` of others."""
+    """Texture and metadata of a .npz or HDF5 file of this package, or of a WAV with its sidecar; `None` of others."""
     import zipfile
 
-    import h5py
-
+    from ..data.folder.tables import kind_of
+    from ..data.folder.trees import open_tree
     from ..export.lossless import HDF5_FORMAT, read_hdf5, read_npz
     from ..export.wav import read_wav, sidecar_path
 
@@ -70,10 +70,8 @@ def _read_own(path):
         with zipfile.ZipFile(path) as archive:
             ours = {"texture.npy", "units.npy"} <= set(archive.namelist())
         return read_npz(path) if ours else None
-    if path.suffix.lower() == ".h5" and h5py.is_hdf5(path):
-        with h5py.File(path) as file:
-            ours = file.attrs.get("format") == HDF5_FORMAT
-        return read_hdf5(path) if ours else None
+    if kind_of(path) == "hdf5" and open_tree(path, "hdf5").attributes.get("format") == HDF5_FORMAT:
+        return read_hdf5(path)
     return None
 
 

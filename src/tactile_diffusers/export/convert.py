@@ -43,6 +43,13 @@ class Format:
     spatial: bool = False
     options: tuple[str, ...] = ()
 
+    def keywords(self, metadata, given):
+        """Those of `write`: what a reader found, and options that were given. A map's normal force is kept."""
+        known = {name: metadata[name] for name in ABOUT}
+        if "normal_force" in self.options and "normal_force" in metadata:
+            known["normal_force"] = metadata["normal_force"]
+        return known | given
+
 
 _FLOAT, _PCM = partial(write_wav, subtype="FLOAT"), partial(write_wav, subtype="PCM_16")
 _FRICTION, _TEXTURE = partial(write_hjif, modality="Friction"), partial(write_hjif, modality="Vibrotactile Texture")
@@ -160,9 +167,7 @@ def convert(source, target, **options):
     texture, metadata = before.read(source)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        # a map of friction knows at which force it was recorded; others' options are given or have defaults
-        held = {name: metadata[name] for name in ("normal_force",) if name in metadata and name in after.options}
-        after.write(target, texture, **{name: metadata[name] for name in ABOUT}, **held | options)
+        after.write(target, texture, **after.keywords(metadata, options))
     held = {name: metadata[name] for name in ("highest_frequency",) if name in metadata}
     row = round_trip(target, names[1], texture, metadata["sampling_rate"], **held)
     losses = [] if before.kind == "lossless" else [_earlier(source, names[0], before, metadata)]

@@ -8,7 +8,7 @@ from ..io.files import atomic_path
 from ..io.hdf5 import check_sizes, open_whole, whole_file
 from ..io.reading import check_archive, reading
 from ..signal import RATING_AXES
-from .metadata import NO_SEED, UNITS, check_read, describe_texture, from_json
+from .metadata import UNITS, check_read, describe_texture, from_json, without_none
 
 HDF5_FORMAT, HDF5_VERSION = "tactile-texture", 1
 
@@ -37,14 +37,15 @@ def write_npz(path, texture, **about):
         ValueError: on a bad argument, before anything is written.
     """
     texture, metadata = describe_texture(texture, **about)
+    metadata = without_none(metadata)
     arrays = {
         "texture": texture.astype(np.float32),
         "sampling_rate": np.int64(metadata["sampling_rate"]),
         "friction_coefficient": np.float32(metadata["friction_coefficient"]),
         "ratings": np.float32(metadata["ratings"]),
-        "seed": np.asarray(NO_SEED if metadata["seed"] is None else metadata["seed"]),
+        "seed": np.asarray(metadata["seed"]),
         "reference_speed": np.float32(metadata["reference_speed"]),
-        "checkpoint": np.asarray(metadata["checkpoint"] or ""),
+        "checkpoint": np.asarray(metadata["checkpoint"]),
         "units": np.asarray(json.dumps(UNITS)),
     }
     with atomic_path(path) as temporary, open(temporary, "wb") as file:
@@ -88,8 +89,7 @@ def write_hdf5(path, texture, **about):
     with whole_file(path) as file:
         file.attrs.update({"format": HDF5_FORMAT, "version": HDF5_VERSION, "rating_axes": ", ".join(RATING_AXES)})
         file.attrs["units"] = json.dumps(UNITS)
-        seed = NO_SEED if metadata["seed"] is None else metadata["seed"]
-        file.attrs.update(metadata | {"checkpoint": metadata["checkpoint"] or "", "seed": seed})
+        file.attrs.update(without_none(metadata))
         file.create_dataset("texture", data=texture.astype(np.float32), compression="gzip", shuffle=True)
         file["texture"].attrs.update({"rate": rate, "unit": "N"})
 

@@ -54,6 +54,12 @@ def describe_texture(
     }
 
 
+def without_none(metadata):
+    """The same for files that cannot hold `None`: no checkpoint is "", no seed `NO_SEED`."""
+    seed = NO_SEED if metadata["seed"] is None else metadata["seed"]
+    return metadata | {"checkpoint": metadata["checkpoint"] or "", "seed": seed}
+
+
 def check_texture(texture, sampling_rate):
     """One row of finite numbers as (samples,) float64; refuses a rate that is no whole number of Hz above 0."""
     texture = check_samples("texture", texture)

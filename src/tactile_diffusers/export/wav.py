@@ -19,6 +19,15 @@ def sidecar_path(path):
     return Path(f"{path}.json")
 
 
+def write_with_sidecar(path, samples, sampling_rate, subtype, sidecar):
+    """Writes samples as they are to a WAV file, and a dict to its sidecar: both or, on an error, neither."""
+    import soundfile
+
+    with atomic_path(sidecar_path(path)) as temporary_json, atomic_path(path) as temporary_wav:
+        soundfile.write(temporary_wav, samples, sampling_rate, subtype=subtype, format="WAV")
+        temporary_json.write_text(json.dumps(sidecar, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
 def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, further=None, **about):
     """Writes one texture to a mono WAV file, by default so that its peak is full scale, and the scale to the sidecar.
 
@@ -37,8 +46,6 @@ def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, further=None,
     Raises:
         ValueError: on a bad argument, or a texture that peaks above `full_scale`, before anything is written.
     """
-    import soundfile
-
     texture, metadata = describe_texture(texture, **about)
     if subtype not in ("PCM_16", "FLOAT"):
         raise ValueError(f'`subtype` must be "PCM_16" or "FLOAT", got {subtype!r}.')
@@ -49,9 +56,7 @@ def write_wav(path, texture, *, subtype="PCM_16", full_scale=None, further=None,
         samples = np.round(texture / scale * FULL_SCALE_COUNTS).astype(np.int16)
     else:
         samples = (texture / scale).astype(np.float32)
-    with atomic_path(sidecar_path(path)) as temporary_json, atomic_path(path) as temporary_wav:
-        soundfile.write(temporary_wav, samples, metadata["sampling_rate"], subtype=subtype, format="WAV")
-        temporary_json.write_text(json.dumps(sidecar, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_with_sidecar(path, samples, metadata["sampling_rate"], subtype, sidecar)
 
 
 def read_wav(path):

@@ -272,7 +272,8 @@ class DALEModel(SafeLoadingMixin, CompileMixin, HookMixin, ModelMixin, ConfigMix
         Returns:
             `torch.Tensor`: (batch, in_channels, frames).
         """
-        config, levels = FrozenDict({**self.config, **(statistics or {})}), self.config.level_channels
+        config = self.config if statistics is None else FrozenDict({**self.config, **statistics})
+        levels = config.level_channels
         friction = standardized(friction_coefficient.clamp_min(1e-3).log(), *log_friction_statistics(config))
         level = standardized(level, config.level_mean, config.level_std)
         statistics, (mean, std), departure_std = self._statistics(latents, config)
