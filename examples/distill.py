@@ -18,16 +18,15 @@ from distilling.scalars import fit_scalar_network
 
 from tactile_diffusers import DALEModel, TactileTexturePipeline
 from tactile_diffusers.data.dataset import PreparedDataset
+from tactile_diffusers.io.argument_types import count, share
 from tactile_diffusers.training.batches import EndlessBatches, make_collate
 from tactile_diffusers.training.card import finish
 from tactile_diffusers.training.dale_data import encode_dataset, training_states
 from tactile_diffusers.training.launch import (
-    at_least_one,
     make_accelerator,
     parse_training_arguments,
     pipeline_source,
     run,
-    share,
     starting,
     training_parser,
 )
@@ -49,7 +48,7 @@ def parse_args(argv=None):
     add("--model", choices=["lctg", "dale"], default="lctg", help="that is distilled")
     add("--pretrained_model_name_or_path", type=pipeline_source, required=True, help="pipeline with the teacher")
     add("--detail_dropout", type=share, default=0.7, help="lctg: share of textures without detail layer")
-    add("--scalar_steps", type=at_least_one, default=8000, help="dale: updates of the network of scalars, before")
+    add("--scalar_steps", type=count, default=8000, help="dale: updates of the network of scalars, before")
     return parse_training_arguments(parser, argv)
 
 

@@ -19,13 +19,13 @@ from tactile_diffusers.cli.program import (
     add_output_argument,
     add_seed_argument,
     checkpoint_folder,
-    count,
     existing_file,
     load_pipeline,
     refuse,
     warn,
 )
 from tactile_diffusers.data.splits import SPLITS
+from tactile_diffusers.io.argument_types import count
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.training.record import warning
 

@@ -18,11 +18,11 @@ from tactile_diffusers.cli.program import (
     add_seed_argument,
     checkpoint_folder,
     checkpoint_name,
-    count,
     existing_file,
     load_pipeline,
     refuse,
 )
+from tactile_diffusers.io.argument_types import count
 
 EPILOG = """\
 Run the same command again after it was stopped: it goes on with the missing shards. All machines must see OUTPUT.

@@ -11,10 +11,10 @@ from tactile_diffusers.cli.program import (
     add_seed_argument,
     checkpoint_name,
     command,
-    count,
     existing_file,
     load_pipeline,
 )
+from tactile_diffusers.io.argument_types import count
 
 DESCRIPTION = """\
 Prepares a study in which people feel real, generated and baseline textures, and analyses what they answered.

@@ -14,6 +14,7 @@ import torch
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data.dataset import PreparedDataset
+from tactile_diffusers.io.argument_types import count, not_negative, share
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.batches import EndlessBatches
 from tactile_diffusers.training.card import finish
@@ -27,14 +28,11 @@ from tactile_diffusers.training.dale_data import (
 )
 from tactile_diffusers.training.fitting import MODULATION_TEXTURES, fit_modulation_gains
 from tactile_diffusers.training.launch import (
-    at_least_one,
     make_accelerator,
-    not_negative,
     parse_training_arguments,
     pipeline_source,
     read_model_config,
     run,
-    share,
     starting,
     training_parser,
 )
@@ -52,7 +50,7 @@ def parse_args(argv=None):
         "--model_config_name_or_path",
         help="JSON: dale and dale_scheduler arguments (null: as the data say), kept_at_zero",
     )
-    add("--max_train_surfaces", type=at_least_one, help="use only this many training surfaces, evenly spread")
+    add("--max_train_surfaces", type=count, help="use only this many training surfaces, evenly spread")
     add(
         "--ratings",
         choices=["pooled", "single"],
@@ -64,7 +62,7 @@ def parse_args(argv=None):
     add("--rating_jitter", type=not_negative, default=0.3, help="noise on pooled ratings, in their standard errors")
     add("--scalar_weight", type=not_negative, default=3.0, help="loss weight of level, friction and other scalars")
     add("--conditioning_weight", type=not_negative, default=0.1, help="of the auxiliary rating loss; 0 = off")
-    add("--rating_head_steps", type=at_least_one, default=600, help="updates of the rating estimator")
+    add("--rating_head_steps", type=count, default=600, help="updates of the rating estimator")
     return parse_training_arguments(parser, argv)
 
 

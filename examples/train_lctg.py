@@ -17,6 +17,7 @@ import numpy as np
 
 from tactile_diffusers import LCTGModel, TactileFeatureExtractor, TactileTexturePipeline, VDDIMScheduler
 from tactile_diffusers.data.dataset import PreparedDataset
+from tactile_diffusers.io.argument_types import not_negative, share
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.training.batches import EndlessBatches, make_collate
 from tactile_diffusers.training.card import finish
@@ -24,12 +25,10 @@ from tactile_diffusers.training.checkpoints import writing
 from tactile_diffusers.training.fitting import fit_preemphasis
 from tactile_diffusers.training.launch import (
     make_accelerator,
-    not_negative,
     parse_training_arguments,
     pipeline_source,
     read_model_config,
     run,
-    share,
     starting,
     training_parser,
 )

@@ -10,14 +10,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from tactile_diffusers.cli.program import (
-    Parser,
-    add_checkpoint_argument,
-    add_output_argument,
-    add_seed_argument,
-    count,
-)
+from tactile_diffusers.cli.program import Parser, add_checkpoint_argument, add_output_argument, add_seed_argument
 from tactile_diffusers.data import PreparedDataset
+from tactile_diffusers.io.argument_types import count
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 

@@ -14,7 +14,8 @@ from moving_finger import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion
 from tqdm.auto import tqdm
 
 from tactile_diffusers import TactileTexturePipeline
-from tactile_diffusers.cli.program import load_pipeline, positive_number
+from tactile_diffusers.cli.program import load_pipeline
+from tactile_diffusers.io.argument_types import positive_number
 from tactile_diffusers.playback import EndlessProfile, EndlessStream, GeneratingProcess, on_time
 from tactile_diffusers.playback.endless import HANDOVER
 from tactile_diffusers.playback.stream import FADE_SECONDS

@@ -8,7 +8,8 @@ import torch
 from benchmarking import finish, make_parser, parse
 from scipy.signal import fftconvolve
 
-from tactile_diffusers.cli.program import count, load_pipeline, positive_number
+from tactile_diffusers.cli.program import load_pipeline
+from tactile_diffusers.io.argument_types import count, positive_number
 from tactile_diffusers.pipelines.velocities import Windows
 from tactile_diffusers.signal import band_edges, band_levels_db
 

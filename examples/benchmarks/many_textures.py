@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from benchmarking import finish, machine, make_parser, parse
 
-from tactile_diffusers.cli.program import count
 from tactile_diffusers.export.generated import find_shards
+from tactile_diffusers.io.argument_types import count
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 

@@ -10,7 +10,8 @@ from peer_models import INSTALL, SIZE_TOLERANCE, audio_diffusion, size, unet_1d
 from speed import RATINGS
 from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
 
-from tactile_diffusers.cli.program import count, existing_folder, load_pipeline
+from tactile_diffusers.cli.program import existing_folder, load_pipeline
+from tactile_diffusers.io.argument_types import count
 from tactile_diffusers.signal import SEGMENT_SECONDS
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`

@@ -15,7 +15,8 @@ import pandas as pd
 import torch
 from benchmarking import finish, machine, make_parser, parse, run_child
 
-from tactile_diffusers.cli.program import count, load_pipeline
+from tactile_diffusers.cli.program import load_pipeline
+from tactile_diffusers.io.argument_types import count
 from tactile_diffusers.playback import TextureProfile, TextureScene
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`

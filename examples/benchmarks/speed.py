@@ -5,7 +5,8 @@ from pathlib import Path
 
 from benchmarking import finish, machine, make_parser, parse, run_child, seconds_of, timed_columns, timed_table, timings
 
-from tactile_diffusers.cli.program import count, load_pipeline
+from tactile_diffusers.cli.program import load_pipeline
+from tactile_diffusers.io.argument_types import count
 from tactile_diffusers.signal import SEGMENT_SECONDS
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`

@@ -18,7 +18,8 @@ from benchmarking import finish, machine, make_parser, parse, resident_mib
 from stability_bench import RATINGS, SAME, SAME_DB, Bench, Row, not_finite, relative
 from tqdm.auto import tqdm
 
-from tactile_diffusers.cli.program import load_pipeline, positive_number
+from tactile_diffusers.cli.program import load_pipeline
+from tactile_diffusers.io.argument_types import positive_number
 from tactile_diffusers.pipelines import TactileTexturePipeline
 from tactile_diffusers.playback import TextureProfile, TextureStream
 from tactile_diffusers.playback.finger import FASTEST, FingerPath

@@ -14,9 +14,10 @@ from moving_finger import BLOCK, BUDGET, SENSOR_HZ, delays, largest_step, motion
 from scipy import signal
 from tqdm.auto import tqdm
 
-from tactile_diffusers.cli.program import count, load_pipeline, positive_number
+from tactile_diffusers.cli.program import load_pipeline
 from tactile_diffusers.evaluation.metrics.embedding import FEATURE_NAMES, tactile_features
 from tactile_diffusers.evaluation.metrics.statistics import estimate, leaf
+from tactile_diffusers.io.argument_types import count, positive_number
 from tactile_diffusers.playback import FingerPath, TextureProfile, TextureStream, on_time
 from tactile_diffusers.playback.force_laws import SPEED_EXPONENT
 from tactile_diffusers.signal import DEVICE_RATE, REFERENCE_FORCE, SEGMENT_SAMPLES, band_levels_db, band_pass

@@ -13,7 +13,8 @@ from pathlib import Path
 from benchmarking import finish, machine, resident_mib
 
 from tactile_diffusers import bundled_checkpoint
-from tactile_diffusers.cli.program import Parser, add_output_argument, count
+from tactile_diffusers.cli.program import Parser, add_output_argument
+from tactile_diffusers.io.argument_types import count
 from tactile_diffusers.training.record import read_losses
 
 sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`

@@ -7,16 +7,9 @@ from pathlib import Path
 
 from tqdm.auto import tqdm
 
-from tactile_diffusers.cli.program import (
-    Parser,
-    add_output_argument,
-    count,
-    existing_file,
-    existing_folder,
-    program,
-    refuse,
-)
+from tactile_diffusers.cli.program import Parser, add_output_argument, existing_file, existing_folder, program, refuse
 from tactile_diffusers.data.splits import SPLITS
+from tactile_diffusers.io.argument_types import count
 from tactile_diffusers.io.files import write_text
 from tactile_diffusers.io.reading import read_json, reading
 

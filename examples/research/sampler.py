@@ -15,12 +15,12 @@ from tactile_diffusers.cli.program import (
     add_checkpoint_argument,
     add_output_argument,
     add_seed_argument,
-    count,
     existing_file,
     load_pipeline,
 )
 from tactile_diffusers.data import PreparedDataset
 from tactile_diffusers.evaluation.metrics.distances import Reference
+from tactile_diffusers.io.argument_types import count
 from tactile_diffusers.schedulers import VDDIMScheduler
 from tactile_diffusers.virtual import Collection
 

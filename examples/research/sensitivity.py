@@ -16,8 +16,9 @@ import torch
 from tqdm.auto import tqdm
 
 from tactile_diffusers import TactileTexturePipeline, VDDIMScheduler
-from tactile_diffusers.cli.program import Parser, add_output_argument, count, program
+from tactile_diffusers.cli.program import Parser, add_output_argument, program
 from tactile_diffusers.data import PreparedDataset, prepare_recordings
+from tactile_diffusers.io.argument_types import count
 from tactile_diffusers.io.files import atomic_path, write_text
 from tactile_diffusers.schedulers import RECOMMENDED
 from tactile_diffusers.signal import BAND_HZ, DEVICE_RATE

@@ -5,10 +5,10 @@ take seconds. The classes name `tactile_diffusers` as their module, as checkpoin
 breaking them. diffusers' loader looks for its base classes in this namespace, too.
 """
 
-import importlib
 from typing import TYPE_CHECKING
 
 from .checkpoints import bundled_checkpoint
+from .lazy import importing
 from .version import __version__
 
 if TYPE_CHECKING:  # for editors and type checkers
@@ -22,20 +22,17 @@ if TYPE_CHECKING:  # for editors and type checkers
     )
     from .schedulers import VDDIMScheduler
 
-#: Public name, or base class that the loader looks for -> its module.
+#: Module -> public names, or base classes that the loader looks for.
 _PLACES = {
-    "DALEModel": ".models",
-    "LCTGModel": ".models",
-    "RatingEstimator": ".models",
-    "TactileFeatureExtractor": ".features",
-    "TactileLatents": ".pipelines",
-    "TactileTextureEditPipeline": ".pipelines",
-    "TactileTexturePipeline": ".pipelines",
-    "TactileTexturePipelineOutput": ".pipelines",
-    "VDDIMScheduler": ".schedulers",
-    "ModelMixin": "diffusers.models.modeling_utils",
-    "SchedulerMixin": "diffusers.schedulers.scheduling_utils",
-    "FeatureExtractionMixin": "transformers.feature_extraction_utils",
+    ".features": ("TactileFeatureExtractor",),
+    ".models": ("DALEModel", "LCTGModel", "RatingEstimator"),
+    ".pipelines": (
+        *("TactileLatents", "TactileTextureEditPipeline", "TactileTexturePipeline", "TactileTexturePipelineOutput"),
+    ),
+    ".schedulers": ("VDDIMScheduler",),
+    "diffusers.models.modeling_utils": ("ModelMixin",),
+    "diffusers.schedulers.scheduling_utils": ("SchedulerMixin",),
+    "transformers.feature_extraction_utils": ("FeatureExtractionMixin",),
 }
 __all__ = [
     "DALEModel",
@@ -52,11 +49,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name):
-    if name not in _PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(importlib.import_module(_PLACES[name], __name__), name)
-    return found
+__getattr__ = importing(__name__, _PLACES)
 
 
 def __dir__():

@@ -98,7 +98,7 @@ def test_options_reach_the_writer(source, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--pixel_pitch", "0"], "argument --pixel_pitch: must be above zero, got 0.0"),
+        (["--pixel_pitch", "0"], "argument --pixel_pitch: must be above zero, got 0"),
         (["--normal_force", "nan"], "argument --normal_force: must be above zero, got nan"),
         (["--input", "nowhere.npz"], "argument --input: nowhere.npz does not exist"),
     ],

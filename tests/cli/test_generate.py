@@ -93,7 +93,7 @@ def test_ratings_by_row_by_axis_or_by_name(words, expected):
         (["--ratings", "1", "0", "rough"], "must be a number, or none = not specified, got 'rough'"),
         (["--roughness", "1", "--num_textures_per_rating", "0"], "must be at least 1, got 0"),
         (["--roughness", "1", "--seed", "9223372036854775808"], "argument --seed"),
-        (["--roughness", "1", "--num_inference_steps", "ten"], "argument --num_inference_steps: invalid count value"),
+        (["--roughness", "1", "--num_inference_steps", "ten"], "argument --num_inference_steps: invalid int value"),
         (["--roughness", "1", "--checkpoint", "no such folder"], "no such folder is neither a folder"),
     ],
 )

@@ -208,7 +208,7 @@ def test_a_failed_training_does_not_stop_the_others(run, launched, tmp_path, cap
     [
         ({"arguments": {"learning_rat": "x"}}, "phase-1 is refused by train_lctg.py"),
         ({"arguments": {"no_such_thing": 1}}, "unrecognized arguments: --no_such_thing=1"),
-        ({"arguments": {"learning_rate": -1}}, "--learning_rate: must be positive"),
+        ({"arguments": {"learning_rate": -1}}, "--learning_rate: must be above zero"),
         ({"dale": {"max_train_steps": 1, "octave_exponent": 1}}, "dale is refused by train_dale.py"),
     ],
 )

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from ..export.convert import FORMATS, convert, read_texture
 from ..export.device import DeviceProfile, what_is_lost
-from .program import Parser, command, existing_file, positive_number, program
+from ..io.argument_types import positive_number
+from .program import Parser, command, existing_file, program
 
 
 def parse_arguments(argv=None):

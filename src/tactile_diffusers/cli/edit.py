@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..io.argument_types import positive_number
 from .program import (
     AXIS_ARGUMENTS,
     Parser,
@@ -12,7 +13,6 @@ from .program import (
     add_common_arguments,
     command,
     load_pipeline,
-    positive_number,
     program,
     ratings_by_axis,
 )

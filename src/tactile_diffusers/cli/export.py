@@ -8,8 +8,9 @@ from pathlib import Path
 from ..export.convert import FORMATS, format_of, read_texture
 from ..export.generated import find_shards, read_generated
 from ..export.png import HEIGHT, PIXEL_PITCH
+from ..io.argument_types import count, positive_number
 from ..signal import REFERENCE_FORCE
-from .program import Parser, add_output_argument, command, count, positive_number, program, warn
+from .program import Parser, add_output_argument, command, program, warn
 
 
 def parse_arguments(argv=None):

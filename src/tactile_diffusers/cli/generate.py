@@ -2,6 +2,7 @@
 
 import time
 
+from ..io.argument_types import count
 from ..pipelines import PRESETS
 from ..signal.constants import RATING_AXES
 from .program import (
@@ -11,7 +12,6 @@ from .program import (
     add_common_arguments,
     add_generation_arguments,
     command,
-    count,
     generation_options,
     load_pipeline,
     program,

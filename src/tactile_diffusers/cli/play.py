@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ..export.convert import read_texture
+from ..io.argument_types import count, positive_number
 from ..signal import DEVICE_RATE, REFERENCE_FORCE
-from .program import Parser, command, count, existing_file, positive_number, program, warn
+from .program import Parser, command, existing_file, program, warn
 
 SUFFIXES = (".wav", ".npz")
 #: Counts of a 16-bit file at full scale.

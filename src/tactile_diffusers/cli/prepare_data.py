@@ -10,10 +10,11 @@ from ..data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings, 
 from ..data.folder import convert_folder, draft_layout, inspect_folder
 from ..data.splits import check_split
 from ..data.turnarounds import DEFAULT_TURNAROUNDS, TURNAROUNDS
+from ..io.argument_types import count, positive_number, seed
 from ..io.files import check_parent, write_text
 from ..signal import BAND_HZ, DEVICE_RATE, SEGMENT_SECONDS
 from ..virtual.raters import FURTHER_AXES, RATERS, RATING_CORRELATION
-from .program import Parser, command, count, existing_file, existing_folder, positive_number, program, seed
+from .program import Parser, command, existing_file, existing_folder, program
 
 #: Options of each source with their defaults; `None` = required.
 SOURCE_OPTIONS = {

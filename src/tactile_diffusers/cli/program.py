@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 from ..checkpoints import bundled_checkpoint
+from ..io.argument_types import count, seed
 from ..signal.constants import RATING_AXES
 
 #: The console command.
@@ -67,30 +68,6 @@ def command(script, one_line=True):
 def warn(script, text):
     """Prints a warning of a command on stderr."""
     print(f"{program(script)}: warning: {text}", file=sys.stderr)
-
-
-# Types of arguments: argparse adds the name of the argument to their messages and exits with code 2.
-
-
-def count(word):
-    """A whole number of at least 1."""
-    if (value := int(word)) < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
-    return value
-
-
-def positive_number(word):
-    """A finite number above zero."""
-    if not 0 < (value := float(word)) < math.inf:
-        raise argparse.ArgumentTypeError(f"must be above zero, got {value}")
-    return value
-
-
-def seed(word):
-    """A seed that PyTorch's generators and HDF5 take."""
-    if not 0 <= (value := int(word)) < 2**63:
-        raise argparse.ArgumentTypeError(f"must be at least 0 and below 2**63, got {value}")
-    return value
 
 
 def existing_file(word):

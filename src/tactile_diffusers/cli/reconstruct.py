@@ -2,7 +2,8 @@
 
 import json
 
-from .program import Parser, add_common_arguments, command, count, load_pipeline, program
+from ..io.argument_types import count
+from .program import Parser, add_common_arguments, command, load_pipeline, program
 from .recording_file import add_recording_arguments, read_recording_file, write_texture
 
 

@@ -5,8 +5,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..io.argument_types import positive_number
 from ..signal.constants import RATING_AXES
-from .program import checkpoint_name, positive_number, program, warn
+from .program import checkpoint_name, program, warn
 
 #: Ratings of which nothing is known.
 OPEN = (math.nan,) * len(RATING_AXES)

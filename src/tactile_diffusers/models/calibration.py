@@ -33,15 +33,16 @@ def check_calibration(calibration, scalars, axes, seen):
 
 def own_calibration(config, scalars):
     """The entries of DALE's config, all of them: a copy, or those that change nothing."""
-    statistics, axes = RatingStatistics.from_config(config), len(config.rating_axes)
+    axes = len(config.rating_axes)
+    centre, covariance = RatingStatistics.from_config(config).distribution(axes)
     count = config.network_axes or axes
     nothing = {
         "offset": [0.0] * scalars,
         "slopes": [[0.0] * scalars] * axes,
         "curves": [[0.0] * scalars] * (count * (count + 1) // 2),
         "trust": 1.0,
-        "centre": [0.0] * axes if statistics.centre is None else list(statistics.centre),
-        "covariance": np.eye(axes).tolist() if statistics.covariance is None else list(statistics.covariance),
+        "centre": centre.tolist(),
+        "covariance": covariance.tolist(),
     }
     return nothing | (config.calibration or {})
 

@@ -3,6 +3,8 @@
 from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class RatingStatistics:
@@ -55,3 +57,8 @@ class RatingStatistics:
                     f"many, got {statistics.quantiles}. `tactile_diffusers.data.ratings.rating_quantiles` makes them."
                 )
         return statistics
+
+    def distribution(self, axes):
+        """Centre (axes,) and covariance (axes, axes), float64: 0 and 1 where they are unknown."""
+        centre = np.zeros(axes) if self.centre is None else np.array(self.centre)
+        return centre, np.eye(axes) if self.covariance is None else np.array(self.covariance)

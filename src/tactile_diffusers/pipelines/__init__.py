@@ -1,14 +1,14 @@
 """The pipelines and their outputs, each imported when it is first asked for, and ratings to start from."""
 
-import importlib
+from ..lazy import importing
 
 _PLACES = {
-    "TactileLatents": ".pipeline_output",
-    "TactileTextureEditPipeline": ".pipeline_tactile_texture_edit",
-    "TactileTexturePipeline": ".pipeline_tactile_texture",
-    "TactileTexturePipelineOutput": ".pipeline_output",
+    ".pipeline_output": ("TactileLatents", "TactileTexturePipelineOutput"),
+    ".pipeline_tactile_texture": ("TactileTexturePipeline",),
+    ".pipeline_tactile_texture_edit": ("TactileTextureEditPipeline",),
 }
-__all__ = ["PRESETS", *_PLACES]
+__all__ = sorted(("PRESETS", *(name for names in _PLACES.values() for name in names)))
+__getattr__ = importing(__name__, _PLACES)
 
 #: Name -> (roughness, bumpiness, slipperiness) in z-scores; `None` = not specified. Chosen by hand for what such a
 #: surface may feel like, within what the bundled checkpoint was trained on. They are not measurements.
@@ -24,10 +24,3 @@ PRESETS = {
     "engraved grating": (0.5, 1.6, 0.4),
     "rough, whatever else": (1.3, None, None),
 }
-
-
-def __getattr__(name):
-    if name not in _PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(importlib.import_module(_PLACES[name], __name__), name)
-    return found

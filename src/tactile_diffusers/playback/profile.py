@@ -164,17 +164,14 @@ class TextureProfile:
         place[place >= 1] = 0  # of -1e-17, rounding leaves 1
         # what lies below the highest frequency that is felt, less what lies below the lowest; each is read between two
         # resolutions. All four at once: a block is short, and calls cost more than arithmetic
-        rung = self._rungs(np.stack([BAND_HZ[1] / speed, BAND_HZ[0] / speed]))
+        cutoff = np.stack([BAND_HZ[1] / speed, BAND_HZ[0] / speed])
+        rung = np.clip(PER_OCTAVE * np.log2(self.cutoffs[0] / cutoff), 0, len(self.cutoffs))  # 0 = the finest
         lower = rung.astype(int)
         share = rung - lower
         levels = np.stack([lower, np.minimum(lower + 1, len(self.cutoffs))])
         weights = np.stack([1 - share, share])
         weights[:, 1] *= -1
         return (weights * self._cubic(levels, place)).sum(axis=(0, 1))
-
-    def _rungs(self, cutoff):
-        """Places of spatial frequencies on the ladder: 0 = the finest resolution."""
-        return np.clip(PER_OCTAVE * np.log2(self.cutoffs[0] / cutoff), 0, len(self.cutoffs))
 
     def _cubic(self, levels, place):
         """Cubic (four-point Lagrange) interpolation in levels (..., n) at places (n,) in [0, 1)."""

@@ -21,7 +21,7 @@ from .checkpoints import clear_run
 from .dale_data import encode_dataset, mean_and_std, training_states
 from .further_training import LEAST_FOR_FIELDS, LEAST_SURFACES, judge_decoder, left_out, train_decoder, train_fields
 from .launch import make_accelerator, training_parser
-from .new_axes import add_axes, carried_words
+from .new_axes import add_axes, carried_words, differ
 from .recalibration import TAKES, Surfaces, generate_trusting, recalibrate, scalars_of, spectra_db
 from .record import surfaces_of, write_record
 
@@ -83,7 +83,9 @@ def adapt(pipe, dataset, output_dir, args=None, **options):
     say(*lines, sep="\n")
     judged = judge_recalibration(lab)
     say(judged["zero-shot"].words("As it is, the given checkpoint"))
-    verdict = verdict_of(judged) + lab.recalibrate(pipe.dale)
+    ridge, mean = (judged[name].own.mean() for name in ("ridge", "mean spectrum"))
+    verdict = judged["recalibrated"].against("Recalibrated, it") + " A ridge regression on the same surfaces is off by "
+    verdict += f"{ridge:.2f} dB, their mean spectrum by {mean:.2f} dB." + lab.recalibrate(pipe.dale)
     if args.fine_tuning != "no" and pipe.dale.config.distilled_steps == 1 and len(lab.real) >= LEAST_FOR_FIELDS:
         verdict += " " + lab.train_fields(args, accelerator)
         updates = args.max_train_steps
@@ -115,10 +117,9 @@ def _with_options(args, dataset, output_dir, options):
     words = ["--train_data_dir", str(dataset.path), "--output_dir", str(output_dir)]
     defaults = vars(parser.parse_args(words))
     # flags, and None for what has no default, are no words
-    plain = {k for k, v in options.items() if v is None or isinstance(v, bool)}
-    plain = {k for k in plain if type(defaults.get(k, 0)) is type(options[k])}
+    plain = {k: v for k, v in options.items() if isinstance(v, bool | None) and type(defaults.get(k, 0)) is type(v)}
     words += [f"--{name}={value}" for name, value in options.items() if name not in plain]
-    checked = vars(parser.parse_args(words)) | {name: options[name] for name in plain}
+    checked = vars(parser.parse_args(words)) | plain
     given = defaults | {"quiet": True} if args is None else vars(args)
     return Namespace(**given | {name: checked[name] for name in ("output_dir", *options)})
 
@@ -220,7 +221,7 @@ class Lab:
             f"Adapted to {len(names)} surfaces, {len(self.real.owners)} segments of {self.dataset.source}: {shown}."
         ]
         axes = list(self.pipe.dale.config.rating_axes)
-        still = [axis for axis, values in zip(axes, self.real.ratings.T, strict=True) if not _differ(values)]
+        still = [axis for axis, values in zip(axes, self.real.ratings.T, strict=True) if not differ(values)]
         if len(still) == len(axes):
             lines.append(
                 "No ratings that differ: the distribution of textures is adapted, the sliders stay as they are."
@@ -241,17 +242,12 @@ class Lab:
         return lines
 
 
-def _differ(values):
-    values = values[np.isfinite(values)]
-    return len(values) > 1 and np.ptp(values) > 1e-6
-
-
 def _packed(dale, dataset, latents):
     ids, owners = np.unique(dataset.surface_ids, return_inverse=True)
     states = training_states(dale, dataset, latents)
     ratings = np.array(dataset.ratings.mean[ids], dtype=np.float64)
     for column in ratings.T:
-        if not _differ(column):
+        if not differ(column):
             column[:] = np.nan  # the same for all says nothing
     return Surfaces(states["state"], owners, ratings, states["knows_friction"].numpy())
 
@@ -311,11 +307,3 @@ def _interval(values):
     """95 % interval of the mean of values (n,), by Student's t."""
     reach = stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / len(values) ** 0.5
     return values.mean() - reach, values.mean() + reach
-
-
-def verdict_of(judged):
-    """What the recalibration is worth, a paragraph in words."""
-    return (
-        f"{judged['recalibrated'].against('Recalibrated, it')} A ridge regression on the same surfaces is off by "
-        f"{judged['ridge'].own.mean():.2f} dB, their mean spectrum by {judged['mean spectrum'].own.mean():.2f} dB."
-    )

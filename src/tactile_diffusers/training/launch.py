@@ -21,6 +21,7 @@ from accelerate.utils import DataLoaderConfiguration, ProjectConfiguration, pars
 from diffusers.optimization import SchedulerType
 
 from ..checkpoints import bundled_checkpoint
+from ..io.argument_types import below_one, count, not_negative, not_negative_int, positive_number, small_seed
 from ..io.locks import lock_folder
 from ..io.reading import read_json
 from .checkpoints import LOGS, step_of
@@ -34,27 +35,6 @@ _RESUME_HELP = (
     "a checkpoint folder, or 'latest'. Only resume trainings of your own: optimiser and random state are pickles, "
     "which may run any code when they are read"
 )
-
-
-def _checked(kind, allowed, words):
-    """A `type` for `add_argument` that refuses values that are not allowed."""
-
-    def parse(text):
-        value = kind(text)
-        if not allowed(value):
-            raise argparse.ArgumentTypeError(f"must be {words}, got {text}")
-        return value
-
-    parse.__name__ = kind.__name__  # argparse names it for text that is no number
-    return parse
-
-
-at_least_one = _checked(int, lambda value: value >= 1, "at least 1")
-positive = _checked(float, lambda value: value > 0, "positive")
-not_negative_int = _checked(int, lambda value: value >= 0, "at least 0")
-not_negative = _checked(float, lambda value: value >= 0, "at least 0")
-share = _checked(float, lambda value: 0 <= value <= 1, "in [0, 1]")
-below_one = _checked(float, lambda value: 0 <= value < 1, "in [0, 1)")
 
 
 def pipeline_source(word):
@@ -76,7 +56,6 @@ def training_parser(description, **defaults):
     _add_folders(parser.add_argument)
     _add_optimisation(parser.add_argument)
     _add_run(parser.add_argument)
-    _add_hub(parser.add_argument)
     parser.set_defaults(**defaults)
     return parser
 
@@ -85,41 +64,42 @@ def _add_folders(add):
     add("--train_data_dir", required=True, help="prepared data set (.h5) written by examples/prepare_data.py")
     add("--output_dir", required=True, help="folder of the trained pipeline, checkpoints, logs and figures")
     add("--overwrite_output_dir", action="store_true", help="start again in a folder that already holds a training")
-    add("--max_train_samples", type=at_least_one, help="use only this many training segments")
+    add("--max_train_samples", type=count, help="use only this many training segments")
 
 
 def _add_optimisation(add):
-    add("--train_batch_size", type=at_least_one, default=16)
-    add("--num_train_epochs", type=at_least_one, default=100)
-    add("--max_train_steps", type=at_least_one, help="optimiser updates; overrides --num_train_epochs")
-    add("--gradient_accumulation_steps", type=at_least_one, default=1)
-    add("--learning_rate", type=positive, default=1e-3)
+    add("--train_batch_size", type=count, default=16)
+    add("--num_train_epochs", type=count, default=100)
+    add("--max_train_steps", type=count, help="optimiser updates; overrides --num_train_epochs")
+    add("--gradient_accumulation_steps", type=count, default=1)
+    add("--learning_rate", type=positive_number, default=1e-3)
     add("--lr_scheduler", choices=SCHEDULES, default="cosine")
     add("--lr_warmup_steps", type=not_negative_int, default=200)
     add("--adam_beta1", type=below_one, default=0.9)
     add("--adam_beta2", type=below_one, default=0.99)
     add("--adam_weight_decay", type=not_negative, default=1e-2)
-    add("--max_grad_norm", type=positive, default=1.0)
+    add("--max_grad_norm", type=positive_number, default=1.0)
     add("--use_ema", action=argparse.BooleanOptionalAction, default=True, help="average the weights (validated, saved)")
     add("--ema_decay", type=below_one, default=0.999)
 
 
 def _add_run(add):
-    seed = _checked(int, lambda value: 0 <= value < 2**32, "at least 0 and below 2**32")
-    add("--seed", type=seed, default=0, help="of weights, batches and noise; the same seed gives the same training")
+    add(
+        "--seed",
+        type=small_seed,
+        default=0,
+        help="of weights, batches and noise; the same seed gives the same training",
+    )
     add("--mixed_precision", choices=["no", "fp16", "bf16"], default="no")
     add("--dataloader_num_workers", type=not_negative_int, default=0)
-    add("--checkpointing_steps", type=at_least_one, default=500)
-    add("--checkpoints_total_limit", type=at_least_one, default=2)
+    add("--checkpointing_steps", type=count, default=500)
+    add("--checkpoints_total_limit", type=count, default=2)
     add("--resume_from_checkpoint", help=_RESUME_HELP)
-    add("--validation_steps", type=at_least_one, default=500)
+    add("--validation_steps", type=count, default=500)
     add("--validation_samples", type=not_negative_int, default=64, help="held-out segments per validation; 0 = none")
-    add("--eval_batch_size", type=at_least_one, default=32)
+    add("--eval_batch_size", type=count, default=32)
     add("--report_to", choices=[*TRACKERS, "none"], default="tensorboard")
     add("--quiet", action="store_true", help="no progress bar")
-
-
-def _add_hub(add):
     add("--push_to_hub", action="store_true", help="send the finished pipeline and its card to the Hub")
     add("--hub_model_id", metavar="USER/NAME", help="default: the name of --output_dir, in your namespace")
 

@@ -32,7 +32,8 @@ def add_axes(dale, ratings, surfaces):
         ValueError: if the names of the axes clash.
     """
     known = tuple(dale.config.rating_axes)
-    new = [axis for axis in ratings.axes if axis not in known and _is_rated(ratings, axis, surfaces)]
+    new = [axis for axis in ratings.axes if axis not in known]
+    new = [axis for axis in new if differ(ratings.take([axis]).mean[surfaces, 0])]
     if not new:
         return []
     check_axes((*known, *new))
@@ -51,16 +52,15 @@ def add_axes(dale, ratings, surfaces):
     return new
 
 
-def _is_rated(ratings, axis, surfaces):
-    values = ratings.take([axis]).mean[surfaces, 0]
+def differ(values):
+    """Whether values (n,), NaN where unknown, are not the same for all."""
     values = values[np.isfinite(values)]
     return len(values) > 1 and np.ptp(values) > 1e-6
 
 
 def _grown(statistics, values, count):
     """Centre and covariance of all axes: of the first `count` as they were, of the others given those."""
-    centre = np.zeros(count) if statistics.centre is None else np.array(statistics.centre)
-    covariance = np.eye(count) if statistics.covariance is None else np.array(statistics.covariance)
+    centre, covariance = statistics.distribution(count)
     apart = np.nan_to_num(values[:, :count] - centre)
     means = np.nanmean(values[:, count:], axis=0)
     further = np.nan_to_num(values[:, count:] - means)

@@ -333,9 +333,7 @@ def _shapes(dale, real, generated):
 
 def _rating_distribution(dale, ratings):
     """Centre and covariance of a lab's ratings (n, axes), NaN = unknown; the pretrained ones count as few surfaces."""
-    statistics, axes = RatingStatistics.from_config(dale.config), ratings.shape[1]
-    centre = np.zeros(axes) if statistics.centre is None else np.array(statistics.centre)
-    covariance = np.eye(axes) if statistics.covariance is None else np.array(statistics.covariance)
+    centre, covariance = RatingStatistics.from_config(dale.config).distribution(ratings.shape[1])
     filled = _filled(ratings, centre, covariance)
     weight = len(ratings) / (len(ratings) + RATING_SURFACES)
     own = np.atleast_2d(np.cov(filled, rowvar=False, bias=True))

@@ -123,21 +123,6 @@ def wandering(rng, samples, mean, deviation, tau):
     return mean * np.exp(deviation * walk)
 
 
-def adapted_speed(speed, roughness):
-    """Mean speed on a surface of this roughness (standard deviations): lower on rough ones (Tanaka et al. 2014)."""
-    return speed * np.exp(SPEED_BY_ROUGHNESS * np.clip(roughness, -ROUGHEST, ROUGHEST))
-
-
-def adapted_force(normal_force, roughness):
-    """Mean normal force on a surface of this roughness: smaller on rough ones (Tanaka et al. 2014)."""
-    return normal_force * np.exp(FORCE_BY_ROUGHNESS * np.clip(roughness, -ROUGHEST, ROUGHEST))
-
-
-def adapted_force_spread(spread, roughness):
-    """Relative spread of the normal force: larger on smooth surfaces (Tanaka et al. 2014)."""
-    return spread * np.exp(FORCE_SPREAD_BY_ROUGHNESS * np.clip(roughness, -ROUGHEST, ROUGHEST))
-
-
 def free_exploration(rng, who, seconds, roughness=0.0):
     """Free exploration from rest: bouts of loops and of strokes with turnarounds shorter than 0.1 s.
 
@@ -151,9 +136,11 @@ def free_exploration(rng, who, seconds, roughness=0.0):
         `Exploration`.
     """
     samples = int(round(seconds * VELOCITY_RATE))
-    mean_speed, mean_force = adapted_speed(who.speed, roughness), adapted_force(who.normal_force, roughness)
+    by_roughness = np.clip(roughness, -ROUGHEST, ROUGHEST)
+    mean_speed = who.speed * np.exp(SPEED_BY_ROUGHNESS * by_roughness)
+    mean_force = who.normal_force * np.exp(FORCE_BY_ROUGHNESS * by_roughness)
     speed = wandering(rng, samples, mean_speed, rng.uniform(*SPEED_SPREAD), rng.uniform(*SPEED_TAU))
-    spread = adapted_force_spread(rng.uniform(*FORCE_SPREAD), roughness)
+    spread = rng.uniform(*FORCE_SPREAD) * np.exp(FORCE_SPREAD_BY_ROUGHNESS * by_roughness)
     normal_force = wandering(rng, samples, mean_force, spread, rng.uniform(*FORCE_TAU))
     turning, slowing, along = _plan(rng, samples, speed)
     speed = speed * slowing * _start(rng, samples)

@@ -24,11 +24,6 @@ FINE_IN_BUMPINESS = 0.85
 STICK_SLIP_POWER = float(np.mean(stick_slip_gate(ndtri((np.arange(1000) + 0.5) / 1000)) ** 2))
 
 
-def pacinian_weight(frequency):
-    """Weight of power in the fine-roughness channel: log-normal around 250 Hz (after Bensmaia & Hollins 2003)."""
-    return np.exp(-0.5 * (np.log(frequency / 250.0) / 0.75) ** 2)
-
-
 def expected_powers(surface):
     """Expected power of the friction fluctuation at 80 mm/s and 0.5 N, computed from parameters alone.
 
@@ -39,7 +34,8 @@ def expected_powers(surface):
         `tuple[float, float]`: Pacinian-weighted power and power from 20 to 80 Hz, dB re 1 N^2.
     """
     frequency, power = expected_spectrum(surface)
-    fine = np.sum(pacinian_weight(frequency) * power)
+    # what counts as fine roughness: a log-normal weight around 250 Hz, after Bensmaia & Hollins (2003)
+    fine = np.sum(np.exp(-0.5 * (np.log(frequency / 250.0) / 0.75) ** 2) * power)
     return float(10 * np.log10(fine)), float(10 * np.log10(np.sum(power[frequency < COARSE_BELOW_HZ])))
 
 

@@ -138,16 +138,11 @@ def profile_tables(surface, rng):
     moving = envelope(surface, rng)
     profile = (random + lines) * moving
     forwards, backwards = (profile + catches(surface, rng)).astype(np.float32)
-    columns = [forwards, backwards, unit_slope(profile).astype(np.float32)]
+    slope = np.roll(profile, -1) - np.roll(profile, 1)
+    columns = [forwards, backwards, (slope / slope.std()).astype(np.float32)]
     if surface.compliance > 0:
         columns.append((random * moving).astype(np.float32))
     return np.stack(columns, axis=-1)
-
-
-def unit_slope(profile):
-    """Derivative of a periodic profile, scaled to unit variance: (GRID_POINTS,)."""
-    slope = np.roll(profile, -1) - np.roll(profile, 1)
-    return slope / slope.std()
 
 
 def look_up(tables, position):
