@@ -175,7 +175,7 @@ def _median_until(hits):
 def page(report, directions):
     """The page as Markdown."""
     lines = [
-        "# Comparisons until a taste is met",
+        "# How many comparisons find a texture?",
         "",
         f"{__doc__.split(chr(10) * 2, 1)[1].strip()}".replace("\n", " "),
         "",
