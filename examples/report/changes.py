@@ -105,7 +105,8 @@ def paired(ours, other):
 def null_counts(truth, conditions, fewest, rng):
     """Leaves of `counted` for real surfaces: one half in place of the generator against the other half.
 
-    What a perfect generator can be expected to get with so many surfaces; min and max are over random halves.
+    Both halves err, the generator's and the truth's: a perfect generator would get more against all surfaces. Min and
+    max are over random halves.
     `conditions` are (axis, value) -> (3,) z-scores; those with fewer than `fewest` effective surfaces in both together
     are left out.
     """

@@ -13,6 +13,8 @@ _CANDIDATES = {
     "knn_blend": "blend of 5 nearest surfaces",
     "ridge": "ridge regression and noise",
     "regression": "best polynomial of the rating",
+    "knn_blend_equal": "blend of 5 nearest of {equal} other surfaces, as many as the bundled model learned from",
+    "regression_equal": "best polynomial on these",
     "permuted": "generated, ratings permuted",
     "none": "no change at all",
 }
@@ -35,6 +37,7 @@ def change_rows(report):
     rows = {}
     for slug, name in _CANDIDATES.items():
         if entry := report["control"]["counts"].get(slug):
+            name = name.format(equal=(report.get("settings") or {}).get("equal_surfaces"))
             rows[name] = row = {key: _of(entry[key]) for key in ("changes", *QUANTITIES)}
             if "closer" in entry and slug != "model":
                 row["closer"], row["right_more"] = _of(entry["closer"]), text(entry.get("right_more"), interval=True)

@@ -42,7 +42,6 @@ RECONSTRUCTION = _columns("nine_band_db lsd_db out_of_band_db snr_db rmse_n ktd_
 DECODING = {
     "nine_band_db": ("nine-band error, dB", 3),
     **_columns("snr_db ktd_excess"),
-    "milliseconds": ("ms per segment, one thread", 1),
     "kilobits_per_second": "kbit/s",
     "sigma": ("noise on the latents", 3),
     "noisy_nine_band_db": ("with it: nine-band error, dB", 3),

@@ -74,8 +74,7 @@ def decoder_rows(report):
     for name, entry in section["decoders"].items():
         noisy = section["equal_rate"].get(name, {})
         rate = {key: noisy[key] for key in ("kilobits_per_second", "sigma") if noisy}
-        milliseconds = {"milliseconds": 1000 * entry["seconds_per_segment"]["mean"]}
-        rows[DECODERS[name]] = entry | milliseconds | rate | {f"noisy_{key}": leaf for key, leaf in noisy.items()}
+        rows[DECODERS[name]] = entry | rate | {f"noisy_{key}": leaf for key, leaf in noisy.items()}
     return rows
 
 

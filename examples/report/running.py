@@ -23,7 +23,7 @@ from .sections import SECTIONS, WITHOUT_RATINGS
 from .virtual_truth import can_be_continued
 
 #: Raise it with every change that changes a figure of a report: sections kept under another version are measured again.
-METRICS_VERSION = 4
+METRICS_VERSION = 5
 #: Sections of a report that hold leaves; null where the checkpoint or the data have nothing to measure.
 MEASURED = (*SECTIONS, "unseen_surfaces")
 _PACKAGES = ("tactile-diffusers", "torch", "diffusers", "transformers", "numpy", "scipy", "librosa")

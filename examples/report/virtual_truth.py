@@ -14,6 +14,7 @@ from tactile_diffusers.signal.checks import check_whole_number
 from tactile_diffusers.signal.constants import VIRTUAL_SOURCE
 from tactile_diffusers.virtual import RECIPE_VERSION, Collection, VirtualSurface
 
+from .baselines import TrainingTextures
 from .fresh import FIRST_FRESH, fresh_ratings, fresh_textures
 
 
@@ -59,32 +60,62 @@ def virtual_truth(
     is out of range.
     """
     facts = _check_virtual(dataset, requests, surfaces, per_surface)
+    ratings = _rated(dataset, candidates)
+    met = _met_candidates(facts, candidates, dataset.split == "hard")
+    drawn, importance = draw_surfaces(ratings[met], requests, surfaces, seed)
+    drawn = met[drawn]
+    settings = _settings(dataset, seconds, per_surface)
+    counts, measures = _explore_and_describe(drawn + FIRST_FRESH, describe, settings, workers, quiet)
+    kept = counts > 0
+    if not kept.any():
+        raise ValueError(
+            f"No fresh surface has a segment within {settings['limits']} in {seconds} s: explore for longer."
+        )
+    surface_ids = np.repeat(np.arange(kept.sum()), counts[kept])
+    return RatedTextures(joined(measures), surface_ids, ratings[drawn[kept]], importance[kept], int(np.sum(~kept)))
+
+
+def fresh_training(dataset, surfaces, after, seconds=12.0, per_surface=2, workers=1, quiet=True):
+    """`TrainingTextures` of so many fresh surfaces, those beyond the first `after`: more than a file holds.
+
+    Explored, and refused, as by `virtual_truth`; of what that draws from no more than `after` candidates, none is here.
+    """
+    _check_virtual(dataset, [()], surfaces, per_surface)
+    counts, made = _explore_and_describe(
+        FIRST_FRESH + after + np.arange(surfaces),
+        lambda textures, levels, frictions: {"textures": textures, "frictions": frictions},
+        *(_settings(dataset, seconds, per_surface), workers, quiet),
+    )
+    made, ids = joined(made), np.repeat(np.arange(surfaces), counts)
+    ratings = _rated(dataset, after + surfaces)[after:][ids]
+    return TrainingTextures(made["textures"], ratings, made["frictions"], ids, dataset.sampling_rate, dataset.band)
+
+
+def _rated(dataset, candidates):
+    """Ratings of the first so many fresh surfaces, (candidates, axes) z-scores in units of the training surfaces."""
+    facts = dataset.attributes
     training = np.unique(PreparedDataset(dataset.path, "train", "full").surface_ids)
     numbers = [int(dataset.surfaces[surface].split("-")[0]) for surface in training]
     collection = Collection.from_attributes(facts)
-    hard = dataset.split == "hard"
-    asked = _people(facts, "raters", [f"rater-{number}" for number in range(collection.raters)], hard)
+    names = [f"rater-{number}" for number in range(collection.raters)]
+    asked = _people(facts, "raters", names, dataset.split == "hard")
     ratings = fresh_ratings(candidates, collection, training=numbers, raters=asked)
-    ratings = ratings[:, [collection.rating_axes.index(axis) for axis in dataset.ratings.axes]]
-    met = _met_candidates(facts, candidates, hard)
-    drawn, importance = draw_surfaces(ratings[met], requests, surfaces, seed)
-    drawn = met[drawn]
+    return ratings[:, [collection.rating_axes.index(axis) for axis in dataset.ratings.axes]]
+
+
+def _settings(dataset, seconds, per_surface):
+    """Keyword arguments of `fresh_textures`, as the data set was explored and prepared."""
+    facts, names = dataset.attributes, sorted({name.split("/")[1] for name in dataset.recordings})
     limits = SegmentLimits(**facts["limits"])
-    settings = dict(
-        collection=collection,
-        explorers=_people(facts, "explorers", sorted({name.split("/")[1] for name in dataset.recordings}), hard),
+    return dict(
+        collection=Collection.from_attributes(facts),
+        explorers=_people(facts, "explorers", names, dataset.split == "hard"),
         seconds=seconds,
         limits=limits if dataset.subset == "filtered" else limits.without_conditions(),
         band=dataset.band,
         turnarounds=facts["turnarounds"],
         per_surface=per_surface,
     )
-    counts, measures = _explore_and_describe(drawn + FIRST_FRESH, describe, settings, workers, quiet)
-    kept = counts > 0
-    if not kept.any():
-        raise ValueError(f"No fresh surface has a segment within {limits} in {seconds} s: explore for longer.")
-    surface_ids = np.repeat(np.arange(kept.sum()), counts[kept])
-    return RatedTextures(joined(measures), surface_ids, ratings[drawn[kept]], importance[kept], int(np.sum(~kept)))
 
 
 def _explore_and_describe(numbers, describe, settings, workers, quiet):

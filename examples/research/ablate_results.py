@@ -98,7 +98,8 @@ def markdown(results, data, split, pictures=".", short=False, shortened=1):
     finalists = {name: result for name, result in results.items() if "generation" in result}
     machines = sorted({f"{r['machine']['processor']}, {r['machine']['threads']} thread(s)" for r in results.values()})
     parts = [
-        f"Trained on `{data}`, measured on its {split} surfaces ({'; '.join(machines)}), 10 steps unless said. Real "
+        f"Trained on `{data}`, measured on its {split} surfaces ({'; '.join(machines)}), 10 steps, generated in the "
+        "pipeline's own number (5 where nothing is distilled). Real "
         "held-out segments stand for 0 in every distance over real."
         + (f" Means of {len(seeds)} trainings, seeds {', '.join(map(str, seeds))}." if seeds else "")
         + (f" **A trial: trainings {shortened} times shorter than the rows say.**" if shortened > 1 else ""),

@@ -110,9 +110,11 @@ def main(argv=None):
     """Prints the distance of generated textures to the training surfaces, beside that of held-out real ones."""
     context = open_study("audio_distance.py", "Fréchet audio distance on a log-mel embedding; not VGGish.", argv)
     data, reference = context.data, context.data.training.textures
-    generated = context.generated[context.default_guidance].textures
-    matched = context.rng("audio").permutation(generated)[: len(data.real)]
-    sets = {"generated": generated, "generated, as many as real": matched, "real, held out": data.real}
+    generated, surfaces = context.generated[context.default_guidance].textures, context.requests[1]
+    one, real = (np.unique(ids, return_index=True)[1] for ids in (surfaces, data.surfaces))
+    sets = {"generated": generated, "real, held out": data.real}
+    # takes of one rating differ more than takes of one surface: compare sets of one texture a surface
+    sets |= {"generated, one a surface": generated[one], "real, one a surface": data.real[real]}
     rows = {}
     for name, textures in sets.items():
         distance = frechet_audio_distance(textures, reference, data.rate)

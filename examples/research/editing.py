@@ -23,6 +23,7 @@ sys.path.append(str(Path(__file__).parents[1]))  # examples, for `report`
 from report.held_out import open_held_out
 from report.sampling import noise_seeds
 from report.second_judge import tell_apart
+from report.sections.second_judge import share
 from report.tables import markdown_table, text
 
 from tactile_diffusers.evaluation.metrics.rating_effects import texture_measures
@@ -36,6 +37,8 @@ JUDGED = 0.8
 FEW = 40
 #: Envelopes are compared at this rate, Hz.
 ENVELOPE_RATE = 100
+#: Times that takes are told apart, each with other folds of surfaces.
+ROUNDS = 5
 #: Gap, and window around its first edge, a loop's seam or the beginning of a continuation, s.
 GAP_S, WINDOW_S = (0.7, 0.9), 0.8192
 #: Pairs of a generation and an edit that are timed in turn.
@@ -126,14 +129,18 @@ class Edits:
         for strength, slug in ((JUDGED, "edit"), (-1, "baseline")):
             for axis in range(len(RATING_AXES)):
                 changes, shares, _ = zip(*(self._changes(axis, asked, strength) for asked in CHANGES), strict=True)
-                changes = np.concatenate(changes)
-                others = [leaf(changes[:, k]) for k in range(3) if k != axis]
-                entry = {"judge": leaf(changes[:, axis]), "leak": max(others, key=lambda other: abs(other["mean"]))}
-                found[f"{slug}, {RATING_AXES[axis]}"] = entry | {"truth": leaf(np.concatenate(shares))}
+                changes, own = np.concatenate(changes), np.tile(np.arange(len(self.rows)), len(CHANGES))
+                others = [leaf(changes[:, k], own) for k in range(3) if k != axis]
+                entry = {"leak": max(others, key=lambda other: abs(other["mean"]))}
+                entry |= {"judge": leaf(changes[:, axis], own), "truth": leaf(np.concatenate(shares), own)}
+                found[f"{slug}, {RATING_AXES[axis]}"] = entry
         return found
 
     def _changes(self, axis, asked, strength, count=None):
-        """Changes of ratings (n, 3) by the judge, and (m,) by measures, as shares of what was asked for; textures."""
+        """Changes of ratings (n, 3) by the judge, and (n,) by measures, as shares of what was asked for; textures.
+
+        By measures NaN, where too few real surfaces have such ratings.
+        """
         difference = np.eye(len(RATING_AXES))[axis] * asked
         if count not in self.before:  # nothing is asked for
             self.before[count] = self.edit(np.zeros(3), 0.0, count)
@@ -141,18 +148,20 @@ class Edits:
         estimates = [self.judge.predict(self.data.reference.embed(t), np.log(f)) for t, f in (before, after)]
         moved = (estimates[1] - estimates[0]) @ self.match.T / asked
         ours = [self._measures(textures, level(textures), frictions) for textures, frictions in (before, after)]
-        vectors, real = [], []
+        kept, vectors, real = [], [], []
         for row, source in enumerate(self.ratings[:count]):
             target = source + difference
             if min(map(self.truth.effective_size, (source, target))) < LEAST_EFFECTIVE_SIZE:
                 continue
             ends = [self.truth.mean_rating(request)[axis] for request in (source, target)]
             scale = asked / (ends[1] - ends[0])  # surfaces that count lie nearer to the middle than the request
+            kept.append(row)
             vectors.append(self._vector({name: ours[1][name][row] - ours[0][name][row] for name in self.spread}))
             means = {name: self.truth.mean(name, target) - self.truth.mean(name, source) for name in self.spread}
             real.append(scale * self._vector(means))
-        mean = np.mean(real, 0)
-        return moved, np.array(vectors) @ mean / (mean @ mean), after[0]
+        mean, shares = np.mean(real, 0), np.full(len(moved), np.nan)
+        shares[kept] = np.array(vectors) @ mean / (mean @ mean)
+        return moved, shares, after[0]
 
     def _vector(self, changes):
         return np.concatenate([np.atleast_1d(changes[name] / self.spread[name]) for name in sorted(changes)])
@@ -175,7 +184,8 @@ class Edits:
                     entry["envelope"].append(_correlation(_envelope(textures, self.rate), _envelope(own, self.rate)))
                     entry["waveform"].append(_correlation(textures, own))
             name = "baseline" if strength < 0 else str(strength)
-            found[name] = {key: leaf(np.concatenate(values)) for key, values in entry.items()}
+            recordings = np.tile(np.arange(len(own)), len(entry["judge"]))
+            found[name] = {key: leaf(np.concatenate(values), recordings) for key, values in entry.items()}
         return found
 
     def _shape(self, textures):
@@ -219,8 +229,9 @@ class Edits:
                 entry["same"] = bool(np.array_equal(made[..., :samples][..., kept], takes[:, 2:][..., kept]))
             if window is None:
                 made, window = np.roll(made, samples // 2, axis=-1), middle
-            shares, _ = tell_apart(real, self._features(made, window), names, SCALE_FLOORS)
-            found[name] = entry | {"auc": leaf(shares)}
+            made = self._features(made, window)
+            rounds = [tell_apart(real, made, names, SCALE_FLOORS, seed=seed)[0] for seed in range(ROUNDS)]
+            found[name] = entry | {"auc": share(np.array(rounds))}
         return found
 
     def _filled(self, takes, options):
@@ -272,15 +283,17 @@ def markdown(result):
     rows["difference of two generations added"] = result["strength"]["baseline"]
     seams = {name: entry | {"same": _SAME[entry.get("same")]} for name, entry in result["seams"].items()}
     takes = {name: {"bands": value} for name, value in result["variations"].items()}
+    asked_of = {name: entry | {"n": entry["truth"]["n"]} for name, entry in result["control"].items()}
     ratio, few, asked = result["time"], result["few"], CHANGES[-1]
     parts = [
         "# All figures of [Editing](../editing.md)",
         f"Held-out recordings of {result['recordings']} surfaces, whose ratings are known, asked to move by ±{asked} "
         "on one axis at a time. Shares of what was asked for, as real surfaces of such ratings differ: by the judge, "
         "whose estimates are matched to real surfaces, and by level, friction and nine bands. The leak is the larger "
-        f"one into another axis. 95 % intervals are over recordings. At a strength of {JUDGED}; the baseline adds the "
+        f"one into another axis. 95 % intervals are over recordings; by measures, edits count whose ratings and target "
+        "enough real surfaces have (n). At a strength of {JUDGED}; the baseline adds the "
         "difference of two generations from one seed to the recording's latents.",
-        markdown_table(result["control"], labels=control, interval=True),
+        markdown_table(asked_of, labels=control | {"n": ("n, by measures", 0)}, interval=True),
         f"Over strength ({few} recordings, all axes and both signs); 0 is the reconstruction, 1 a fresh take. Of the "
         "nine bands, what recordings change by together is taken for what was asked for. Envelopes are RMS over 10 ms.",
         markdown_table(rows, labels=strength),

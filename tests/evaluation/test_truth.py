@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from report import virtual_truth as virtual
 from report.fresh import FIRST_FRESH, fresh_ratings, fresh_textures
-from report.virtual_truth import draw_surfaces, truth_of, virtual_truth
+from report.virtual_truth import draw_surfaces, fresh_training, truth_of, virtual_truth
 from scipy import stats
 
 from tactile_diffusers.data import HoldOut, PreparedDataset, SegmentLimits, prepare_recordings
@@ -135,6 +135,17 @@ def test_virtual_truth_explores_what_it_drew(prepared, monkeypatch):
     again = virtual_truth(data, REQUESTS, describe, surfaces=8, candidates=40, seconds=8.0, seed=2, workers=2)
     np.testing.assert_array_equal(again.measures["textures"], rated.measures["textures"])
     assert np.isfinite(rated.mean("levels", POPULATION))
+
+
+def test_fresh_training_surfaces_lie_beyond_those_of_the_truth(prepared):
+    training = fresh_training(PreparedDataset(prepared, "all"), 3, after=40, seconds=8.0)
+    units = np.unique(PreparedDataset(prepared, "train", "full").surface_ids)
+    ratings = fresh_ratings(43, COLLECTION, training=units)[40:]
+    np.testing.assert_array_equal(training.ratings, ratings[training.surface_ids])
+    for number in range(3):
+        textures, friction, *_ = fresh_textures(FIRST_FRESH + 40 + number, COLLECTION, seconds=8.0)
+        np.testing.assert_array_equal(training.textures[training.surface_ids == number], textures)
+        np.testing.assert_array_equal(training.friction_coefficients[training.surface_ids == number], friction)
 
 
 def test_what_is_held_out_takes_no_part(tmp_path, monkeypatch):

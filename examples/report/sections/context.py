@@ -33,6 +33,7 @@ class Settings:
     truth_surfaces: int = 1500  # and explored
     truth_seconds: float = 12.0  # of each exploration
     regression_surfaces: int = 5000  # fresh virtual surfaces that a regression is fitted to
+    equal_surfaces: int = 2000  # fresh ones for baselines of control: as many as the bundled checkpoint learned from
     paper_step: float = 0.5  # of ratings, in the paper's mean spectra
     paper_takes: int = 50
     protocol_segments: int = 20  # of the paper's full-pipeline RMSE
@@ -52,6 +53,7 @@ QUICK = Settings(
     truth_surfaces=400,
     truth_seconds=8.0,
     regression_surfaces=600,
+    equal_surfaces=200,
     paper_step=1.0,
     paper_takes=12,
     protocol_segments=10,

@@ -15,11 +15,11 @@ from tactile_diffusers.evaluation.metrics.statistics import estimate, jackknife,
 from tactile_diffusers.evaluation.truth import KERNEL_WIDTH, LEAST_EFFECTIVE_SIZE
 from tactile_diffusers.signal import level
 
-from ..baselines import BaselineRequest
+from ..baselines import BaselineRequest, KnnBlend
 from ..changes import against_real, comparisons, counted, no_change, null_counts, paired
 from ..envelopes import surface_means
 from ..figures import plot_control, plot_curves
-from ..virtual_truth import truth_of
+from ..virtual_truth import can_be_continued, fresh_training, truth_of
 from .regression import best_polynomial
 from .response import response_curves
 
@@ -44,7 +44,8 @@ def run(context):
     result["baselines"] = {
         slug: _baseline(context, slug, judge, truth) for slug in _STEERABLE if slug in context.baselines
     }
-    result["regression"] = {"axes": _regression(context, truth)}
+    result["regression"] = {"axes": _regression(context, truth, data.training)}
+    result["equal_data"] = _equal_data(context, truth)
     result["counts"] = _counts(context, result, truth)
     result["curves"] = response_curves(context, lambda points, frictions: _estimate(judge, points, frictions))
     plot_control(result, context.default_guidance, context.output / "control.png")
@@ -57,15 +58,34 @@ def _counts(context, result, truth):
     ours = result[str(context.default_guidance)]["axes"]
     candidates = {"model": ours, "permuted": result["permuted"]["axes"], "regression": result["regression"]["axes"]}
     candidates |= {slug: entry["axes"] for slug, entry in result["baselines"].items()} | {"none": no_change(ours)}
+    candidates |= {f"{name}_equal": entry["axes"] for name, entry in result["equal_data"].items()}
     rows = {name: comparisons(axes, LEAST_EFFECTIVE_SIZE) for name, axes in candidates.items()}
     found = {name: counted(some) | paired(rows["model"], some) for name, some in rows.items()}
     requests = {key: _request(context, key) for key in _conditions(context)[1:]}
     return found | {"null": null_counts(truth, requests, LEAST_EFFECTIVE_SIZE, context.rng("null"))}
 
 
-def _regression(context, truth):
-    """Conditions as the best polynomials of one rating predict them, fitted to the training surfaces."""
-    data, training = context.data, context.data.training
+def _equal_data(context, truth):
+    """Conditions of the blend and of the polynomials on fresh surfaces, as many as the bundled checkpoint learned from.
+
+    None of them is in the truth. Empty where fresh surfaces cannot be had.
+    """
+    data, settings = context.data, context.settings
+    if not can_be_continued(data.dataset):
+        return {}
+    dataset, after = PreparedDataset(data.dataset.path, "all").set_axes(context.axes), settings.truth_candidates
+    options = {"seconds": settings.truth_seconds, "workers": 2, "quiet": context.quiet}
+    training = fresh_training(dataset, settings.equal_surfaces, after, **options)
+    blend = _of_baseline(context, KnnBlend().fit(training), truth)
+    return {
+        "knn_blend": compare_conditions(context, blend, truth),
+        "regression": {"axes": _regression(context, truth, training)},
+    }
+
+
+def _regression(context, truth, training):
+    """Conditions as the best polynomials of one rating predict them, fitted to training surfaces."""
+    data = context.data
     training = training.keep(np.isfinite(training.ratings).all(-1))
     measures = _measures(context, training.textures, level(training.textures), training.friction_coefficients)
     targets = np.column_stack([measures[name] for name in ("level_db", "log_friction", "shape_db")])
@@ -179,18 +199,23 @@ def _generated(context, key, scale, truth):
 
 def _baseline(context, slug, judge, truth):
     """The same figures for a baseline that works from ratings."""
-    baseline, takes, data = context.baselines[slug], context.settings.control_takes, context.data
-    conditions = {}
-    for key in _conditions(context):
-        request = BaselineRequest(truth.draw_ratings(_request(context, key), takes))
-        textures = baseline.sample(request, context.rng(f"control {slug}"))
-        # a generator in the same state: the friction that belongs to these textures
-        frictions = baseline.friction_coefficients(request, context.rng(f"control {slug}"))
-        conditions[key] = _measures(context, textures, level(textures), frictions)
+    baseline, data = context.baselines[slug], context.data
     frictions = baseline.friction_coefficients(data.request, context.rng(slug))
     estimated = _estimate(judge, context.baseline_points[slug], frictions)
     response = _matrix(estimated, data.request.ratings, data.surfaces)
-    return compare_conditions(context, conditions, truth) | {"response": response}
+    return compare_conditions(context, _of_baseline(context, baseline, truth), truth) | {"response": response}
+
+
+def _of_baseline(context, baseline, truth):
+    """Measures of a fitted baseline's textures, (axis, value) -> dict."""
+    conditions, purpose = {}, f"control {baseline.slug}"
+    for key in _conditions(context):
+        request = BaselineRequest(truth.draw_ratings(_request(context, key), context.settings.control_takes))
+        textures = baseline.sample(request, context.rng(purpose))
+        # a generator in the same state: the friction that belongs to these textures
+        frictions = baseline.friction_coefficients(request, context.rng(purpose))
+        conditions[key] = _measures(context, textures, level(textures), frictions)
+    return conditions
 
 
 def compare_conditions(context, conditions, truth):

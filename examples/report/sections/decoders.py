@@ -12,7 +12,6 @@ from ..baselines import latent_rate
 from ..sampling import encode, reconstruct
 from ..stand_ins import NoNetwork, NothingImposed, used_channels, with_stand_in
 from .context import HALF_PRECISION, spaced_training
-from .speed import decoding_seconds
 
 #: Standard deviations of the noise on latents between which one of equal rate is looked for.
 _SIGMAS = (1e-5, 1e2)
@@ -37,7 +36,7 @@ def measure_decoders(context, measure, textures=None):
             known = textures if name + suffix == "lctg" else None
             known = decoders.decode(pipe, layers) if known is None else known
             made[name] = (known, embed(known))
-            rows[name + suffix] = measure(*made[name]) | decoders.cost(pipe, layers)
+            rows[name + suffix] = measure(*made[name])
             if name != "nothing_imposed" and (sigma := decoders.sigma(pipe, layers)):  # it has LCTG's latents
                 known = decoders.decode(pipe, layers, sigma)
                 noisy[name + suffix] = measure(known, embed(known)) | decoders.rate(layers) | {"sigma": number(sigma)}
@@ -71,11 +70,6 @@ class _Decoders:
 
     def _steps(self, pipe):
         return 1 if isinstance(pipe.lctg, NoNetwork) else self.context.steps
-
-    def cost(self, pipe, layers):
-        """Leaf "seconds_per_segment" of decoding."""
-        channels, repeats = len(used_channels(self.context.pipe.lctg, layers)), self.context.settings.repeats
-        return {"seconds_per_segment": leaf(decoding_seconds(pipe, self._steps(pipe), repeats, channels=channels))}
 
     def rate(self, layers):
         """Leaf "kilobits_per_second": what LCTG's latents carry through the noise that it was trained with."""

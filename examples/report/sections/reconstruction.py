@@ -41,6 +41,7 @@ def run(context):
             plot_overlays(
                 data.real, textures, data.rate, data.edges, context.output / "overlays.png", data.dataset.unit
             )
+    other = _different_surface(context)
     names = (*METRICS, "ftd", "ktd", "ktd_excess", "seconds_per_segment", "efficiency_score")
     baselines = {slug: {name: number() for name in names} for slug in SLUGS}
     for slug, textures in context.baseline_textures.items():  # without ratings there are fewer than slugs
@@ -51,7 +52,7 @@ def run(context):
         "kilobits_per_second": number(np.prod(context.latent_rate) / 1000),
         "baselines": baselines,
         **measure_decoders(context, lambda *made: pair_metrics(data, *made), known),
-        "different_surface": pair_metrics(data, _different_surface(context)),
+        "different_surface": pair_metrics(data, data.real[other], data.points[other], data.surfaces[other]),
         "real": {**data.distances, "rms_n": leaf(rms(data.real), data.surfaces)},
     }
     return {"reconstruction": result}
@@ -77,9 +78,9 @@ def fewest_steps(steps):
 
 
 def _different_surface(context):
-    """(n, samples) for each held-out segment one of another surface."""
+    """(n,) for each held-out segment one of another surface, as a row of them."""
     data, rng, rows = context.data, context.rng("different"), np.arange(len(context.data.surfaces))
-    return data.real[[rng.choice(rows[data.surfaces != surface]) for surface in data.surfaces]]
+    return np.array([rng.choice(rows[data.surfaces != surface]) for surface in data.surfaces])
 
 
 def power_percent(textures, real, surfaces):
@@ -95,9 +96,10 @@ def power_percent(textures, real, surfaces):
     return {name: estimate(statistic, surfaces, limits=(0, np.inf)) for name, statistic in statistics.items()}
 
 
-def pair_metrics(data, textures, points=None):
+def pair_metrics(data, textures, points=None, owners=None):
     """Leaves of every metric of textures (n, samples), one for each held-out segment; `points` are their embeddings.
 
+    `owners` (n,) are the surfaces that the textures are of, where these are not the segments': for distances of sets.
     Waveform metrics are left out where the unit is not newtons: the sign of such recordings need not be measured.
     """
     real, rate, surfaces, band = data.real, data.rate, data.surfaces, data.dataset.band
@@ -118,4 +120,5 @@ def pair_metrics(data, textures, points=None):
     leaves = {name: number() if column is None else leaf(column, surfaces) for name, column in values.items()}
     leaves |= power_percent(textures, real, surfaces)
     points = data.reference.embed(textures) if points is None else points
-    return leaves | data.reference.distances(points, surfaces, (data.points, surfaces))
+    owners = surfaces if owners is None else owners
+    return leaves | data.reference.distances(points, owners, (data.points, surfaces))

@@ -45,11 +45,11 @@ def run(context):
         rows[name], shares[name] = {features: {} for features in FEATURES}, {}
         for features, kind, leaves, shares[name][features, kind] in takes.judge(textures):
             over = shares[name][features, kind] - shares["other_take"][features, kind]
-            rows[name][features][kind] = leaves | {"over_chance": _share(over, least=-1)}
+            rows[name][features][kind] = leaves | {"over_chance": share(over, least=-1)}
     network = {
         layers: {
             features: {
-                kind: _share(shares["lctg" + end][features, kind] - shares["no_network" + end][features, kind], -1)
+                kind: share(shares["lctg" + end][features, kind] - shares["no_network" + end][features, kind], -1)
                 for kind in KINDS
             }
             for features in FEATURES
@@ -117,8 +117,8 @@ class Takes:
                     }
                     for k in np.argsort(-added.mean(0))[:NAMED]
                 ]
-                eventful = _share(shares[:, events >= np.quantile(events, 0.75)])
-                yield name, kind, {"all": _share(shares), "eventful": eventful, "features": features}, shares
+                eventful = share(shares[:, events >= np.quantile(events, 0.75)])
+                yield name, kind, {"all": share(shares), "eventful": eventful, "features": features}, shares
 
     def _told(self, real, fake, parts, least, kind):
         surface, own, place = (
@@ -128,7 +128,7 @@ class Takes:
         return tell_apart(own, place, self.surfaces, least, references, self.seed)
 
 
-def _share(shares, least=0):
+def share(shares, least=0):
     """Leaf of shares (rounds, surfaces); its interval holds the spread over surfaces and over rounds.
 
     Surfaces alone give one too narrow, since judges are shared: at chance, by 1.4 (measured over seeds).
