@@ -33,7 +33,9 @@ def test_windows_are_those_of_this_process(process):
     there, here = EndlessProfile(process, RATINGS, 3), EndlessProfile(process.pipe, RATINGS, 3)
     for profile in (there, here):
         profile.generate(0, 1)
-    assert there.level == pytest.approx(here.level) and there.friction_coefficient == here.friction_coefficient
+    assert there.level == pytest.approx(here.level)
+    # the other process computes with other threads: the last bits of float32 differ
+    assert there.friction_coefficient == pytest.approx(here.friction_coefficient, rel=1e-6)
     assert sorted(there.windows) == [0, 1]
     np.testing.assert_allclose(_read(there, 0.3, 1.9), _read(here, 0.3, 1.9), rtol=0, atol=1e-6)
 

@@ -241,6 +241,8 @@ class TestWords:
     def test_few_surfaces_say_little(self):
         errors = Errors(np.array([1.0, 2.0, 3.0]), np.array([2.0, 3.0, 1.0]))
         assert "on 2 of 3 surfaces left out" in errors.against("It") and "too few to say more" in errors.against("It")
+        worse = Errors(errors.given + 0.1, errors.own).against("It")
+        assert "worse than the given checkpoint on 2 of 3" in worse
 
     @pytest.mark.parametrize(("gain", "word"), [(1.0, "by 1.00 dB"), (-1.0, "it is worse"), (0.0, "no difference")])
     def test_many_say_whether_it_can_be_told(self, gain, word):

@@ -73,7 +73,9 @@ class FingerPath:
         sensor_rate = check_number("sensor_rate", sensor_rate, "Hz", above=0)
         cutoff = check_number("cutoff", cutoff, "Hz", above=0)
         if cutoff >= sensor_rate / 2:
-            raise ValueError(f"`cutoff` must be below half of the sensor's {sensor_rate:g} Hz, got {cutoff:g}.")
+            raise ValueError(
+                f"`cutoff` must be below half of the sensor's {sensor_rate:g} Hz, got {cutoff:g}. Times are in s."
+            )
         if dimensions not in (1, 2):
             raise ValueError(f"`dimensions` must be 1 or 2, got {dimensions}.")
         self.sampling_rate, self.sensor_rate, self.dimensions = sampling_rate, sensor_rate, dimensions

@@ -60,7 +60,8 @@ def adapt(pipe, dataset, output_dir, args=None, **options):
 
     Args:
         pipe (`TactileTexturePipeline`): pretrained; its DALE is changed.
-        dataset (`PreparedDataset`): a few surfaces, two at least, at the pipeline's working rate.
+        dataset (`PreparedDataset`): a few surfaces, two at least, at the pipeline's working rate: of a file,
+            `PreparedDataset(path, "train", "filtered", pipe.feature_extractor.sampling_rate)`.
         output_dir (`str` or `Path`): of the adapted pipeline, checkpoints and logs.
         args (`argparse.Namespace`, *optional*): of `adaptation_parser`; defaults to its defaults.
         options: of the parser, in place of those in `args`, which stays as it is.
@@ -113,7 +114,7 @@ def _with_options(args, dataset, output_dir, options):
         raise ValueError(f"`adapt`: {message}")
 
     parser = adaptation_parser("")
-    parser.allow_abbrev, parser.error = False, refuse
+    parser.error = refuse
     words = ["--train_data_dir", str(dataset.path), "--output_dir", str(output_dir)]
     defaults = vars(parser.parse_args(words))
     # flags, and None for what has no default, are no words
@@ -291,8 +292,8 @@ class Errors:
     def against(self, name):
         """A sentence on whether it is better than the given checkpoint, and whether one can tell."""
         gain, count = self.given - self.own, len(self.own)
-        better = int((self.own < self.given).sum())
-        text = f"{name} is better than the given checkpoint on {better} of {count} surfaces left out"
+        word, won = ("better", gain > 0) if gain.mean() >= 0 else ("worse", gain < 0)
+        text = f"{name} is {word} than the given checkpoint on {won.sum()} of {count} surfaces left out"
         text += f" ({self.own.mean():.2f} against {self.given.mean():.2f} dB)"
         if count < TOO_FEW:
             return f"{text}; too few to say more."

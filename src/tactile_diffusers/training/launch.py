@@ -52,7 +52,8 @@ def training_parser(description, **defaults):
     Returns:
         `argparse.ArgumentParser`
     """
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    plain = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=description, formatter_class=plain, allow_abbrev=False)
     _add_folders(parser.add_argument)
     _add_optimisation(parser.add_argument)
     _add_run(parser.add_argument)

@@ -73,6 +73,9 @@ def guess_ratings(group, surfaces):
         role = "axis" if item is by_name else {"explorer": "rater"}.get(item.hint, item.hint)
         item.role = role if role in ("axis", "rater", "surface") else ""
     guess = RatingsGuess(group, {"form": "long"})
+    values = by_name.values if by_name else facts.table.text(naming.name) if naming else []
+    if unused := sorted({value for value in values if value and axis_of(value) not in AXIS_WORDS}):
+        guess.doubts.append(f"axes that are not used: {', '.join(unused)}; [ratings.axes.NAME] takes one more")
     if by_name and not all(_by_words(facts.columns, role) for role in ("rater", "surface")):
         answers, theirs = _wide(guess, answers, surfaces), {axis_of(value): value for value in by_name.values}
     elif not known:
@@ -87,7 +90,6 @@ def guess_ratings(group, surfaces):
             guess.doubts.append(f"axes that are not used: {', '.join(unused)}")
     else:  # a row an answer
         answers = [_by_words(answers, "answer") or answers[-1]]
-        values = by_name.values if by_name else facts.table.text(naming.name)
         theirs = {axis_of(value): value for value in reversed(values)}
         _long(guess, answers if by_name else [*answers, naming], surfaces)
         guess.keys |= ({} if by_name else {"axis": naming.name}) | {"answer": answers[0].name}
