@@ -71,12 +71,14 @@ def analysis(desk, status):
             wave = gr.LinePlot(x="s", y="mN", title="waveform", height=240, label="waveform", show_label=False)
             bands = spectrum_plot(gr)
 
-    def look(made, before, unfolded):
-        if not made or (made[0], unfolded) == before:  # known already
+    def look(made, before, unfolded, shown=None):
+        if not made or ((made[0], unfolded) == before and shown != made[2]):  # known already
             return (gr.skip(),) * 5
         entry, texture, told = made
         head, _, note = told.partition("<br>")
         told = f"{head} · estimated to feel: {studio.scale.describe(texture.estimated)}<br>{note}"
+        if shown not in (None, made[2]):  # what was refused since, or told already
+            told = gr.skip()
         if not unfolded:
             return (entry, False), told, *(gr.skip(),) * 3
         tracks = [("this texture", texture)]
@@ -86,6 +88,6 @@ def analysis(desk, status):
         return (entry, True), told, *plots
 
     outputs = [seen, status, table, wave, bands]
-    desk.on([desk.strip.input], look, [desk.made, seen, unfolded], outputs)
+    desk.on([desk.strip.input], look, [desk.made, seen, unfolded, status], outputs)
     desk.on([fold.expand], lambda made: (True, *look(made, None, True)), desk.made, [unfolded, *outputs])
     desk.on([fold.collapse], lambda: False, None, unfolded)

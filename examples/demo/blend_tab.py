@@ -4,6 +4,7 @@ from analysis import numbers
 from settings import Settings, blend
 
 from tactile_diffusers.pipelines import PRESETS
+from tactile_diffusers.signal.checks import check_number
 
 ENDS = {"A": "glass", "B": "denim"}
 
@@ -25,10 +26,11 @@ def blend_tab(desk, tab):
     table = gr.HTML(elem_id="blend-numbers")
 
     def show(first, second, first_name, second_name, percent, made):
-        settings = Settings(made[1].seed if made else Settings.seed)
+        check_number("blend", percent, "%", at_least=0, at_most=100)
+        how = Settings.of_make(made)
         rows = {f"A: {first_name or 'of Make'}": first, f"{percent:g} % of B": blend(first, second, percent / 100)}
         rows[f"B: {second_name or 'of Make'}"] = second
-        tracks = [(name, studio.generate(row, settings)) for name, row in rows.items()]
+        tracks = [(name, studio.generate(row, *how)) for name, row in rows.items()]
         return *desk.put(tracks), tracks, numbers(scale, tracks)
 
     def from_make(made):

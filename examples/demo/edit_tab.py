@@ -1,11 +1,14 @@
 """Edit: a recording, or the texture on the strip; before and after lie under one finger."""
 
 import time
+from dataclasses import replace
 
 from analysis import numbers, waveform
 from settings import Settings
+from strip import start_of
 from uploads import KINDS, columns_of, read_upload
 
+from tactile_diffusers.signal import SEGMENT_SAMPLES
 from tactile_diffusers.signal.checks import check_number
 
 #: What can be done.
@@ -80,6 +83,10 @@ def edit_tab(desk, tab):
         """The last version, and the one before it."""
         tracks = list(zip(("before", "after"), versions[-2:], strict=False))
         table = numbers(scale, tracks) if len(tracks) > 1 else ""
+        start, rate, whole = start_of(tracks), versions[-1].sampling_rate, len(versions[-1].samples)
+        if whole > SEGMENT_SAMPLES:
+            stop = min(start + SEGMENT_SAMPLES, whole)
+            words += f"<br>The strip plays {start / rate:.2f} to {stop / rate:.2f} s of it."
         return versions, words, table, waveform(versions[-1]), *desk.put(tracks), tracks, time.monotonic()
 
     def from_made(made):
@@ -93,7 +100,8 @@ def edit_tab(desk, tab):
             names = columns_of(path) if path else []
         except ValueError:
             names = []
-        return gr.Dropdown(names, value=None, visible=len(names) > 1), *(gr.Number(visible=bool(path)),) * 2
+        fresh = (gr.Number(value, visible=bool(path)) for value in (None, 1))  # what was said of another file is over
+        return gr.Dropdown(names, value=None, visible=len(names) > 1), *fresh
 
     def from_file(path, column, rate, newtons):
         if not path:
@@ -101,15 +109,19 @@ def edit_tab(desk, tab):
         try:
             samples, sampling_rate, notes = read_upload(path, column, rate or None, newtons)
         except ValueError as error:
-            return gr.skip(), f"**{error}**", *(gr.skip(),) * (len(got) - 2)
-        words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz", *notes]
-        return show([studio.recorded(samples, sampling_rate)], "; ".join(words))
+            return [], f"**{error}**", "", None, *desk.nothing, [], gr.skip()
+        texture = studio.recorded(samples, sampling_rate)
+        words = [f"{len(samples) / sampling_rate:.2f} s at {sampling_rate} Hz", *notes, *scale.loud(texture.rms)]
+        return show([texture], "; ".join(words))
 
-    def edit(versions, action, start, stop, strength, *changes):
+    def edit(versions, made, action, start, stop, strength, *changes):
         if not versions:
-            raise ValueError("There is nothing to edit yet.")
+            raise ValueError("There is nothing to edit yet: give a recording, or take the texture of Make.")
         options = options_of(action, dict(zip(scale.axes, changes, strict=True)), strength, start, stop)
-        after = studio.edit(versions[-1], Settings(), **options)
+        how, last = Settings.of_make(made)[0] if versions[0].checkpoint else Settings(), versions[-1].seed
+        # another seed with every edit, and the same ones when somebody repeats them
+        how = replace(how, seed=Settings.seed if last is None else (last + 1) % 2**31)
+        after = studio.edit(versions[-1], how, **options)
         asked = zip(scale.axes, changes, scale.from_z(after.ratings), strict=True)
         ends = [axis for axis, change, place in asked if change and place in (0, 100)] if action == FEEL else []
         words = f"**{' and '.join(ends)}: at the end of what was trained; asking for more changes nothing.**"
@@ -136,5 +148,5 @@ def edit_tab(desk, tab):
     desk.on([upload.upload], look, upload, asked[1:]).then(desk.answer(from_file), asked, got, **desk.hidden)
     desk.on([column.input, rate.submit, newtons.submit], from_file, asked, got)
     wave.select(stretch, since, [start, stop, action], **desk.hidden)
-    desk.on([make.click], edit, [versions, action, start, stop, strength, *deltas], got, last=False)
+    desk.on([make.click], edit, [versions, desk.made, action, start, stop, strength, *deltas], got, last=False)
     desk.on([back.click], undo, versions, got)

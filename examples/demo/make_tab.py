@@ -1,8 +1,10 @@
 """Make: ratings to a texture, while a slider is dragged."""
 
+import functools
 import json
 import random
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import urlencode
@@ -64,21 +66,29 @@ def make_tab(desk, tab, page):
     def pad_value(log, x, y, *entry):
         sides = dict(zip(("left", "right", "bottom", "top"), (*_words(x), *_words(y)), strict=True))
         at = {"x": entry[scale.axes.index(x)], "y": entry[scale.axes.index(y)]}
+        at = {side: 50 if value is None else value for side, value in at.items()}  # a number that was emptied
         return json.dumps({**at, "names": {"x": x, "y": y}, "words": sides})
 
     def live(log, x, y, *entry, apart=False):
         """The texture of a snapshot: values for `plain`."""
         _, number, seed, *how, checkpoint = entry[2 * count :]
         ratings = scale.to_z(_asked(count, entry))
-        texture = studio.generate(ratings, Settings(seed + number - 1, *how), checkpoint)
+        settings = Settings(seed, *how)
+        texture = studio.generate(ratings, replace(settings, seed=settings.seed + number - 1), checkpoint)
         log, title = remember(log, entry, apart), title_of(scale, entry)
-        told = f"**{title}** · take {number}<br>{scale.novelty(ratings)}"
+        told = f"**{title}** · take {number}<br>{scale.novelty(ratings)} {scale.strong(settings.guidance)}".strip()
         put = desk.put([(title, texture)], link_of(scale, entry))
         return *put, (entry, texture, told), log, told, pad_value(log, x, y, *entry)
 
     def restore(entry, log, x, y):
         """Controls as in a snapshot, and its texture."""
         return *entry, *live(log, x, y, *entry, apart=True)
+
+    def settle(place, dragged, log, x, y, *entry):
+        """Whether an axis is open: not where its slider was dragged, but where its number was emptied."""
+        is_open = entry[place] is None or (entry[count + place] and not dragged)
+        entry = (*entry[: count + place], is_open, *entry[count + place + 1 :])
+        return is_open, *live(log, x, y, *entry, apart=not dragged)
 
     def slide(value, log, x, y, *entry):
         moved, entry = json.loads(value), list(entry)
@@ -123,10 +133,26 @@ def make_tab(desk, tab, page):
 
     make.restore, make.with_ratings = restore, with_ratings
     desk.on([page.load], arrive, make.inputs, make.outputs)
-    moved, chosen = ([one.input for one in controls] for controls in ([*sliders, *more], [*opens, take]))
-    desk.on(moved, live, make.inputs, plain, queue=False)  # the queue looks every 50 ms whether an answer is there
-    desk.on(chosen, lambda *given: live(*given, apart=True), make.inputs, plain, queue=False)
-    desk.on([pad.input], slide, [pad, *make.inputs], [*sliders, *opens, *plain[:-1]], queue=False)
+
+    def at_once(triggers, function, inputs, outputs):
+        """An event past the queue, which looks every 50 ms whether an answer is there; gradio shows no error of such
+        an event, so the status says what is refused."""
+
+        @functools.wraps(function)
+        def answer(*given):
+            try:
+                return function(*given)
+            except ValueError as error:
+                return tuple(f"**{error}**" if one is status else gr.skip() for one in outputs)
+
+        desk.on(triggers, answer, inputs, outputs, queue=False)
+
+    at_once([one.input for one in more], live, make.inputs, plain)
+    at_once([take.input], functools.partial(live, apart=True), make.inputs, plain)
+    for place, pair in enumerate(zip(sliders, opens, strict=True)):
+        for one, dragged in zip(pair, (True, False), strict=True):
+            at_once([one.input], functools.partial(settle, place, dragged), make.inputs, [opens[place], *plain])
+    at_once([pad.input], slide, [pad, *make.inputs], [*sliders, *opens, *plain[:-1]])
     desk.on([preset.input], choose_preset, make.inputs, make.outputs)
     desk.on([dice.click], throw, make.inputs, make.outputs)
     desk.on([undo.click], lambda log, *rest: go_to(log["at"] - 1, log, *rest), make.inputs, make.outputs)

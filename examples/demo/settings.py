@@ -7,7 +7,7 @@ import numpy as np
 
 from tactile_diffusers.models import RatingStatistics
 from tactile_diffusers.pipelines import PRESETS
-from tactile_diffusers.pipelines.inputs import parse_ratings
+from tactile_diffusers.pipelines.inputs import LARGEST_GUIDANCE, LOUDEST_DEVIATIONS, parse_ratings
 from tactile_diffusers.signal import RATING_AXES, coverage_distance
 from tactile_diffusers.signal.checks import check_number
 
@@ -36,6 +36,14 @@ class Settings:
                 if value != int(value):
                     raise ValueError(f"`{field.name}` must be a whole number, got {value}.")
                 object.__setattr__(self, field.name, int(value))  # a browser sends 2.0
+
+    @classmethod
+    def of_make(cls, made):
+        """Settings and checkpoint of the texture of Make; defaults without one."""
+        if not made:
+            return cls(), None
+        (*_, guidance, duration_s, steps, checkpoint), texture, _told = made
+        return cls(texture.seed, guidance, duration_s, steps), checkpoint
 
 
 class Scale:
@@ -84,6 +92,17 @@ class Scale:
         known = self.statistics
         far = known.reach is not None and coverage_distance([ratings], known.centre, known.covariance)[0] > known.reach
         return "No training surface is rated nearly so: the texture is extrapolated." if far else ""
+
+    def strong(self, guidance):
+        """A sentence if the guidance is beyond what the training data supports, else an empty string."""
+        words = f"Guidance beyond {LARGEST_GUIDANCE:g}: levels leave those of the training surfaces."
+        return words if guidance > LARGEST_GUIDANCE else ""
+
+    def loud(self, rms):
+        """Notes, none or one, on an RMS that is too large to be in N."""
+        above = math.log(max(rms, 1e-12)) - self.config.level_mean
+        words = f"its RMS is {math.exp(above):.0f} times that of the training surfaces: are the numbers newtons?"
+        return [words] if above > LOUDEST_DEVIATIONS * self.config.level_std else []
 
 
 def blend(first, second, share):

@@ -150,8 +150,9 @@ class Studio:
         return np.array(estimated), out.textures, out.sampling_rate
 
     def edit(self, texture, settings=None, checkpoint=None, **options):
-        """A [`Texture`] after an edit; `options` of `TactileTextureEditPipeline`, which says what it raises."""
-        settings = settings or Settings()
+        """A [`Texture`] after an edit, by its own checkpoint unless another is given; `options` of
+        `TactileTextureEditPipeline`, which says what it raises."""
+        settings, checkpoint = settings or Settings(), checkpoint or texture.checkpoint
         with self._lock:
             pipe = TactileTextureEditPipeline.from_pipe(self._pipe(checkpoint))
             options["generator"] = torch.Generator("cpu").manual_seed(settings.seed)

@@ -22,7 +22,7 @@ def surfaces_tab(desk, tab):
     with gr.Row():
         with gr.Column(scale=1, min_width=240):
             chosen = gr.Radio(others, value=others[0], label="Adapted checkpoint", elem_id="adapted")
-            gr.Markdown("Both make the ratings of *Make*, with its seed: compare them on the strip.")
+            gr.Markdown("Both make the ratings of *Make*, with its seed and settings: compare them on the strip.")
         with gr.Column(scale=3, min_width=300):
             table = gr.HTML(elem_id="surfaces-numbers")
             plot = spectrum_plot(gr)
@@ -30,8 +30,8 @@ def surfaces_tab(desk, tab):
     def compare(name, made):
         if not made:
             return (gr.skip(),) * 5
-        texture = made[1]
-        tracks = [(each, studio.generate(texture.ratings, Settings(texture.seed), each)) for each in (studio.own, name)]
+        settings, _ = Settings.of_make(made)
+        tracks = [(each, studio.generate(made[1].ratings, settings, each)) for each in (studio.own, name)]
         return *desk.put(tracks), tracks, numbers(studio.scale, tracks), spectrum(tracks)
 
     desk.on([tab.select, chosen.input], compare, [chosen, desk.made], [desk.strip, desk.shown, own, table, plot])

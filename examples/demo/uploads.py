@@ -28,14 +28,16 @@ def columns_of(path):
     return list(table.names)
 
 
-def read_upload(path, column=None, rate=None, newtons_per_unit=1.0):
+def read_upload(path, column=None, rate=None, newtons_per_unit=None):
     """Reads a recording as a texture: the first seconds of it, through the band-pass.
 
     Args:
         path (`str`): of what `read_recording` takes.
-        column (`str`, *optional*): that is the force; default: the reader's choice.
+        column (`str`, *optional*): that is the force; default: the reader's choice; of a WAV file the first channel
+            that is not constant.
         rate (`float`, *optional*): Hz; default: the file's, or that of its time stamps.
-        newtons_per_unit (`float`): N per unit of the numbers; 1 = as the name of the column states, else N.
+        newtons_per_unit (`float`, *optional*): N per unit of the numbers; default, and 1: as the name of the column
+            states, else N.
 
     Returns:
         `tuple[np.ndarray, int, list[str]]`: (samples,) float64 in N with zero mean, the sampling rate in Hz, and notes.
@@ -44,17 +46,28 @@ def read_upload(path, column=None, rate=None, newtons_per_unit=1.0):
         ValueError: for anything that is no such file, or a rate or length out of bounds.
     """
     path = Path(path)
+    if not path.is_file():
+        raise ValueError("The file is no longer here, uploads are deleted after 15 minutes: give it again.")
     if not path.stat().st_size:
         raise ValueError("The file is empty.")
+    if newtons_per_unit is None:
+        newtons_per_unit = 1
     if not (isinstance(newtons_per_unit, int | float) and 0 < newtons_per_unit < math.inf):
         raise ValueError(f"Newtons per unit must be above 0, got {newtons_per_unit}.")
-    columns_of(path)
+    names, chosen = columns_of(path), []
     if column is None and path.suffix.lower() == ".wav":
-        column = 0
+        table = _named(path, read_table, path)
+        waves = (table.numbers(name) for name in names)
+        column = next((number for number, wave in enumerate(waves) if (wave != wave[:1]).any()), 0)
+        if len(names) > 1:
+            chosen = [f"channel {column} of {', '.join(names)} is used; Column chooses another"]
     scale = None if newtons_per_unit == 1 else newtons_per_unit
     force, rate, notes = _named(path, read_recording, path, column, rate, scale)
     if rate > HIGHEST_RATE:
         raise ValueError(f"The sampling rate must be at most {HIGHEST_RATE} Hz, got {rate}.")
+    notes = [*chosen, *notes]
+    if len(force) > LONGEST_SECONDS * rate:
+        notes.append(f"the first {LONGEST_SECONDS:g} s of {len(force) / rate:.4g} s are used")
     force = force[: int(LONGEST_SECONDS * rate)]
     if np.ptp(force) == 0:
         raise ValueError("The recording is constant: there is no texture in it.")

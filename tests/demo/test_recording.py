@@ -37,12 +37,17 @@ def test_one_column_needs_a_rate_and_gaps_are_told(force, tmp_path):
     assert len(found) == len(force) and any("50 samples that are missing or no number are bridged" in n for n in notes)
     with pytest.raises(ValueError, match="sampling rate"):
         read_upload(path)
+    np.testing.assert_array_equal(read_upload(path, None, RATE, None)[0], found / 2)  # an emptied field is none
+    path.unlink()
+    with pytest.raises(ValueError, match="no longer here"):
+        read_upload(path, None, RATE)
 
 
-def test_wav_of_several_channels_gives_the_first_of_its_beginning(force, tmp_path):
+def test_wav_of_several_channels_gives_the_first_that_moves_of_its_beginning(force, tmp_path):
     long = np.tile(force, 11)
-    soundfile.write(tmp_path / "a.wav", np.stack([long, 0 * long], axis=1), RATE, subtype="FLOAT")
-    found, rate, _ = read_upload(tmp_path / "a.wav")
+    soundfile.write(tmp_path / "a.wav", np.stack([0 * long, long, long[::-1]], axis=1), RATE, subtype="FLOAT")
+    found, rate, notes = read_upload(tmp_path / "a.wav")
+    assert "channel 1 of 0, 1, 2 is used" in notes[0] and "the first 10 s of 11 s are used" in notes
     long = long[: int(LONGEST_SECONDS * RATE)]
     assert rate == RATE
     np.testing.assert_allclose(found, band_pass(long - long.mean(), RATE), atol=1e-6)

@@ -35,6 +35,12 @@ def test_sliders_stand_where_ratings_are(studio):
     assert "extrapolated" in scale.novelty((-2.0, 1.8, 1.6)) and not scale.novelty((0.0, 0.0, 0.0))
 
 
+def test_what_the_package_only_logs_is_a_sentence_of_the_page(studio):
+    assert "beyond 3" in studio.scale.strong(3.5) and not studio.scale.strong(3.0)
+    usual = np.exp(studio.scale.config.level_mean)
+    assert "28 times" in studio.scale.loud(28 * usual)[0] and studio.scale.loud(usual) == studio.scale.loud(0.0) == []
+
+
 def test_a_checkpoint_without_percentiles_is_refused(make_pipeline):
     with pytest.raises(ValueError, match="`quantiles`"):
         Scale(make_pipeline().dale.config)

@@ -1,6 +1,7 @@
 """The studio: answers with the bundled checkpoint, their files, tables and the strip."""
 
 import base64
+import dataclasses
 import json
 import re
 import threading
@@ -14,12 +15,13 @@ from analysis import analysis, numbers, spectrum, waveform
 from edit_tab import ACTIONS, options_of
 from export_tab import FORMATS, MAP, file_stem, write_files
 from settings import Settings
-from strip import strip_value
+from strip import start_of, strip_value
 from studio import Studio
+from surfaces_tab import surfaces_tab
 
 from tactile_diffusers import bundled_checkpoint, export
 from tactile_diffusers.playback import TextureProfile
-from tactile_diffusers.signal import rms
+from tactile_diffusers.signal import SEGMENT_SAMPLES, rms
 
 RATINGS = (1.0, 0.2, -0.8)
 
@@ -81,6 +83,9 @@ def test_what_is_usual_has_the_guidance_of_the_texture(studio, texture):
     entry = (*[50.0] * 3, *[False] * 3, "denim", 1, 6, 1.5, 1.6, 2, studio.own)
     look((entry, texture, "told<br>"), None, True)
     assert asked == [(texture.ratings, 1.5, studio.own)]
+    made = (entry, texture, "told<br>")
+    assert "estimated to feel" in look(made, (entry, False), False, "told<br>")[1]
+    assert look(made, None, False, "**refused**")[1] is desk.gr.skip.return_value, "a refusal stays in the status"
 
 
 def test_ratings_are_estimated_only_where_somebody_looks(studio, monkeypatch):
@@ -201,3 +206,107 @@ def test_an_adapted_checkpoint_is_loaded_once_for_all_who_wait(monkeypatch):
     for thread in threads:
         thread.join()
     assert loaded == ["m"]
+
+
+def test_the_strip_begins_a_little_before_long_textures_differ(texture):
+    long = np.tile(texture.samples, 5)
+    other = long.copy()
+    other[50_000:51_000] = 0
+    before, after, longer = (dataclasses.replace(texture, samples=row) for row in (long, other, np.tile(long, 2)))
+    lead = SEGMENT_SAMPLES // 4
+    assert start_of([("before", before), ("after", after)]) == 50_000 - lead
+    assert start_of([("before", before), ("longer", longer)]) == len(long) - lead
+    assert start_of([("a", texture), ("b", texture)]) == start_of([("before", before)]) == 0
+    first, second = json.loads(strip_value([("before", before), ("after", after)]))["tracks"]
+    assert first["profile"] != second["profile"]
+
+
+@pytest.fixture(scope="module")
+def page(studio, tmp_path_factory):
+    """The page's functions by the element and the event that call them; without a server."""
+    pytest.importorskip("gradio")
+    from page import build
+
+    page = build(studio, tmp_path_factory.mktemp("page"))
+    called = [(page.blocks[key].elem_id, event, one.fn) for one in page.fns.values() for key, event in one.targets
+              if key in page.blocks]  # fmt: skip
+    return {f"{name}.{event}": function for name, event, function in called if name}
+
+
+LOG = {"entries": [], "at": -1, "time": 0.0, "moved": set()}
+
+
+def snapshot(studio, **changed):
+    """What Make's controls send."""
+    entry = dict(roughness=50, bumpiness=60, slipperiness=40, open0=False, open1=False, open2=False, preset="denim")
+    entry |= dict(take=2, seed=6, guidance=1.5, duration=0.8, steps=1, checkpoint=studio.own)
+    return (LOG, "roughness", "bumpiness", *(entry | changed).values())
+
+
+@pytest.mark.parametrize(
+    ("control", "changed", "message"),
+    [
+        ("roughness.input", {"roughness": 150}, "roughness must be between 0 and 100, got 150"),
+        ("seed.input", {"seed": None}, "`seed`"),
+        ("seed.input", {"seed": 3.7}, "`seed`.*3.7"),
+        ("takes.input", {"seed": -1}, "`seed`.*-1"),
+        ("seed.input", {"guidance": 9}, "`guidance`"),
+        ("roughness-open.input", {"duration": 99}, "`duration_s`"),
+    ],
+)
+def test_live_controls_say_on_the_page_what_they_refuse(page, studio, control, changed, message):
+    told = page[control](*snapshot(studio, **changed))[-2]
+    assert re.fullmatch(rf"\*\*.*{message}.*\*\*", told)
+
+
+def test_a_slider_that_is_dragged_is_no_longer_open_and_an_emptied_one_is(page, studio):
+    for event, changed, is_open in (
+        ("roughness.input", {"open0": True}, False),
+        ("roughness.input", {"roughness": None}, True),
+        ("roughness-open.input", {"open0": True}, True),
+        ("roughness-open.input", {"roughness": None}, True),
+    ):
+        found, _, _, (entry, texture, _), *_ = page[event](*snapshot(studio, **changed))
+        assert found is entry[3] is is_open and np.isnan(texture.ratings[0]) == is_open
+
+
+def test_other_tabs_make_textures_as_make_does(page, studio, monkeypatch):
+    made, asked, generate = page["seed.input"](*snapshot(studio))[2], [], studio.generate
+    monkeypatch.setattr(studio, "generate", lambda *given: (asked.append(given[1:]), generate(*given))[1])
+    page["share.input"](RATINGS, RATINGS, None, "glass", 50, made)
+    assert asked == [(Settings(7, 1.5, 0.8, 1), studio.own)] * 3
+    with pytest.raises(Exception, match="blend"):
+        page["share.input"](RATINGS, RATINGS, None, "glass", None, made)
+
+
+def test_an_adapted_checkpoint_is_compared_with_the_settings_of_make(studio, texture):
+    desk, entry = MagicMock(), (*[50.0] * 3, *[False] * 3, "denim", 1, 3, 1.5, 0.8, 1, studio.own)
+    desk.studio.scale, desk.studio.own, desk.studio.checkpoints = studio.scale, "own", {"own": 1, "mine": 2}
+    desk.studio.generate.return_value = texture
+    surfaces_tab(desk, MagicMock())
+    desk.on.call_args.args[1]("mine", (entry, texture, ""))
+    settings = Settings(3, 1.5, 0.8, 1)
+    assert [call.args[1:] for call in desk.studio.generate.call_args_list] == [(settings, "own"), (settings, "mine")]
+
+
+def test_every_edit_has_another_seed_and_the_steps_of_make(page, studio, monkeypatch):
+    made, asked, edit = page["seed.input"](*snapshot(studio))[2], [], studio.edit
+    monkeypatch.setattr(studio, "edit", lambda *given, **how: (asked.append(given[1]), edit(*given, **how))[1])
+    anew = (made, ACTIONS[1], 0.3, 0.4, 0.6, 0, 0, 0)
+    versions = page["edit.click"]([made[1]], *anew)[0]
+    [*_, first, second] = page["edit.click"](versions, *anew)[0]
+    assert [(one.seed, one.steps) for one in asked] == [(8, 1), (9, 1)]
+    assert (first.samples[3000:4000] != second.samples[3000:4000]).all()
+    recorded = dataclasses.replace(made[1], seed=None, checkpoint=None)
+    page["edit.click"]([recorded], *anew)
+    assert asked[-1] == Settings()
+
+
+def test_a_refused_file_leaves_nothing_to_edit_and_a_new_one_begins_afresh(page, tmp_path):
+    _, rate, newtons = (control.constructor_args for control in page["upload.upload"](None))
+    assert rate["value"] is None and newtons["value"] == 1
+    (tmp_path / "a.csv").write_text("1.0\n" * 9000)
+    versions, told, *_ = page["csv-rate.submit"](str(tmp_path / "a.csv"), None, 5000, None)
+    assert versions == [] and "constant" in told
+    with pytest.raises(Exception, match="give a recording"):
+        page["edit.click"](versions, None, ACTIONS[2], 0.3, 0.4, 0.6, 0, 0, 0)
