@@ -122,7 +122,11 @@ def test_from_recordings_to_a_texture_asked_by_the_new_axis(make_pipeline, tmp_p
     assert dataset.rating_axes == (*RATING_AXES, "fineness") and dataset.ratings.mean.shape[1] == 3
     before = make_pipeline()
     adapt(make_pipeline(), dataset, tmp_path / "out")
-    assert "fineness is new: 4 rated surfaces are too few" in (tmp_path / "out" / "README.md").read_text()
+    card = (tmp_path / "out" / "README.md").read_text()
+    assert "fineness is new: 4 rated surfaces are too few" in card
+    assert "pipe(ratings=[[1.5, 0.0, -1.0, 0.0]])  # roughness, bumpiness, slipperiness, fineness" in card
+    tables = [line for line in card.splitlines() if line.startswith("| ")]
+    assert all(line.endswith(" |") for line in tables), "a cell holds a line break"
     pipe = TactileTexturePipeline.from_pretrained(tmp_path / "out")
     pipe.set_progress_bar_config(disable=True)
     assert tuple(pipe.dale.config.rating_axes) == dataset.rating_axes == dataset.ratings.axes

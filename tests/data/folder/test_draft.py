@@ -310,13 +310,15 @@ def test_forces_and_ratings_are_not_confused(tmp_path):
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_sheet_an_axis(tmp_path, turned):
     with pd.ExcelWriter(tmp_path / "answers.xlsx") as book:
-        for seed, axis in enumerate(("roughness", "bumpiness", "slipperiness")):
+        for seed, axis in enumerate(("roughness", "bumpiness", "slipperiness", "warm")):
             values = answers(seed, 1, 7, 20).reshape(4, 5)
             frame = pd.DataFrame(values, ["felt", "cork", "glass", "wood"], [f"P{i}" for i in range(5)])
             (frame.T if turned else frame).to_excel(book, sheet_name=axis)
     for surface in ("felt", "cork", "glass", "wood"):  # force and velocity in one file
         table(tmp_path / f"{surface}.csv", force_columns() | {"vx": 80.0, "vy": 0.0})
     ratings = drafted(tmp_path)["ratings"]
+    left_out = "check: axes that are not used: warm; [ratings.axes.NAME] takes one more"
+    assert left_out in draft_layout(inspect_folder(tmp_path, quiet=True))
     assert ratings["pattern"] == "answers.xlsx" and ratings["sheet"] == "{axis}" and ratings["form"] == "wide"
     assert (ratings["rows"], ratings["columns"]) == (("rater", "surface") if turned else ("surface", "rater"))
     assert ratings["scale"] == [1, 7]
