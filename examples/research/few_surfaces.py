@@ -63,9 +63,9 @@ All judge by {surfaces} unseen surfaces: the error of the mean spectrum of {take
 bands, dB), the kernel distance (KTD) over that of real textures, and the correlation of log friction. "Changes right"
 counts what a rating of −1 or +1 alone, the others open, does to level, shape and log friction, against surfaces of the
 world with such ratings: right within 20 % or their 95 % interval, direction included. Intervals are over surfaces
-(95 %). In another world the lab's surfaces are among those with such ratings, for no fresh ones can be had: that favours
-what is fitted to them. Ratings are z-scores over all 200 training surfaces of a world; a lab of three has a coarser scale.
-A row is one draw of surfaces; the decoder takes one step, a DALE trained anew ({anew} updates behind the
+(95 %). In another world the lab's surfaces are among those with such ratings, for no fresh ones can be had: that
+favours what is fitted to them. Ratings are z-scores over all 200 training surfaces of a world; a lab of three has a
+coarser scale. A row is one draw of surfaces; the decoder takes one step, a DALE trained anew ({anew} updates behind the
 bundled LCTG, from {few} surfaces) its default number.
 
     python examples/research/few_surfaces.py {words} --output {output}
