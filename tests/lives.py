@@ -22,6 +22,7 @@ SLOW = ("fsync", "replace", "unlink", "rmdir", "mkdir")
 def load(path):
     spec = importlib.util.spec_from_file_location(Path(path).stem, path)
     module = importlib.util.module_from_spec(spec)
+    sys.path.append(str(Path(path).parent))  # as of a script that is started
     spec.loader.exec_module(module)
     return module
 
