@@ -283,7 +283,7 @@ def markdown(result):
     rows["difference of two generations added"] = result["strength"]["baseline"]
     seams = {name: entry | {"same": _SAME[entry.get("same")]} for name, entry in result["seams"].items()}
     takes = {name: {"bands": value} for name, value in result["variations"].items()}
-    asked_of = {name: entry | {"n": entry["truth"]["n"]} for name, entry in result["control"].items()}
+    control_rows = {name: entry | {"n": entry["truth"]["n"]} for name, entry in result["control"].items()}
     ratio, few, asked = result["time"], result["few"], CHANGES[-1]
     parts = [
         "# All figures of [Editing](../editing.md)",
@@ -293,7 +293,7 @@ def markdown(result):
         f"one into another axis. 95 % intervals are over recordings; by measures, edits count whose ratings and target "
         "enough real surfaces have (n). At a strength of {JUDGED}; the baseline adds the "
         "difference of two generations from one seed to the recording's latents.",
-        markdown_table(asked_of, labels=control | {"n": ("n, by measures", 0)}, interval=True),
+        markdown_table(control_rows, labels=control | {"n": ("n, by measures", 0)}, interval=True),
         f"Over strength ({few} recordings, all axes and both signs); 0 is the reconstruction, 1 a fresh take. Of the "
         "nine bands, what recordings change by together is taken for what was asked for. Envelopes are RMS over 10 ms.",
         markdown_table(rows, labels=strength),

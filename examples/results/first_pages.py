@@ -65,8 +65,9 @@ ROWS = {
     "hanges of one rating": (
         "{control/counts/model/changes|0} of 36",
         "blend {control/counts/knn_blend/changes|0}, best polynomial {control/counts/regression/changes|0} (given "
-        "2,000 surfaces {control/counts/knn_blend_equal/changes|0} and {control/counts/regression_equal/changes|0}), "
-        "ridge {control/counts/ridge/changes|0}, no change {control/counts/none/changes|0}, ratings permuted "
+        "{settings/equal_surfaces} surfaces {control/counts/knn_blend_equal/changes|0} and "
+        "{control/counts/regression_equal/changes|0}), ridge {control/counts/ridge/changes|0}, no change "
+        "{control/counts/none/changes|0}, ratings permuted "
         "{control/counts/permuted/changes|0}, real halves {control/counts/null/changes|1}",
     ),
     "KTD of generated": (
